@@ -16,19 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from geometries.registry import PLACES
-from measurement.lazy_names import lazy_names
-
-_NAMES, __getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        **{place: (name,) for name, place in PLACES.items()},
-        "geometries.actuator": ("Actuator", "CutPlane", "Hold"),
-        "geometries.errors": ("GeometryError", "MeshFileError", "MeshingError", "MeshingStopped"),
-        "geometries.registry": ("ACTUATORS", "register"),
-    },
-)
-
-__all__ = [*_NAMES]
+from softmodels.common.calls import lazy_names
 
 if TYPE_CHECKING:
     from geometries.actuator import Actuator as Actuator
@@ -40,14 +28,35 @@ if TYPE_CHECKING:
     from geometries.bending_bellows import BendingBellows as BendingBellows
     from geometries.cylinder import Cylinder as Cylinder
     from geometries.disk import HollowDisk as HollowDisk
-    from geometries.errors import GeometryError as GeometryError
-    from geometries.errors import MeshFileError as MeshFileError
-    from geometries.errors import MeshingError as MeshingError
-    from geometries.errors import MeshingStopped as MeshingStopped
-    from geometries.imported import ImportedActuator as ImportedActuator
-    from geometries.imported_mesh import ImportedMesh as ImportedMesh
+    from geometries.imported.mesh import ImportedMesh as ImportedMesh
+    from geometries.imported.step import ImportedActuator as ImportedActuator
     from geometries.membrane import Membrane as Membrane
     from geometries.pneunet import PneuNet as PneuNet
     from geometries.registry import ACTUATORS as ACTUATORS
     from geometries.registry import register as register
     from geometries.seminar import SeminarActuator as SeminarActuator
+    from softmodels.common.errors import (
+        GeometryError as GeometryError,
+    )
+    from softmodels.common.errors import (
+        MeshFileError as MeshFileError,
+    )
+    from softmodels.common.errors import (
+        MeshingError as MeshingError,
+    )
+    from softmodels.common.errors import (
+        MeshingStopped as MeshingStopped,
+    )
+
+
+_NAMES, __getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        **{place: (name,) for name, place in PLACES.items()},
+        "geometries.actuator": ("Actuator", "CutPlane", "Hold"),
+        "softmodels.common.errors": ("GeometryError", "MeshFileError", "MeshingError", "MeshingStopped"),
+        "geometries.registry": ("ACTUATORS", "register"),
+    },
+)
+
+__all__ = [*_NAMES]

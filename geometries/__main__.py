@@ -7,20 +7,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from measurement.ending import bounded, stoppable
+from softmodels.common.commands import bounded, stoppable
 
 with stoppable("geometries"):
     import click
 
     from geometries import ACTUATORS
     from geometries.actuator import Actuator
-    from geometries.errors import GeometryError, MeshingError
     from geometries.meshing import summarize
-    from geometries.options import device_options, device_told
-    from measurement.running import CommandGroup, run_command
+    from softmodels.common.commands import CommandGroup, run_command
+    from softmodels.common.errors import GeometryError, MeshingError
+    from softmodels.common.options import device_options, device_told
 
 
-class Devices(CommandGroup):
+class DeviceCommands(CommandGroup):
     """A command for every registered device, made when it is asked for."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -30,7 +30,7 @@ class Devices(CommandGroup):
         return _command(cmd_name, ACTUATORS[cmd_name]) if cmd_name in ACTUATORS else None
 
 
-@click.group(cls=Devices, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=DeviceCommands, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
 @click.pass_context
 def main(context: click.Context) -> None:
     """Make the mesh of a soft actuator.

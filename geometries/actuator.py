@@ -10,26 +10,159 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import (
+    Callable,
+    Iterable,
+    Iterator,
+    Mapping,
+)
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import (
+    Any,
+    ClassVar,
+    Self,
+)
 
 import numpy as np
-from numpy.typing import NDArray
+import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 
-from geometries.designable import Designable
-from geometries.errors import GeometryError, MeshingError
-from geometries.fields import settle
-from geometries.mirroring import Mirror
-from geometries.parting import Castable
-from geometries.presented import Presented
-from measurement.units import brief
-from measurement.wording import known_are
+from geometries.meshing import Mirror
+from softmodels.common.errors import GeometryError, MeshingError, known_are
+from softmodels.common.schema import (
+    Length,
+    Quantity,
+    Several,
+    about,
+    choice_field,
+    settle,
+)
+from softmodels.common.units import brief
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a design needs of a device: which of its parameters a mesh can follow, where its boundary goes, what is thinnest.
+#
+# A mesh that was made of one device is moved to another of the same kind: its nodes on the boundary go where `carried` says,
+# those inside follow. So a quantity is a smooth function of the parameters, free of the noise of new meshes.
+# `geometries.actuator` has the parameters by name.
+
+
+class Designable:
+    """The part of `geometries.Actuator` that a design asks for; a device that says nothing of it cannot be designed."""
+
+    @property
+    def movable(self) -> tuple[str, ...]:
+        """Names of the parameters that `carried` can follow, among those of `geometries.actuator.parameter_names`."""
+        return ()
+
+    def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where points on the boundary of this device lie on another one.
+
+        Corners go to corners, edges to edges, faces to faces and probes to probes; points on a cut plane stay on it. The
+        places are smooth functions of the other's parameters, and the same points again if it is this device.
+
+        Args:
+            other: A device of the same class whose choices and numbers of parts are this one's.
+            points: Points on the undeformed boundary in device coordinates, m, shape (n, 3); none from inside the solid.
+
+        Returns:
+            Shape (n, 3): on the other's boundary, to rounding wherever a face is given in closed form.
+
+        Raises:
+            GeometryError: This kind of device does not know it, or not between these two.
+        """
+        raise GeometryError(
+            f"the mesh of {type(self).__name__} cannot follow its parameters: it knows no motion of its faces"
+        )
+
+    @property
+    def clearances(self) -> Mapping[str, float]:
+        """Every dimension in m that has a least value, for geometry or for the workshop, by what it is in plain words.
+
+        Each is a smooth function of the parameters; walls that could each be the thinnest are entries of their own. Empty if
+        the device names none.
+        """
+        return {}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How commands and messages speak of a device: names, words, and what is worth showing of it.
+
+
+class Presented:
+    """The part of `geometries.Actuator` that people read."""
+
+    stem: ClassVar[str] = "device"
+    """Name of its result files and default folder where a case has no name."""
+
+    pressures: ClassVar[str] = "0:20"
+    """Pressures in cm of water that its default bears, for the examples in a command's help."""
+
+    silicone: ClassVar[str | None] = None
+    """What a command takes it to be made of where no material is given; None for the default law."""
+
+    stiffer: ClassVar[str] = "thicker walls"
+    """What bears more pressure before it balloons, with the options; a clause for messages."""
+
+    unbonded: ClassVar[tuple[str, ...] | None] = None
+    """Faces of the mesh beyond `Actuator.faces`, cavities, supports and cut planes; None if only a mesh tells them."""
+
+    examples: ClassVar[tuple[str, ...]] = ()
+    """Options worth showing in a command's help."""
+
+    plated: ClassVar[tuple[str, ...]] = ()
+    """Faces that stand for something stiff on a bench, such as a plate, until a case says what it is of."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a workshop has to know of a device to cast it: the whole of it, where it is parted, and where its tube enters.
+
+
+Vector = tuple[float, float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Parting:
+    """The plane in which a device is cast in two, to be bonded there.
+
+    Attributes:
+        pull: Unit vector across the plane, along which the mould opens.
+        height: Of the plane along the pull, in m.
+        inlet: From where outside of the device to where in its cavity a tube runs, in m; None if it has no place of its own.
+        why: Why here: a sentence.
+    """
+
+    pull: Vector
+    height: float
+    inlet: tuple[Vector, Vector] | None
+    why: str
+
+
+class Castable:
+    """What a device tells about how it is cast; a base of `geometries.Actuator`."""
+
+    regions: ClassVar[tuple[str, ...]] = ()
+    """Physical groups of cells beside "solid" that can be of another material."""
+
+    @property
+    def parting(self) -> Parting | None:
+        """Where it is parted to be cast; None if that has to be asked for."""
+        return None
+
+    def build_whole(self) -> None:
+        """Fill the current Gmsh model with the whole device in mm, one solid, its cavities shut; name and mesh nothing.
+
+        Raises:
+            GeometryError: Its whole is not known.
+            MeshingError: The CAD kernel cannot make it.
+        """
+        raise GeometryError(f"the whole of a {type(self).__name__} is not known as one solid (build_whole)")
+
 
 __all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vector"]
 
-Vector = tuple[float, float, float]
 
 RECIPE = 3
 """Part of every key: raise it when the same parameters give another mesh, so that stored meshes are made anew."""
@@ -67,7 +200,7 @@ class Hold:
 class Actuator(Designable, Castable, Presented, ABC):
     """A soft body around one air-filled cavity.
 
-    Subclasses are frozen dataclasses whose fields come from `geometries.fields`.
+    Subclasses are frozen dataclasses whose fields come from `softmodels.common.schema`.
 
     Raises:
         GeometryError: From the constructor, if the parameters make no device.
@@ -320,3 +453,493 @@ class Actuator(Designable, Castable, Presented, ABC):
         from geometries.meshing import write_mesh
 
         return write_mesh(self, Path(path), stopped)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Reflections on the planes where a slice was cut out of a body: how many images of the slice make the whole, and which.
+
+
+NARROWEST = np.pi / 90
+"""Smallest angle between two planes in rad."""
+SAME_ANGLE = 1e-5
+"""How far from 180/n degrees the angle between two planes may be, in rad: drawings are rounded."""
+SAME_IMAGE = 1e-2
+"""How far the entries of two matrices may differ for one image: above what `SAME_ANGLE` adds up to, below `NARROWEST`."""
+
+
+def reflected(normals: ArrayLike, count: int | None = None, dimension: int = 3) -> NDArray[np.float64]:
+    """The first products of reflections on planes through the origin: a slice, its neighbours, their neighbours and so on.
+
+    Args:
+        normals: Unit normals, shape (k, dimension).
+        count: How many at most; all if not given, which must be finitely many.
+        dimension: 3, or 2 in the plane of a section.
+
+    Returns:
+        Matrices that take the slice to its places, shape (m, dimension, dimension); the first is the identity.
+    """
+    one = np.eye(dimension)
+    mirrors = [one - 2 * np.outer(normal, normal) for normal in np.reshape(normals, (-1, dimension))]
+    found = [one]
+    for image in found:
+        for mirror in mirrors:
+            if len(found) == count:
+                return np.array(found)
+            new = image @ mirror
+            if np.abs(np.array(found) - new).max(axis=(1, 2)).min() > SAME_IMAGE:
+                found.append(new)
+    return np.array(found)
+
+
+def check_slice(normals: ArrayLike, texts: tuple[str, ...]) -> None:
+    """Check that images of a slice fill the space around it once.
+
+    Args:
+        normals: Outward unit normals of its planes, shape (k, 3).
+        texts: What was written for each, for the message.
+
+    Raises:
+        GeometryError: Two planes do not meet at 180/n degrees inside the slice, or three meet in one line.
+    """
+    outward = np.reshape(normals, (-1, 3))
+    for i in range(len(outward)):
+        for j in range(i):
+            angle = float(np.arccos(np.clip(-outward[i] @ outward[j], -1.0, 1.0)))
+            parts = round(np.pi / max(angle, NARROWEST))
+            if parts < 2 or abs(angle - np.pi / parts) > SAME_ANGLE:
+                raise GeometryError(
+                    f"planes has {texts[j]!r} and {texts[i]!r}, {np.degrees(angle):.6g} degrees apart in the part; "
+                    f"its images fill the whole only at 180/n degrees, such as 90, 60, 45 or 30"
+                )
+    if len(outward) and np.linalg.svd(outward, compute_uv=False)[-1] < 1e-6:
+        raise GeometryError(f"planes has {', '.join(map(repr, texts))}, which meet in one line; only two of them can")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The continuous parameters of a device by name: what decides its shape and may be varied by any small amount.
+#
+# An entry of a list has the field's name and its place, counted from 1: ``profile[2]``. Values are in SI units, angles in
+# degrees.
+
+
+def parameter_names(device: Actuator) -> tuple[str, ...]:
+    """Names of the continuous parameters that decide a device's shape, in the order of its fields.
+
+    Sizes of cells, limits of the workshop and other fields declared with ``shape=False`` are not among them, nor are fields
+    that mean nothing with the others.
+    """
+    return tuple(name for name, _, _ in _places(device))
+
+
+def parameter(device: Actuator, name: str) -> float:
+    """Value of a continuous parameter.
+
+    Args:
+        device: The device.
+        name: One of `parameter_names`.
+
+    Returns:
+        In m, degrees or as a pure number.
+
+    Raises:
+        GeometryError: The device has no such parameter.
+    """
+    field, place = _place(device, name)
+    value = getattr(device, field)
+    return float(value if place is None else value[place])
+
+
+def changed[Device: Actuator](device: Device, values: Mapping[str, float]) -> Device:
+    """The device with other values of continuous parameters.
+
+    Args:
+        device: The device.
+        values: SI values by the names of `parameter_names`; what is left out stays.
+
+    Raises:
+        GeometryError: The device has no such parameter, or the values make no device.
+    """
+    fields: dict[str, object] = {}
+    for name, value in values.items():
+        field, place = _place(device, name)
+        if place is None:
+            fields[field] = value
+        else:
+            entries = list(fields.get(field, getattr(device, field)))  # type: ignore[call-overload]
+            entries[place] = value
+            fields[field] = tuple(entries)
+    return dataclasses.replace(device, **fields)
+
+
+def _places(device: Actuator) -> Iterator[tuple[str, str, int | None]]:
+    """Name, field and place in the field's list of every continuous parameter."""
+    for field, known in about(device).items():
+        if not known.shape or known.idle(device):
+            continue
+        if isinstance(known.kind, Quantity):
+            yield field, field, None
+        elif isinstance(known.kind, Several) and isinstance(known.kind.of, Quantity):
+            for place in range(len(getattr(device, field))):
+                yield f"{field}[{place + 1}]", field, place
+
+
+def _place(device: Actuator, name: str) -> tuple[str, int | None]:
+    places = {known: (field, place) for known, field, place in _places(device)}
+    if name in places:
+        return places[name]
+    words = f"{name} is no continuous parameter of this {type(device).__name__}"
+    if entry := re.fullmatch(r"(\w+)\[\d+\]", name):
+        length = sum(field == entry[1] for field, _ in places.values())
+        if length:
+            raise GeometryError(f"{words}; {entry[1]} has {length} entries, counted from 1")
+    raise GeometryError(f"{words}; it has {', '.join(places) or 'none'}")
+
+
+def is_length(device: Actuator, name: str) -> bool:
+    """Whether a continuous parameter is a length in m, and not an angle or a pure number; GeometryError as `parameter`."""
+    field, place = _place(device, name)
+    kind = about(device)[field].kind
+    return isinstance(kind if place is None or not isinstance(kind, Several) else kind.of, Length)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Devices that may be modelled by an axisymmetric section in place of a solid, and those whose solid is a wedge.
+
+
+class Sectioned(Actuator):
+    """A device of which an axisymmetric section may be modelled; a device is a dataclass of it with the field below."""
+
+    section: str
+
+    @property
+    def dimension(self) -> int:
+        return 2 if self.section == "axisymmetric" else 3
+
+    @property
+    def axis_holds(self) -> tuple[Hold, ...]:
+        """Among `holds`: the axis of a section, from which nothing can move away; empty for a solid."""
+        return (Hold("axis", (1.0, 0.0, 0.0)),) if self.dimension == 2 else ()
+
+
+class Wedged(Sectioned):
+    """A device whose solid is a wedge; a device is a dataclass of it with ``section`` and ``angle``, in degrees."""
+
+    angle: float
+
+    @property
+    def copies(self) -> int:
+        return 1 if self.dimension == 2 else round(360.0 / self.angle)
+
+    @property
+    def fuller(self) -> str:
+        return "--section wedge --angle 360deg" if self.dimension == 2 else "--angle 360deg"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Devices with one mirror plane, y = 0, of which a half or the whole is modelled.
+
+
+def part_field(device: str) -> Any:
+    """Return a dataclass field: how much of a device is modelled; the text is the device in a word."""
+    return choice_field("half", ("half", "full"), f"half up to the mirror plane, or the full {device}")
+
+
+class Halved(Actuator):
+    """A device of which the half y > 0 may be modelled; the cut is "plane0"."""
+
+    @property
+    @abstractmethod
+    def halved(self) -> bool:
+        """Whether a half is modelled."""
+
+    @property
+    def copies(self) -> int:
+        return 2 if self.halved else 1
+
+    @property
+    def cut_planes(self) -> tuple[CutPlane, ...]:
+        return (CutPlane("plane0", (0.0, -1.0, 0.0)),) if self.halved else ()
+
+
+class MirroredHalf(Halved):
+    """A device whose full mesh is that of its half, mirrored; a device is a dataclass of it with a `part_field`."""
+
+    part: str
+
+    @property
+    def halved(self) -> bool:
+        return self.part == "half"
+
+    @property
+    def fuller(self) -> str:
+        return "--part full"
+
+    @property
+    def mirrors(self) -> tuple[Mirror, ...]:
+        return (Mirror("plane0", 1, {}),) if self.part == "full" else ()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A support at one end, and a tip that is free to move or held along the lift, as in a test of blocked force.
+
+
+def tip_field(free: str = "tip", held: str = "its face") -> Any:
+    """Return a dataclass field for the tip; the texts say what is free to move and what is held."""
+    return choice_field("free", ("free", "held"), f"{free} free to move, or {held} held along z (blocked force)")
+
+
+class HeldTip(Actuator):
+    """A device with the faces "support", which is clamped, and "tip"; a device is a dataclass of it with a `tip_field`."""
+
+    tip: str
+
+    @property
+    def holds(self) -> tuple[Hold, ...]:
+        held = (Hold("tip", self.lift),) if self.tip == "held" else ()
+        return (Hold("support", None), *held)
+
+    @property
+    def blocked(self) -> str | None:
+        return "tip" if self.tip == "held" else None
+
+    @property
+    def pushed(self) -> str | None:
+        return "tip" if self.tip == "free" else None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How far a finger is bent, from where its tip is: what all devices that bend have in common.
+
+
+class Bending:
+    """Figures of a device that lies along x from its clamp at x = 0 and bends down, with probes ``tip`` and ``tip_above``."""
+
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "bend_angle_deg": ("bend angle", "by which the face of the tip has turned, towards the base positive"),
+        "tip_x_mm": ("tip place x", "x of the middle of the tip's lower edge, deformed, from the clamp"),
+        "tip_z_mm": ("tip place z", "z of the middle of the tip's lower edge, deformed, from the middle of the base"),
+    }
+
+    def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
+        """How the device is bent; see `Actuator.device_figures`."""
+        low, high = (np.asarray(places[name]) for name in ("tip", "tip_above"))
+        x, _, z = (1e3 * float(value) for value in low)
+        return {"bend_angle_deg": bend_angle(low, high), "tip_x_mm": x, "tip_z_mm": z}
+
+
+def bend_angle(low: NDArray[np.float64], high: NDArray[np.float64]) -> float:
+    """Angle in degrees by which the tip's face has turned towards -z, right up to a whole turn and more.
+
+    The face tells it but for whole turns. The line from the clamp to the tip tells those: in a circle it has turned half
+    as far.
+
+    Args:
+        low: Lower end of the face, deformed, in m from the clamp, shape (3,).
+        high: Its upper end, which lay above the lower one.
+    """
+    face = high - low
+    turned = math.degrees(math.atan2(face[0], face[2]))
+    line = -math.degrees(math.atan2(low[2], low[0]))
+    return turned + 360.0 * round((2.0 * line - turned) / 360.0)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What hangs together, by pairs of things that do.
+
+
+Numbers = npt.NDArray[np.int64]
+
+
+def joined(pairs: Numbers, count: int) -> Numbers:
+    """The group of each of a number of things, of which pairs are in one group.
+
+    SciPy's `connected_components` gives the same; loading its sparse tree takes a third of a short run's time.
+
+    Args:
+        pairs: Shape (n, 2).
+        count: How many things there are.
+
+    Returns:
+        Numbers of the groups from 0, in the order of their first members, shape (count,).
+    """
+    label = np.arange(count)
+    one, other = np.asarray(pairs, dtype=np.int64).reshape(-1, 2).T
+    while (apart := label[one] != label[other]).any():
+        one, other = one[apart], other[apart]
+        low, high = np.sort([label[one], label[other]], axis=0)
+        np.minimum.at(label, high, low)  # a group's head follows the lowest head that it is paired with
+        while not np.array_equal(head := label[label], label):
+            label = head
+    return np.unique(label, return_inverse=True)[1]
+
+
+def joined_by(shared: Numbers) -> Numbers:
+    """The group of each row of a table, where rows with a value in common are in one group.
+
+    Args:
+        shared: Values, such as the nodes of edges, shape (n, k).
+
+    Returns:
+        Numbers of the groups from 0, in the order of their first rows, shape (n,).
+    """
+    rows, width = shared.shape
+    value = np.unique(shared, return_inverse=True)[1].ravel()
+    row = np.repeat(np.arange(rows), width)
+    group = joined(np.column_stack([row, rows + value]), rows + int(value.max(initial=-1)) + 1)[:rows]
+    return np.unique(group, return_inverse=True)[1]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where a cavity's walls end, and what closes it there.
+#
+# The air's volume is an integral over the walls alone. That is right where they are closed, or end on cut planes, on the axis
+# of a section, or in a plane through the origin along whose normal a support holds them: there the integral has nothing to add.
+# Walls that end anywhere else have a face missing. Every edge of a closed surface belongs to two of its facets: that is exact.
+
+
+NEAR = 1e-6
+"""What counts as the same place, in sizes of the device, and as the same direction."""
+NAMED = 6
+"""Most names that a message lists."""
+
+Ints = NDArray[np.int64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Opening:
+    """A line (a point in a section) on which a cavity's walls end.
+
+    Attributes:
+        cavity: Role of the walls.
+        place: The middle of the line in m, device coordinates.
+        normal: Unit normal of the plane through the origin that the line lies in; None if there is none.
+        roles: Physical groups that the line's nodes belong to, beside the walls': one set for all nodes alike.
+        faces: Those among them that are faces or lines, without cut planes.
+    """
+
+    cavity: str
+    place: Vector
+    normal: Vector | None
+    roles: frozenset[frozenset[str]]
+    faces: tuple[str, ...]
+
+    def closed_by(self, holds: Iterable[Hold]) -> bool:
+        """Whether its line stays in its plane, so that a plane closes it."""
+        if self.normal is None:
+            return False
+        square = {
+            hold.role
+            for hold in holds
+            if hold.direction is None or abs(np.dot(hold.direction, self.normal)) > 1.0 - NEAR
+        }
+        return all(roles & square for roles in self.roles)
+
+
+def cavity_roles(actuator: Actuator) -> list[str]:
+    """Roles of the walls of a device's cavities."""
+    return ["cavity", *(f"cavity{i + 1}" for i in range(1, len(actuator.ratios)))][: len(actuator.ratios)]
+
+
+def check_closed(actuator: Actuator, openings: Iterable[Opening], holds: Iterable[Hold]) -> None:
+    """Refuse cavities that nothing closes.
+
+    Args:
+        actuator: The device.
+        openings: Those of its mesh, as `find_openings` has found them.
+        holds: What is held of it, beside its cut planes.
+
+    Raises:
+        GeometryError: The first opening that no plane closes, with its place and the names of the faces there.
+    """
+    for opening in openings:
+        if opening.closed_by(holds):
+            continue
+        shown = ", ".join(opening.faces[:NAMED]) or "without a name"
+        place = ", ".join(f"{1e3 * x:.4g}" for x in opening.place)
+        walls = f"the walls {opening.cavity!r} of {type(actuator).__name__}"
+        where = f"{walls} end near {place} mm, where other faces are ({shown})"
+        if opening.normal is None:
+            raise GeometryError(
+                f"{where}, so that the cavity is open there and has no volume; name every face around the air "
+                f"{opening.cavity!r}. It may be open on cut planes, and in a plane through the origin whose normal is held"
+            )
+        along = ", ".join(f"{x:g}" for x in opening.normal)
+        raise GeometryError(
+            f"{where}; the cavity is open in a plane through the origin, and its volume is known only while nothing moves out "
+            f"of that plane there: hold one of these faces along {along}, or name the face that closes it {opening.cavity!r}"
+        )
+
+
+def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
+    """Where the cavities of the mesh in the current Gmsh model end, but on cut planes and on the axis of a section."""
+    import gmsh  # type: ignore[import-untyped]
+
+    d = actuator.dimension
+    groups = [(*group, gmsh.model.getPhysicalName(*group)) for group in gmsh.model.getPhysicalGroups()]
+    walls = {name: (dimension, tag) for dimension, tag, name in groups if dimension == d - 1}
+    members: dict[str, Ints] = {}
+
+    def nodes(name: str) -> Ints:
+        if name not in members:  # a region and a face may bear one name
+            found = [gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0] for *group, known in groups if known == name]
+            members[name] = np.unique(np.concatenate(found).astype(np.int64))
+        return members[name]
+
+    symmetric = [*(plane.name for plane in actuator.cut_planes), *(["axis"] if d == 2 else [])]
+    faces = {name for dimension, _, name in groups if dimension < d and name not in symmetric}
+    found = []
+    for cavity in cavity_roles(actuator):
+        if cavity not in walls:
+            continue  # which is reported where the mesh is read
+        rim = _rim(walls[cavity], d)
+        for name in symmetric:
+            if name in walls:
+                rim = rim[~np.isin(rim, nodes(name)).all(axis=1)]
+        others = dict.fromkeys(name for _, _, name in groups if name != cavity) if len(rim) else {}
+        for edges in _pieces(rim):
+            line = np.unique(edges)
+            places = actuator.device_points(np.array([gmsh.model.mesh.getNode(int(tag))[0] for tag in line]))
+            kinds = frozenset(
+                frozenset(name for name, there in zip(others, row, strict=True) if there)
+                for row in np.array([np.isin(line, nodes(name)) for name in others]).T
+            )
+            x, y, z = (float(value) for value in places.mean(axis=0))
+            beside = tuple(sorted(faces & frozenset().union(*kinds)))
+            found.append(Opening(cavity, (x, y, z), _plane(actuator, places), kinds, beside))
+    return tuple(found)
+
+
+def _rim(group: tuple[int, int], space: int) -> Ints:
+    """Edges that an odd number of a group's triangles have (or ends, of its lines in a section), shape (n, space - 1)."""
+    import gmsh
+
+    sides = []
+    for entity in gmsh.model.getEntitiesForPhysicalGroup(*group):
+        for kind, _, nodes in zip(*gmsh.model.mesh.getElements(group[0], entity), strict=True):
+            width = gmsh.model.mesh.getElementProperties(kind)[3]
+            corners = nodes.astype(np.int64).reshape(-1, width)[:, :space]
+            sides.append(np.concatenate([np.delete(corners, k, axis=1) for k in range(space)]))
+    if not sides:
+        return np.empty((0, space - 1), dtype=np.int64)
+    found, count = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0, return_counts=True)
+    return np.asarray(found[count % 2 == 1])
+
+
+def _pieces(edges: Ints) -> list[Ints]:
+    """Edges that hang together by their nodes."""
+    group = joined_by(edges)
+    return [edges[group == k] for k in range(group.max(initial=-1) + 1)]
+
+
+def _plane(actuator: Actuator, places: NDArray[np.float64]) -> Vector | None:
+    """Unit normal of the plane through the origin that holds the places and their images by symmetry; None if there is none."""
+    mirrors = [plane.normal for plane in actuator.cut_planes]
+    if actuator.dimension == 2:
+        mirrors += [(1.0, 0.0, 0.0), (np.sqrt(0.5), np.sqrt(0.5), 0.0)]  # a section's point is turned into a circle
+    images = [places - 2.0 * np.outer(places @ normal, normal) for normal in mirrors]
+    points = np.concatenate([places, *images])
+    normal = np.linalg.svd(points)[2][2]
+    if np.abs(points @ normal).max() > NEAR * actuator.size:
+        return None
+    x, y, z = (float(value) for value in np.round(normal, 9) + 0.0)
+    return x, y, z

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from geometries.errors import MeshingError, MeshingStopped
+from softmodels.common.errors import MeshingError, MeshingStopped
 
 LOOK = 0.02
 """Seconds between two looks at whether the task has ended or the caller wants an end."""

@@ -24,16 +24,333 @@ made of, or that it is rigid, the case says.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from geometries.actuator import Hold, Vector
-from geometries.balloon_checks import check_balloon
-from geometries.balloon_panels import Meridian, balloon_panels
-from geometries.fields import choice_field, length_field
-from geometries.panels import Panel, Place
 from geometries.registry import register
-from geometries.revolved import Revolved, section_field, through_field, wedge_field
+from geometries.revolved import (
+    Panel,
+    Place,
+    Revolved,
+    Side,
+    section_field,
+    through_field,
+    wedge_field,
+)
+from softmodels.common.errors import GeometryError
+from softmodels.common.schema import (
+    LONGEST,
+    choice_field,
+    length_field,
+    shown,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Balloons that cannot be: checked by name and value before the mesher starts.
+
+
+FLATTEST = 0.2
+"""Smallest ratio of the polar to the equatorial radius, and of that to this."""
+
+THINNEST = 2e-3
+"""Smallest thickness of a wall in radii: the cells of thinner ones become needles."""
+
+NEEDLE = 20.0
+"""Largest ratio of a cell's length to its width through the wall."""
+
+WIDEST = 0.8
+"""Largest outer radius of the neck in outer radii of the balloon."""
+
+LONGEST_NECK = 20.0
+"""Longest neck in radii."""
+
+
+def check_balloon(balloon: Balloon) -> None:
+    """Check a balloon's parameters against each other.
+
+    Raises:
+        GeometryError: The first parameter found impossible, with its value and the limit.
+    """
+    _check_wall(balloon)
+    if balloon.neck_radius:
+        _check_neck(balloon)
+        _check_fillet(balloon)
+        _check_rod(balloon)
+    else:
+        _check_closed(balloon)
+    balloon.check_cells()
+
+
+def _check_wall(balloon: Balloon) -> None:
+    radius, polar, wall = balloon.radius, balloon.polar_radius or balloon.radius, balloon.wall
+    if not FLATTEST <= polar / radius <= 1.0 / FLATTEST:
+        raise GeometryError(
+            f"polar_radius is {shown(polar, 'm')}; it must lie between {FLATTEST:g} and {1 / FLATTEST:g} times radius, "
+            f"{shown(radius, 'm')}"
+        )
+    if max(radius, polar) + wall > LONGEST:
+        raise GeometryError(f"radius is {shown(radius, 'm')}; with its wall it passes {LONGEST:g} m, a mistaken unit")
+    for name in ("wall", "neck_wall"):
+        value = getattr(balloon, name)
+        if not value:
+            continue
+        if value > radius:
+            raise GeometryError(f"{name} is {shown(value, 'm')}; it must not pass radius, {shown(radius, 'm')}")
+        if value < THINNEST * radius:
+            raise GeometryError(
+                f"{name} is {shown(value, 'm')}; it must be at least {THINNEST:g} of radius, {shown(radius, 'm')}"
+            )
+    longest = min(NEEDLE * balloon.thinnest / max(balloon.through, 1.0), min(radius, polar))
+    if balloon.cell_size > longest:
+        raise GeometryError(
+            f"cell_size is {shown(balloon.cell_size, 'm')}; it must not pass {shown(longest, 'm')}: {NEEDLE:g} times a cell's "
+            "width through the wall, and the balloon's radii"
+        )
+
+
+def _check_neck(balloon: Balloon) -> None:
+    outside, most = balloon.neck_radius + (balloon.neck_wall or balloon.wall), balloon.radius + balloon.wall
+    if outside > WIDEST * most or balloon.neck_radius > WIDEST * balloon.radius:
+        raise GeometryError(
+            f"neck_radius is {shown(balloon.neck_radius, 'm')}; with its wall it must not pass {WIDEST:g} of the balloon's, "
+            f"{shown(WIDEST * balloon.radius, 'm')} inside and {shown(WIDEST * most, 'm')} outside"
+        )
+    if balloon.neck_length > LONGEST_NECK * balloon.radius:
+        raise GeometryError(
+            f"neck_length is {shown(balloon.neck_length, 'm')}; more than {LONGEST_NECK:g} times radius, "
+            f"{shown(balloon.radius, 'm')}, looks like a mistaken unit"
+        )
+    if balloon.meridian.joint[1] <= 0.1 * balloon.neck_length:
+        raise GeometryError(
+            f"neck_wall is {shown(balloon.neck_wall or balloon.wall, 'm')}; so thick a wall leaves no neck_length, "
+            f"{shown(balloon.neck_length, 'm')}, inside"
+        )
+
+
+def _check_fillet(balloon: Balloon) -> None:
+    if not balloon.fillet:
+        return
+    if balloon.fillet > balloon.radius:
+        raise GeometryError(
+            f"fillet is {shown(balloon.fillet, 'm')}; it must not pass radius, {shown(balloon.radius, 'm')}"
+        )
+    level = balloon.meridian.rounding(balloon.fillet).foot[1]
+    least = 0.1 * balloon.neck_length
+    if level < least or level > balloon.meridian.joint[1] - 1e-3 * balloon.wall:
+        raise GeometryError(
+            f"fillet is {shown(balloon.fillet, 'm')}; with neck_length {shown(balloon.neck_length, 'm')} it begins at the "
+            f"height {shown(abs(level), 'm')}{' below the end' if level < 0 else ''}: it must leave {shown(least, 'm')} of the "
+            f"neck and begin below where the neck opens inside, {shown(balloon.meridian.joint[1], 'm')}"
+        )
+
+
+def _check_rod(balloon: Balloon) -> None:
+    if balloon.rod_radius > 0.95 * balloon.neck_radius:
+        raise GeometryError(
+            f"rod_radius is {shown(balloon.rod_radius, 'm')}; air has to pass between it and the neck: at most 0.95 times "
+            f"neck_radius, {shown(balloon.neck_radius, 'm')}"
+        )
+
+
+def _check_closed(balloon: Balloon) -> None:
+    if balloon.rod_radius:
+        raise GeometryError(f"rod_radius is {shown(balloon.rod_radius, 'm')}; a rod needs a neck, and neck_radius is 0")
+    if balloon.held == "outside":
+        raise GeometryError("held is 'outside'; that is of a neck, and neck_radius is 0")
+    if balloon.dimension == 3 and 360.0 / balloon.angle < 2.5:
+        raise GeometryError(
+            f"angle is {shown(balloon.angle, 'degree')}; without a neck the balloon could slide away sideways: use 120 deg or "
+            "less"
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The half section of a balloon: corners where neck, rounding, shell and rod meet, and the panels between them.
+
+
+class Rounding(NamedTuple):
+    """The arc that rounds the corner between neck and balloon.
+
+    Attributes:
+        centre: Of the arc.
+        foot: Where it leaves the neck.
+        middle: Of the arc.
+        head: Where it meets the balloon.
+        angle: Of the outer spheroid there, from the equator upwards in rad.
+    """
+
+    centre: Place
+    foot: Place
+    middle: Place
+    head: Place
+    angle: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Meridian:
+    """Dimensions of a balloon that follow from its parameters.
+
+    Attributes:
+        inner: Half axes of the inner spheroid along radius and height, m.
+        outer: Those of the outer one.
+        height: Of the centre above z = 0, m.
+        neck: Inner and outer radius of the neck, m; zeros without one.
+    """
+
+    inner: Place
+    outer: Place
+    height: float
+    neck: Place
+
+    @classmethod
+    def of(cls, balloon: Balloon) -> Meridian:
+        """Of a balloon whose neck is narrower than itself."""
+        a, c, t = balloon.radius, balloon.polar_radius or balloon.radius, balloon.wall
+        if not balloon.neck_radius:
+            return cls((a, c), (a + t, c + t), c + t, (0.0, 0.0))
+        neck = (balloon.neck_radius, balloon.neck_radius + (balloon.neck_wall or t))
+        below = (c + t) * math.sqrt(1.0 - (neck[1] / (a + t)) ** 2)
+        return cls((a, c), (a + t, c + t), balloon.neck_length + below, neck)
+
+    def at(self, axes: Place, angle: float) -> Place:
+        """The place on a spheroid at an angle from the equator upwards; exactly on the axis at the poles."""
+        if abs(abs(angle) - 0.5 * math.pi) < 1e-12:
+            return (0.0, self.height + math.copysign(axes[1], angle))
+        return (axes[0] * math.cos(angle), self.height + axes[1] * math.sin(angle))
+
+    @property
+    def joint(self) -> Place:
+        """Where the neck's inside meets the inner spheroid."""
+        return (self.neck[0], self.at(self.inner, self.joint_angle)[1])
+
+    @property
+    def joint_angle(self) -> float:
+        """Angle of the inner spheroid there."""
+        return -math.acos(self.neck[0] / self.inner[0])
+
+    def rounding(self, fillet: float) -> Rounding:
+        """The arc of a radius that touches the neck's outside and the outer spheroid."""
+        from scipy.optimize import brentq
+
+        A, C = self.outer
+
+        def centre(angle: float) -> Place:
+            r, z = self.at(self.outer, angle)
+            across = math.hypot(math.cos(angle) / A, math.sin(angle) / C)
+            return (r + fillet * math.cos(angle) / A / across, z + fillet * math.sin(angle) / C / across)
+
+        wanted = self.neck[1] + fillet
+        angle = float(brentq(lambda x: centre(x)[0] - wanted, -math.acos(self.neck[1] / A), 0.0, xtol=1e-14))
+        z = centre(angle)[1]
+        head = self.at(self.outer, angle)
+        turn = math.atan2(head[1] - z, wanted - head[0])
+        middle = (wanted - fillet * math.cos(0.5 * turn), z + fillet * math.sin(0.5 * turn))
+        return Rounding((wanted, z), (self.neck[1], z), middle, head, angle)
+
+
+def balloon_panels(balloon: Balloon) -> tuple[Panel, ...]:
+    """The half section; see `Balloon`."""
+    maker = _Maker(balloon)
+    return (*maker.neck(), *maker.shell(), *maker.rod())
+
+
+class _Maker:
+    """Panels of one balloon, from the neck's end to the far pole."""
+
+    def __init__(self, balloon: Balloon):
+        self.balloon, self.meridian = balloon, balloon.meridian
+        self.through = balloon.rows
+        self.inner_angle = self.outer_angle = -0.5 * math.pi
+        self.begin: tuple[Place, Place] = (self.meridian.at(self.meridian.inner, self.inner_angle),
+                                           self.meridian.at(self.meridian.outer, self.outer_angle))  # fmt: skip
+
+    def _cells(self, length: float) -> int:
+        return max(1, math.ceil(length / self.balloon.cell_size - 1e-9))
+
+    def _panel(self, left: Side, right: Side, ends: tuple[str, str] = ("", "")) -> Panel:
+        """Between a side on the air's side and one outside, both upwards; roles of the sides across it, lower and upper."""
+        low = Side(left.start, right.start, self.through, ends[0])
+        high = Side(right.end, left.end, self.through, ends[1])
+        return Panel("solid", (low, right, high, left.reversed))
+
+    def neck(self) -> list[Panel]:
+        """From z = 0 to the shell; nothing without a neck."""
+        balloon, meridian = self.balloon, self.meridian
+        if not balloon.neck_radius:
+            return []
+        (inside, outside), joint = meridian.neck, meridian.joint
+        self.inner_angle, self.outer_angle = meridian.joint_angle, -math.acos(outside / meridian.outer[0])
+        if not balloon.fillet:
+            corner = (outside, balloon.neck_length)
+            cells = self._cells(balloon.neck_length)
+            self.begin = (joint, corner)
+            return [self._panel(Side((inside, 0.0), joint, cells, "cavity"), Side((outside, 0.0), corner, cells, "neck"),
+                                ("support", ""))]  # fmt: skip
+        arc = meridian.rounding(balloon.fillet)
+        cells, level = self._cells(arc.foot[1]), (inside, arc.foot[1])
+        self.outer_angle = arc.angle
+        self.inner_angle = max(arc.angle, meridian.joint_angle + 0.5 * balloon.fillet / meridian.inner[0])
+        self.begin = (meridian.at(meridian.inner, self.inner_angle), arc.head)
+        axes, few = (balloon.fillet, balloon.fillet), max(2, self._cells(balloon.fillet))
+        return [
+            self._panel(Side((inside, 0.0), level, cells, "cavity"), Side((outside, 0.0), arc.foot, cells, "neck"),
+                        ("support", "")),
+            self._panel(Side(level, joint, few, "cavity"), Side(arc.foot, arc.middle, few, "outer", arc.centre, axes)),
+            self._panel(self._arc(joint, self.begin[0], few, "cavity"),
+                        Side(arc.middle, arc.head, few, "outer", arc.centre, axes)),
+        ]  # fmt: skip
+
+    def _arc(self, start: Place, end: Place, cells: int, role: str, outer: bool = False) -> Side:
+        axes = self.meridian.outer if outer else self.meridian.inner
+        return Side(start, end, cells, role, (0.0, self.meridian.height), axes)
+
+    def shell(self) -> list[Panel]:
+        """From the neck, or the lower pole, to the far pole."""
+        meridian, found = self.meridian, []
+        stops = [0.0, *([self.rod_angle] if self.balloon.rod_radius else []), 0.5 * math.pi]
+        first = "axis" if not self.balloon.neck_radius else ""
+        angle, inside, outside = self.outer_angle, *self.begin
+        for stop in stops:
+            to = (meridian.at(meridian.inner, stop), meridian.at(meridian.outer, stop))
+            if self.balloon.rod_radius and stop == self.rod_angle:
+                to = (self.rod_top, to[1])
+            bonded = self.balloon.rod_radius and stop > self.rod_angle
+            cells = self.rod_cells if bonded else self._cells(abs(stop - angle) * max(meridian.outer))
+            last = "axis" if stop == stops[-1] else ""
+            left = self._arc(inside, to[0], cells, "" if bonded else "cavity")
+            right = self._arc(outside, to[1], cells, "outer", True)
+            found.append(self._panel(left, right, (first, last)))
+            first, angle, (inside, outside) = "", stop, to
+        return found
+
+    @property
+    def rod_angle(self) -> float:
+        """Angle of the inner spheroid at the rod's edge."""
+        return math.acos(self.balloon.rod_radius / self.meridian.inner[0])
+
+    @property
+    def rod_top(self) -> Place:
+        """Where the rod's side meets the shell."""
+        return (self.balloon.rod_radius, self.meridian.at(self.meridian.inner, self.rod_angle)[1])
+
+    @property
+    def rod_cells(self) -> int:
+        """Cells from the axis to the rod's side."""
+        return max(2, self._cells(self.balloon.rod_radius))
+
+    def rod(self) -> list[Panel]:
+        """Along the axis, from z = 0 to the shell; nothing without one."""
+        if not self.balloon.rod_radius:
+            return []
+        radius, top = self.balloon.rod_radius, self.rod_top
+        pole = self.meridian.at(self.meridian.inner, 0.5 * math.pi)
+        along = self._cells(top[1])
+        return [Panel("rod", (
+            Side((0.0, 0.0), (radius, 0.0), self.rod_cells, "rod_end"), Side((radius, 0.0), top, along, "cavity"),
+            self._arc(top, pole, self.rod_cells, ""), Side(pole, (0.0, 0.0), along, "axis"),
+        ))]  # fmt: skip
 
 
 @register

@@ -10,12 +10,16 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import CutPlane, Hold, Vector
-from geometries.cell_count import check_cell_count
-from geometries.errors import GeometryError
-from geometries.fields import choice_field, length_field, shown
-from geometries.halved import MirroredHalf
+from geometries.actuator import (
+    CutPlane,
+    Hold,
+    MirroredHalf,
+    Vector,
+)
+from geometries.meshing import check_cell_count
 from geometries.registry import register
+from softmodels.common.errors import GeometryError
+from softmodels.common.schema import choice_field, length_field, shown
 
 NEAR = 1e-9
 """What counts as the same place, in lengths of the beam."""

@@ -26,17 +26,221 @@ The flanks are flat rings, a half pitch apart; roots and crests are rounded, who
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import ClassVar
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import ClassVar, NamedTuple
 
-from geometries.actuator import Hold, Vector
-from geometries.bellows_checks import check_bellows
-from geometries.bellows_panels import NEAR, bellows_panels, lines
-from geometries.fields import choice_field, length_field
-from geometries.held_tip import HeldTip, tip_field
-from geometries.panels import Panel
+from geometries.actuator import (
+    HeldTip,
+    Hold,
+    Vector,
+    tip_field,
+)
 from geometries.registry import register
-from geometries.revolved import Revolved, section_field, through_field, wedge_field
+from geometries.revolved import (
+    Panel,
+    Place,
+    Revolved,
+    Side,
+    section_field,
+    through_field,
+    wedge_field,
+)
+from softmodels.common.errors import GeometryError
+from softmodels.common.schema import (
+    LONGEST,
+    ROUNDING,
+    SHORTEST,
+    choice_field,
+    length_field,
+    shown,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Bellows that cannot be: checked by name and value before the mesher starts.
+
+
+THINNEST = 5e-3
+"""Smallest thickness of the wall in outer radii."""
+
+NEEDLE = 20.0
+"""Largest ratio of a cell's length to its width through the wall."""
+
+THICKEST = 10.0
+"""Largest thickness of a plate in outer radii."""
+
+
+def check_bellows(bellows: Bellows) -> None:
+    """Check a bellows' parameters against each other.
+
+    Raises:
+        GeometryError: The first parameter found impossible, with its value and the limit.
+    """
+    _check_wall(bellows)
+    _check_rounding(bellows)
+    _check_size(bellows)
+    bellows.check_cells()
+
+
+def _check_wall(bellows: Bellows) -> None:
+    wall, pitch = bellows.wall, bellows.pitch
+    if bellows.outer_radius <= bellows.inner_radius:
+        raise GeometryError(
+            f"outer_radius is {shown(bellows.outer_radius, 'm')}; it must be larger than inner_radius, "
+            f"{shown(bellows.inner_radius, 'm')}"
+        )
+    if wall < THINNEST * bellows.outer_radius:
+        raise GeometryError(
+            f"wall is {shown(wall, 'm')}; it must be at least {THINNEST:g} of outer_radius, "
+            f"{shown(bellows.outer_radius, 'm')}"
+        )
+    if wall > 0.45 * pitch:
+        raise GeometryError(
+            f"wall is {shown(wall, 'm')}; the flanks are half a pitch apart, and 0.45 times pitch, {shown(pitch, 'm')}, is the "
+            "most that leaves air between them"
+        )
+    if bellows.cap > THICKEST * bellows.outer_radius:
+        raise GeometryError(
+            f"cap is {shown(bellows.cap, 'm')}; more than {THICKEST:g} times outer_radius, "
+            f"{shown(bellows.outer_radius, 'm')}, looks like a mistaken unit"
+        )
+
+
+def _check_rounding(bellows: Bellows) -> None:
+    bend, quarter = bellows.bend, 0.25 * bellows.pitch
+    least = 0.5 * bellows.wall + SHORTEST
+    if bend < least * (1 - ROUNDING):
+        raise GeometryError(
+            f"rounding is {shown(bend, 'm')}; in the middle of a wall of {shown(bellows.wall, 'm')} it must be at least "
+            f"{shown(least, 'm')}"
+        )
+    if bend > quarter * (1 + ROUNDING):
+        raise GeometryError(
+            f"rounding is {shown(bend, 'm')}; it must not pass a quarter of pitch, {shown(quarter, 'm')}, with which roots "
+            "and crests are half circles"
+        )
+    depth = bellows.outer_radius - bellows.inner_radius - bellows.wall
+    if 2.0 * bend > depth * (1 + ROUNDING):
+        raise GeometryError(
+            f"rounding is {shown(bend, 'm')}; root and crest together need {shown(2 * bend, 'm')} between inner_radius and "
+            f"outer_radius, less the wall, and {shown(max(depth, 0.0), 'm')} are there"
+        )
+
+
+def _check_size(bellows: Bellows) -> None:
+    if max(bellows.height, bellows.outer_radius) > LONGEST:
+        raise GeometryError(
+            f"pitch is {shown(bellows.pitch, 'm')}; with {bellows.convolutions} convolutions the bellows passes {LONGEST:g} m, "
+            "which looks like a mistaken unit"
+        )
+    longest = min(NEEDLE * bellows.wall / max(bellows.through, 1.0), bellows.inner_radius)
+    if bellows.cell_size > longest:
+        raise GeometryError(
+            f"cell_size is {shown(bellows.cell_size, 'm')}; it must not pass {shown(longest, 'm')}: {NEEDLE:g} times a cell's "
+            "width through the wall, and inner_radius"
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The half section of a bellows: cross-sections of the wall one after the other, and panels between neighbours.
+
+
+NEAR = 1e-9
+"""Share of the pitch up to which a line has no length."""
+
+
+class Cut(NamedTuple):
+    """A cross-section of the wall.
+
+    Attributes:
+        inside: Its end at the air.
+        outside: Its end outside.
+        centre: Of the arcs that lead to it from the one before; None where lines do.
+    """
+
+    inside: Place
+    outside: Place
+    centre: Place | None
+
+
+def lines(bellows: Bellows) -> dict[tuple[str, ...], float]:
+    """Lengths in m of the lines between arcs, upright at roots and crests and across in the flanks, by what they hang on."""
+    bend = "rounding" if bellows.rounding else "pitch"
+    depth = bellows.outer_radius - bellows.inner_radius - bellows.wall
+    found = {("outer_radius", "inner_radius", "wall", bend): depth - 2.0 * bellows.bend}
+    return found | ({("pitch", "rounding"): 0.25 * bellows.pitch - bellows.rounding} if bellows.rounding else {})
+
+
+def cuts(bellows: Bellows) -> list[Cut]:
+    """The wall's cross-sections from the lower plate to the upper one, where lines and arcs meet and in the crests' middle."""
+    half, turn, bend = 0.5 * bellows.wall, 0.25 * bellows.pitch, bellows.bend
+    root, crest = bellows.inner_radius + half, bellows.outer_radius - half
+    found: list[Cut] = []
+
+    def add(r: float, z: float, across: Place, centre: Place | None = None) -> None:
+        """A cross-section around (r, z); ``across`` is the unit vector from the air outwards."""
+        (x, y) = across
+        cut = Cut((r - half * x, z - half * y), (r + half * x, z + half * y), centre)
+        if not found or math.dist(cut.inside, found[-1].inside) > NEAR * bellows.pitch:
+            found.append(cut)
+
+    for k in range(bellows.convolutions):
+        low = bellows.cap + k * bellows.pitch
+        first, second, high = low + turn, low + 3.0 * turn, low + 4.0 * turn
+        out, up, down = (1.0, 0.0), (0.0, 1.0), (0.0, -1.0)
+        add(root, low, out)
+        add(root, first - bend, out)
+        add(root + bend, first, down, (root + bend, first - bend))
+        add(crest - bend, first, down)
+        add(crest, first + bend, out, (crest - bend, first + bend))
+        add(crest, 0.5 * (first + second), out)
+        add(crest, second - bend, out)
+        add(crest - bend, second, up, (crest - bend, second - bend))
+        add(root + bend, second, up)
+        add(root, second + bend, out, (root + bend, second + bend))
+        add(root, high, out)
+    return found
+
+
+def bellows_panels(bellows: Bellows) -> tuple[Panel, ...]:
+    """The half section; see `Bellows`."""
+    through = bellows.rows
+
+    def cells(length: float) -> int:
+        return max(1, math.ceil(length / bellows.cell_size - 1e-9))
+
+    def side(start: Place, end: Place, centre: Place | None, count: int, role: str) -> Side:
+        radius = math.dist(start, centre) if centre else 1.0
+        return Side(start, end, count, role, centre, (radius, radius))
+
+    wall = cuts(bellows)
+    panels = []
+    for a, b in itertools.pairwise(wall):
+        quarter = 0.5 * math.pi * bellows.bend if b.centre else 0.0
+        count = max(3, cells(quarter)) if b.centre else cells(math.dist(a.inside, b.inside))
+        low, high = Side(a.inside, a.outside, through), Side(b.outside, b.inside, through)
+        right, left = (side(*pair, b.centre, count, role) for pair, role in
+                       (((a.outside, b.outside), "outer"), ((b.inside, a.inside), "cavity")))  # fmt: skip
+        panels.append(Panel("solid", (low, right, high, left)))
+    return (*_plate(bellows, wall[0], 0.0, cells), *panels, *_plate(bellows, wall[-1], bellows.height, cells))
+
+
+def _plate(bellows: Bellows, cut: Cut, level: float, cells: Callable[[float], int]) -> Iterator[Panel]:
+    """A plate between a height outside and the wall's end: within the wall, and below or above it."""
+    (inner, floor), (outer, _) = cut.inside, cut.outside
+    upper = level > floor
+    low, high = min(level, floor), max(level, floor)
+    across, up, through = cells(inner), max(bellows.rows, cells(high - low)), bellows.rows
+    face, bonded = ("tip" if upper else "support"), ""
+    for left, right, count, inside, ends in (
+        (0.0, inner, across, "cavity", ("axis", "")),
+        (inner, outer, through, bonded, ("", "outer")),
+    ):
+        below, above = (inside, face) if upper else (face, inside)
+        a, b, c, d = (left, low), (right, low), (right, high), (left, high)
+        yield Panel("solid", (Side(a, b, count, below), Side(b, c, up, ends[1]), Side(c, d, count, above),
+                              Side(d, a, up, ends[0])))  # fmt: skip
 
 
 @register

@@ -19,22 +19,384 @@ rounded; what is above belongs to the cap.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Callable, Mapping
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Hold, Vector
-from geometries.carrying import carried_along
-from geometries.cylinder_checks import check_cylinder, expected_cells
-from geometries.cylinder_outline import check_alike, outline
-from geometries.fields import angle_field, choice_field, length_field
-from geometries.halved import Halved
-from geometries.parameters import parameter, parameter_names
+from geometries.actuator import (
+    Halved,
+    Hold,
+    Sectioned,
+    Vector,
+    parameter,
+    parameter_names,
+)
+from geometries.meshing import check_cell_count
 from geometries.registry import register
-from geometries.sectioned import Sectioned
+from geometries.revolved import Side, carried_along
+from softmodels.common.errors import GeometryError, MeshingError
+from softmodels.common.schema import (
+    LONGEST,
+    angle_field,
+    choice_field,
+    length_field,
+    shown,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Cylinders that cannot be: checked by name and value before the mesher starts; and how many cells to expect.
+
+
+MOST_CELLS = 5_000_000
+"""Meshes expected to be larger are refused: they are typing mistakes far more often than wishes."""
+
+SLIMMEST, FLATTEST = 200.0, 0.2
+"""Largest and smallest length of the cavity in outer radii."""
+
+THINNEST = 500.0
+"""Largest outer radius in walls; a thinner one is a membrane and needs cells as small."""
+
+THICKEST = 20.0
+"""Largest wall in inner radii, and cap in outer ones."""
+
+COARSEST = 10.0
+"""Largest ratio of the cell size to the wall or the cap; the size grades too steeply beyond it."""
+
+NARROWEST, WIDEST = 30.0, 330.0
+"""Least and largest angle of the strip in degrees: what is left of the circle on either side needs cells of its own."""
+
+WIDEST_PIECE = 90.0
+"""Largest angle in degrees turned at once: the CAD kernel leaves a seam in a full turn, and no vertex at its centre."""
+
+THROUGH = {2: 2, 3: 1}
+"""Cells through the wall and the cap, by dimension; they are quadratic."""
+
+ALONG_ARC = 2
+"""Cells along the fillet's quarter circle."""
+
+ACROSS_PIECE = 0.6
+"""Largest cell size in the wall, in arcs of the narrowest piece that the strip's edges cut out of it."""
+
+TRIANGLE, TETRAHEDRON = 0.43, 0.12
+"""Area and volume of a regular cell with edges of length 1."""
+
+
+def check_cylinder(device: Cylinder) -> None:
+    """Check a cylinder's parameters against each other.
+
+    Raises:
+        GeometryError: The first parameter found impossible, with its value and the limit.
+    """
+    _check_shape(device)
+    if device.section == "axisymmetric" and device.strip:
+        raise GeometryError(
+            f"strip is {shown(device.strip, 'degree')}; an axisymmetric section is the same all around, take section half"
+        )
+    if device.strip and not NARROWEST <= device.strip <= WIDEST:
+        raise GeometryError(
+            f"strip is {shown(device.strip, 'degree')}; it must be 0 (none) or lie between {NARROWEST:g} and {WIDEST:g} deg"
+        )
+    for part in ("wall", "cap"):
+        if device.cell_size > COARSEST * getattr(device, part):
+            raise GeometryError(
+                f"cell_size is {shown(device.cell_size, 'm')}; it must not pass {COARSEST:g} times {part}, "
+                f"{shown(getattr(device, part), 'm')}"
+            )
+    if device.cell_size > device.length:
+        raise GeometryError(
+            f"cell_size is {shown(device.cell_size, 'm')}; it must not pass length, {shown(device.length, 'm')}"
+        )
+    more = f" with wall {shown(device.wall, 'm')} and fillet {shown(device.fillet, 'm')}"
+    check_cell_count(device.cell_size, expected_cells(device), MOST_CELLS, more)
+
+
+def _check_shape(device: Cylinder) -> None:
+    radius, outer = device.inner_radius, device.outer_radius
+    if device.fillet >= radius:
+        raise GeometryError(
+            f"fillet is {shown(device.fillet, 'm')}; it must be smaller than inner_radius, {shown(radius, 'm')}"
+        )
+    if not FLATTEST * outer <= device.length <= SLIMMEST * outer:
+        raise GeometryError(
+            f"length is {shown(device.length, 'm')}; it must lie between {FLATTEST:g} and {SLIMMEST:g} times the outer radius, "
+            f"{shown(outer, 'm')}"
+        )
+    if device.fillet > 0.4 * device.length:
+        raise GeometryError(
+            f"fillet is {shown(device.fillet, 'm')}; it must not pass 0.4 times length, {shown(device.length, 'm')}"
+        )
+    if device.wall > THICKEST * radius:
+        raise GeometryError(
+            f"wall is {shown(device.wall, 'm')}; it must not pass {THICKEST:g} times inner_radius, {shown(radius, 'm')}"
+        )
+    if outer > THINNEST * device.wall:
+        raise GeometryError(
+            f"wall is {shown(device.wall, 'm')}; it must be at least 1/{THINNEST:g} of the outer radius, {shown(outer, 'm')}"
+        )
+    if device.cap > THICKEST * outer:
+        raise GeometryError(
+            f"cap is {shown(device.cap, 'm')}; it must not pass {THICKEST:g} times the outer radius, {shown(outer, 'm')}"
+        )
+    if max(outer, device.height) > LONGEST:
+        raise GeometryError(
+            f"length is {shown(device.length, 'm')}; with cap {shown(device.cap, 'm')} or wall {shown(device.wall, 'm')} the "
+            f"device passes {LONGEST:g} m, which looks like a mistaken unit"
+        )
+
+
+def azimuths(device: Cylinder, stripped: bool) -> list[float]:
+    """Azimuths in degrees between which a face is turned to make the solid.
+
+    They are the x axis, where probes are, the y axis, if points are held on it, and the strip's edges, if they are asked for.
+    """
+    marks = sorted({0.0, 180.0, *([0.5 * device.strip] if stripped else []), *([90.0] if device.anchors else [])})
+    half = [0.0]
+    for mark in marks[1:]:
+        pieces = math.ceil((mark - half[-1]) / WIDEST_PIECE)
+        half += [half[-1] + (mark - half[-1]) * k / pieces for k in range(1, pieces + 1)]
+    return half if device.section == "half" else [*half, *(360.0 - angle for angle in half[-2::-1])]
+
+
+def cell_sizes(device: Cylinder) -> tuple[float, float, float]:
+    """Cell sizes in m in the wall, in the cap and along the fillet."""
+    through = THROUGH[device.dimension]
+    wall, cap = (min(device.cell_size, part / through) for part in (device.wall, device.cap))
+    if device.stripped:  # cells as wide as a piece of the wall come out flat
+        narrowest = min(b - a for a, b in itertools.pairwise(azimuths(device, True)))
+        wall = min(wall, ACROSS_PIECE * math.radians(narrowest) * device.inner_radius)
+    arc = 0.5 * math.pi * device.fillet / ALONG_ARC if device.fillet else math.inf
+    return wall, cap, min(wall, cap, arc)
+
+
+def expected_cells(device: Cylinder) -> float:
+    """Return a rough number of cells (within a factor of about two), from the sizes alone."""
+    wall, cap, arc = cell_sizes(device)
+    radius, outer = device.inner_radius, device.outer_radius
+    if device.dimension == 2:
+        return (device.wall * device.length / wall**2 + outer * device.cap / cap**2 + 20.0) / TRIANGLE
+    share = math.pi if device.section == "whole" else 0.5 * math.pi
+    ring = 2.0 * radius * device.fillet**2 / arc**3 if device.fillet else 0.0
+    tube = (outer**2 - radius**2) * device.length / wall**3
+    return share * (tube + outer**2 * device.cap / cap**3 + ring) / TETRAHEDRON
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The closed tube's half profile as edges between corners, along which points are carried to another tube.
+
+
+CHOICES = ("section", "strip", "base", "end")
+"""Fields in which two tubes must agree for points to be carried from one to the other."""
+
+
+def outline(tube: Cylinder) -> list[Side]:
+    """The half profile in m, against the clock from the foot of the cavity's wall; without the axis below the ceiling."""
+    inner, outer, fillet = tube.inner_radius, tube.outer_radius, tube.fillet
+    straight, length, height = tube.straight, tube.length, tube.height
+    corner, root = (inner - fillet, length), (inner, straight)
+    arc = [Side(corner, root, 1, "cavity", (inner - fillet, straight), (fillet, fillet))] if fillet else []
+    return [
+        Side((inner, 0.0), (outer, 0.0), 1, "support"),
+        Side((outer, 0.0), (outer, 0.5 * length), 1, "outer"),
+        Side((outer, 0.5 * length), (outer, straight), 1, "outer"),
+        Side((outer, straight), (outer, height), 1, "side"),
+        Side((outer, height), (0.0, height), 1, "end"),
+        Side((0.0, height), (0.0, length), 1, "axis"),
+        Side((0.0, length), corner, 1, "cavity"),
+        *arc,
+        Side(root, (inner, 0.0), 1, "cavity"),
+    ]
+
+
+def check_alike(tube: Cylinder, other: Cylinder) -> None:
+    """Refuse tubes between which points cannot be carried.
+
+    Raises:
+        GeometryError: The first choice in which they differ, with both values.
+    """
+    for name in CHOICES:
+        here, there = getattr(tube, name), getattr(other, name)
+        if here != there:
+            raise GeometryError(f"{name} is {here} and {there}; points are carried between tubes of the same")
+    if (tube.fillet > 0.0) != (other.fillet > 0.0):
+        raise GeometryError(
+            "one fillet is 0 and the other is not; points of a rounded corner have no place on a sharp one"
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The closed tube in Gmsh: one profile of two faces, meshed flat or turned around the axis.
+
+
+GROWTH = 0.5
+"""Growth of the cell size per distance from the fillet and the cap."""
+
+Edges = list[tuple[int, str]]
+
+
+def build_section(device: Cylinder) -> None:
+    """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
+    import gmsh  # type: ignore[import-untyped]
+
+    (wall, cap), edges = _profile(device, lambda r, z: (r, z, 0.0))
+    gmsh.model.occ.synchronize()
+    roles: dict[str, list[int]] = defaultdict(list)
+    for tag, role in edges:
+        roles[role].append(tag)
+    _name(2, {"wall": [wall], "cap": [cap]})
+    _name(1, roles)
+    size = _size(device)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y))
+
+
+def build_solid(device: Cylinder) -> None:
+    """Fill the current Gmsh model with half of the tube (y > 0) or all of it (m)."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    (wall, cap), _ = _profile(device, lambda r, z: (r, 0.0, z))
+    volumes = []
+    # The strip's edges cut the wall alone: wedges of the cap would have needles for cells along the axis.
+    for face, cuts in ((wall, azimuths(device, device.stripped)), (cap, azimuths(device, False))):
+        for start, stop in itertools.pairwise(cuts):
+            copy = occ.copy([(2, face)])
+            occ.rotate(copy, 0, 0, 0, 0, 0, 1, math.radians(start))
+            turned = occ.revolve(copy, 0, 0, 0, 0, 0, 1, math.radians(stop - start))
+            volumes += [entity for entity in turned if entity[0] == 3]
+    occ.fragment(volumes[:1], volumes[1:])
+    occ.remove([(2, wall), (2, cap)], recursive=True)
+    occ.synchronize()
+    _name_solids(device)
+    _name_faces(device)
+    for role, place in device.anchors.items():
+        near = 1e-7 * device.outer_radius
+        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(_place(tag) - place).max() < near]
+        _name(0, {role: found})
+    size = _size(device)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
+
+
+def _profile(
+    device: Cylinder, at: Callable[[float, float], tuple[float, float, float]]
+) -> tuple[tuple[int, int], Edges]:
+    """Add the wall's and the cap's face; return their tags, and the edges on the boundary with their roles.
+
+    Args:
+        device: The tube.
+        at: Makes a point in space of radius and height.
+    """
+    import gmsh
+
+    occ = gmsh.model.occ
+    inner, outer, fillet = device.inner_radius, device.outer_radius, device.fillet
+    straight, length, height = device.straight, device.length, device.height
+
+    def point(r: float, z: float) -> int:
+        return int(occ.addPoint(*at(r, z)))
+
+    foot, toe, middle = point(inner, 0.0), point(outer, 0.0), point(outer, 0.5 * length)
+    shoulder, root = point(outer, straight), point(inner, straight)
+    rim, apex, ceiling = point(outer, height), point(0.0, height), point(0.0, length)
+    joint = occ.addLine(shoulder, root)
+    edges: Edges = [
+        (occ.addLine(foot, toe), "support"),
+        (occ.addLine(toe, middle), "outer"),
+        (occ.addLine(middle, shoulder), "outer"),
+        (occ.addLine(root, foot), "cavity"),
+    ]
+    wall = occ.addPlaneSurface([occ.addCurveLoop([*(tag for tag, _ in edges[:3]), joint, edges[3][0]])])
+    upper: Edges = [
+        (occ.addLine(shoulder, rim), "side"),
+        (occ.addLine(rim, apex), "end"),
+        (occ.addLine(apex, ceiling), "axis"),
+    ]
+    corner = root
+    if fillet:
+        corner, centre = point(inner - fillet, length), point(inner - fillet, straight)
+        arc = [(occ.addCircleArc(corner, centre, root), "cavity")]
+        occ.remove([(0, centre)])
+    else:
+        arc = []
+    upper += [(occ.addLine(ceiling, corner), "cavity"), *arc]
+    cap = occ.addPlaneSurface([occ.addCurveLoop([-joint, *(tag for tag, _ in upper)])])
+    return (wall, cap), [*edges, *upper]
+
+
+def _size(device: Cylinder) -> Callable[[float, float], float]:
+    """Return the cell size in m as a function of radius and height in m."""
+    wall, cap, arc = cell_sizes(device)
+    ring = (device.inner_radius - 0.3 * device.fillet, device.length - 0.3 * device.fillet)
+
+    def size(r: float, z: float) -> float:
+        above = max(0.0, z - device.straight)
+        return min(
+            wall + GROWTH * above,
+            cap + GROWTH * max(0.0, device.length - z),
+            arc + GROWTH * max(0.0, math.hypot(r - ring[0], z - ring[1]) - device.fillet),
+        )
+
+    return size
+
+
+def _name_solids(device: Cylinder) -> None:
+    import gmsh
+
+    regions: dict[str, list[int]] = defaultdict(list)
+    for _, tag in gmsh.model.getEntities(3):
+        above = gmsh.model.occ.getCenterOfMass(3, tag)[2] > device.straight
+        regions["cap" if above else "wall"].append(tag)
+    _name(3, regions)
+
+
+def _name_faces(device: Cylinder) -> None:
+    """Give every face on the boundary of the solid one role; faces between pieces get none."""
+    import gmsh
+
+    roles: dict[str, list[int]] = defaultdict(list)
+    for _, tag in gmsh.model.getEntities(2):
+        if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
+            roles[_role(device, tag)].append(tag)
+    _name(2, roles)
+
+
+def _role(device: Cylinder, tag: int) -> str:
+    """Return the role of a face from where its corners and its centre of mass are."""
+    import gmsh
+
+    near = 1e-7 * device.outer_radius
+    corners = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
+    x, y, z = np.array([_place(point) for _, point in corners]).T
+    centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
+    if device.section == "half" and max(np.abs(y).max(), abs(centre[1])) < near:
+        return "plane0"
+    for role, height in (("support", 0.0), ("end", device.height)):
+        if np.abs(z - height).max() < near:
+            return role
+    if np.abs(np.hypot(x, y) - device.outer_radius).max() > near:
+        return "cavity"
+    if centre[2] > device.straight:
+        return "side"
+    azimuth = math.degrees(math.atan2(centre[1], centre[0]))
+    return "strip" if device.stripped and abs(azimuth) < 0.5 * device.strip else "outer"
+
+
+def _place(tag: int) -> np.ndarray:
+    import gmsh
+
+    return np.array(gmsh.model.getValue(0, tag, []))
+
+
+def _name(dimension: int, roles: dict[str, list[int]]) -> None:
+    import gmsh
+
+    for role, tags in roles.items():
+        if not tags:
+            raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
+        gmsh.model.addPhysicalGroup(dimension, tags, name=role)
 
 
 @register
@@ -236,6 +598,5 @@ class Cylinder(Sectioned, Halved):
         return (np.abs(y) < near) & (side | (top & (x > -near)))
 
     def build(self) -> None:
-        from geometries.cylinder_shape import build_section, build_solid
 
         build_section(self) if self.dimension == 2 else build_solid(self)

@@ -19,23 +19,708 @@ sharp corner is unbounded, and a finer mesh then only ever shows more of it.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
-from collections.abc import Mapping
-from typing import ClassVar, Self
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from typing import (
+    TYPE_CHECKING,
+    ClassVar,
+    NamedTuple,
+    Self,
+)
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from geometries.actuator import CutPlane, Hold, Vector
-from geometries.disk_cells import expected_cells
-from geometries.disk_checks import check_disk, clearances
-from geometries.disk_outline import carried
-from geometries.fields import angle_field, choice_field, length_field, list_field, number_field
-from geometries.membrane_profile import MembraneTop
-from geometries.parameters import parameter_names
-from geometries.parting import Parting
+from geometries.actuator import (
+    CutPlane,
+    Hold,
+    Parting,
+    Vector,
+    Wedged,
+    parameter_names,
+)
+from geometries.meshing import check_cell_count
 from geometries.registry import register
-from geometries.sectioned import Wedged
+from geometries.revolved import carried_along
+from softmodels.common.arrays import Array
+from softmodels.common.errors import GeometryError, MeshingError
+from softmodels.common.schema import (
+    LONGEST,
+    ROUNDING,
+    SHORTEST,
+    angle_field,
+    choice_field,
+    length_field,
+    list_field,
+    number_field,
+    shown,
+)
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How large the cells of a hollow disk are, and how many of them to expect.
+#
+# Three rules give the size at a point: never above the disk's cell size; two cells or more through the membrane, the base
+# and the wall, however large the cell size; smaller at the membrane's root and along fillets, where the stress
+# peaks. Away from a thin part or a root the size grows linearly with distance, so neighbours stay alike.
+
+
+THROUGH = 2
+"""Cells through the thickness of each part."""
+
+GROWTH = 0.5
+"""Growth of the cell size per distance."""
+
+ALONG_ARC = 2
+"""Cells along the fillet's quarter circle; two curved ones follow it within a thousandth of its radius."""
+
+TURN = 1.0
+"""Angle in radians by which a curved top may turn along a cell's edge, unless that takes more than `FINEST` of them."""
+
+FINEST = 3
+"""Most edges between two entries of a profile that the top's curvature asks for."""
+
+SAMPLES = 257
+"""Radii at which the size in a membrane of varying thickness is known; straight lines between them."""
+
+TRIANGLE, TETRAHEDRON = 0.43, 0.12
+"""Area and volume of a regular cell with edges of length 1."""
+
+
+def part_size(disk: HollowDisk, part: str) -> float:
+    """Return the cell size in m inside "membrane" (at its root), "base" or "wall"."""
+    thickness: float = disk.height - disk.ceiling if part == "membrane" and disk.profile else getattr(disk, part)
+    return min(disk.cell_size, thickness / THROUGH)
+
+
+def membrane_sizes(disk: HollowDisk) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return radii from the axis to the cavity's edge and the cell size in the membrane there, in m.
+
+    There are `THROUGH` cells through the thickness, none longer than the distance of a profile's entries or turning by more
+    than `TURN`, and the size grows no faster than `GROWTH` along the radius.
+    """
+    radii = np.linspace(0.0, disk.cavity_radius, SAMPLES)
+    apart = disk.cavity_radius / max(len(disk.profile) - 1, 1)
+    longest = min(disk.cell_size, apart)
+    top = disk.membrane_top
+    turning = np.clip(TURN / np.maximum(top.curvature(radii), TURN / longest), min(apart / FINEST, longest), None)
+    sizes = np.minimum(turning, top.thickness(radii) / THROUGH)
+    return radii, (sizes + GROWTH * np.abs(radii[:, None] - radii)).min(axis=1)
+
+
+def roots(disk: HollowDisk) -> list[tuple[float, float, float]]:
+    """Return the places with small cells as (height, cell size, distance within which cells have that size), in m.
+
+    They are rings at the cavity's radius: the membrane's root, and the edge of the floor if it is rounded.
+    """
+    size = min(disk.cell_size / disk.refinement, part_size(disk, "membrane"), part_size(disk, "wall"))
+    upper = min(size, _arc_size(disk.fillet)) if disk.fillet > 0.0 else size
+    found = [(disk.ceiling, upper, disk.fillet + upper)]
+    if disk.base_fillet > 0.0:
+        lower = min(disk.cell_size, part_size(disk, "wall"), _arc_size(disk.base_fillet))
+        found.append((disk.base, lower, disk.base_fillet + lower))
+    return found
+
+
+def _arc_size(fillet: float) -> float:
+    return 0.5 * math.pi * fillet / ALONG_ARC
+
+
+def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
+    """Return the cell size in m as a function of radius and height in m."""
+    radius, floor, ceiling, far = disk.cavity_radius, disk.base, disk.ceiling, disk.cell_size
+    root, base, wall = (part_size(disk, part) for part in ("membrane", "base", "wall"))
+    rings = roots(disk)
+    radii, sizes = membrane_sizes(disk)
+
+    def size(r: float, z: float) -> float:
+        membrane = float(np.interp(r, radii, sizes)) if disk.profile else root
+        return min(
+            far,
+            membrane + GROWTH * max(0.0, ceiling - z, r - radius),
+            base + GROWTH * max(0.0, z - floor),
+            wall + GROWTH * max(0.0, radius - r, floor - z),
+            *(cell + GROWTH * max(0.0, math.hypot(r - radius, z - height) - core) for height, cell, core in rings),
+        )
+
+    return size
+
+
+def expected_cells(disk: HollowDisk) -> float:
+    """Return a rough number of cells (within a factor of about two), from the sizes alone."""
+    radius, outer = disk.cavity_radius, disk.outer_radius
+    upper = disk.height - disk.base
+    if disk.profile:
+        radii, sizes = membrane_sizes(disk)
+        thickness = disk.membrane_top.thickness(radii)
+        around = 2.0 * math.pi * radii if disk.dimension == 3 else 1.0
+        membrane = float(np.trapezoid(around * thickness / sizes**disk.dimension, radii))
+    else:
+        space = math.pi * radius**2 if disk.dimension == 3 else radius
+        membrane = space * disk.membrane / part_size(disk, "membrane") ** disk.dimension
+    if disk.dimension == 2:
+        areas = {"base": outer * disk.base, "wall": disk.wall * upper}
+        # Three quarters of a disk around each root, then rings of growing cells.
+        rings = sum(
+            1.5 * math.pi * (0.5 * (core / cell) ** 2 + math.log(max(disk.cell_size / cell, 1.0)) / GROWTH**2)
+            for _, cell, core in roots(disk)
+        )
+        return (rings + membrane + sum(area / part_size(disk, part) ** 2 for part, area in areas.items())) / TRIANGLE
+    share = disk.angle / 360.0
+    volumes = {
+        "base": math.pi * outer**2 * disk.base,
+        "wall": math.pi * (outer**2 - radius**2) * upper,
+    }
+    bulk = membrane + sum(volume / part_size(disk, part) ** 3 for part, volume in volumes.items())
+    ring = sum(
+        2.0 * math.pi * radius * 1.5 * math.pi * (0.5 * core**2 / cell**3 + 0.5 / (GROWTH**2 * cell))
+        for _, cell, core in roots(disk)
+    )
+    return share * (bulk + ring) / TETRAHEDRON
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Hollow disks that cannot be: checked by name and value before the mesher starts.
+
+
+MOST_CELLS = 5_000_000
+"""Meshes expected to be larger are refused: they are typing mistakes far more often than wishes."""
+
+TALLEST = 5.0
+"""Largest thickness of membrane, base or cavity in radii of the disk."""
+
+NARROWEST = 5.0
+"""Smallest angle in degrees; a thinner wedge has needles for cells along the axis."""
+
+COARSEST = 10.0
+"""Largest ratio of the cell size to the thinnest part; the size grades too steeply beyond it."""
+
+FEWEST, MOST = 2, 12
+"""Entries of a membrane's profile."""
+
+LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0
+"""Smallest and largest entry of a membrane's profile."""
+
+PARTS = ("", "a quarter of the way", "half way", "three quarters of the way")
+"""Of the way from an entry of a membrane's profile to the next, where its thickness is a clearance."""
+
+
+def check_disk(disk: HollowDisk) -> None:
+    """Check a disk's parameters against each other.
+
+    Raises:
+        GeometryError: The first parameter found impossible, with its value and the limit.
+    """
+    _check_profile(disk)
+    _check_shape(disk)
+    if disk.dimension == 3:
+        _check_slice(disk)
+    _check_cells(disk)
+
+
+def _check_profile(disk: HollowDisk) -> None:
+    if disk.profile and not FEWEST <= len(disk.profile) <= MOST:
+        raise GeometryError(
+            f"profile has {len(disk.profile)} {'entry' if len(disk.profile) == 1 else 'entries'}; it takes {FEWEST} to "
+            f"{MOST}, from the axis to the cavity's edge, or none for a uniform membrane"
+        )
+    for k, share in enumerate(disk.profile):
+        if not LEAST_SHARE * (1 - ROUNDING) <= share <= LARGEST_SHARE * (1 + ROUNDING):
+            raise GeometryError(
+                f"profile[{k + 1}] is {share:g}; it must lie between {LEAST_SHARE:g} and {LARGEST_SHARE:g} times membrane"
+            )
+    thinnest, _ = disk.membrane_top.extremes
+    if thinnest < SHORTEST * (1 - ROUNDING):
+        listed = ", ".join(f"{share:g}" for share in disk.profile)
+        raise GeometryError(
+            f"profile is {listed}; the smooth line through them leaves a membrane of {shown(max(thinnest, 0.0), 'm')} at its "
+            f"thinnest, and {shown(SHORTEST, 'm')} is the least: let neighbours differ less"
+        )
+
+
+def _check_shape(disk: HollowDisk) -> None:
+    for fillet in ("fillet", "base_fillet"):
+        for name in ("cavity_height", "cavity_radius"):
+            radius, limit = getattr(disk, fillet), getattr(disk, name)
+            if radius >= limit:
+                raise GeometryError(
+                    f"{fillet} is {shown(radius, 'm')}; it must be smaller than {name}, {shown(limit, 'm')}"
+                )
+    if disk.fillet + disk.base_fillet >= disk.cavity_height:
+        raise GeometryError(
+            f"fillet is {shown(disk.fillet, 'm')}; with base_fillet {shown(disk.base_fillet, 'm')} it leaves nothing of "
+            f"cavity_height, {shown(disk.cavity_height, 'm')}"
+        )
+    sizes = {"membrane": disk.membrane_top.extremes[1], "base": disk.base, "cavity_height": disk.cavity_height}
+    for part, length in sizes.items():
+        if length > TALLEST * disk.outer_radius:
+            raise GeometryError(
+                f"{part} is {shown(length, 'm')}; more than {TALLEST:g} times the disk's radius, "
+                f"{shown(disk.outer_radius, 'm')}, is no disk and looks like a mistaken unit"
+            )
+    if disk.outer_radius > LONGEST:
+        raise GeometryError(
+            f"wall is {shown(disk.wall, 'm')}; with cavity_radius {shown(disk.cavity_radius, 'm')} the disk's radius "
+            f"passes {LONGEST:g} m, which looks like a mistaken unit"
+        )
+
+
+def _check_slice(disk: HollowDisk) -> None:
+    # Checked before anything divides by the angle.
+    if not NARROWEST <= disk.angle <= 360.0:
+        raise GeometryError(f"angle is {shown(disk.angle, 'degree')}; it must lie between {NARROWEST:g} and 360 deg")
+    turns = 360.0 / disk.angle
+    if abs(turns - round(turns)) > 1e-9 * turns:
+        raise GeometryError(
+            f"angle is {shown(disk.angle, 'degree')}; it must divide 360 deg evenly, such as 30, 45, 90, 180 or 360 deg"
+        )
+    if abs(disk.azimuth) > 360.0:
+        raise GeometryError(f"azimuth is {shown(disk.azimuth, 'degree')}; it must lie between -360 and 360 deg")
+
+
+def _check_cells(disk: HollowDisk) -> None:
+    if disk.refinement < 1.0:
+        raise GeometryError(f"refinement is {disk.refinement:g}; it must be 1 (none) or more")
+    if disk.cell_size > disk.cavity_radius:
+        raise GeometryError(
+            f"cell_size is {shown(disk.cell_size, 'm')}; it must not pass cavity_radius, "
+            f"{shown(disk.cavity_radius, 'm')}"
+        )
+    sizes = {"membrane": disk.membrane_top.extremes[0], "base": disk.base, "wall": disk.wall}
+    for part, length in sizes.items():
+        if disk.cell_size > COARSEST * length:
+            raise GeometryError(
+                f"cell_size is {shown(disk.cell_size, 'm')}; it must not pass {COARSEST:g} times {part}, "
+                f"{shown(length, 'm')}"
+            )
+    more = f" with refinement {disk.refinement:g} and fillet {shown(disk.fillet, 'm')}"
+    check_cell_count(disk.cell_size, expected_cells(disk), MOST_CELLS, more)
+
+
+def clearances(disk: HollowDisk) -> dict[str, float]:
+    """Dimensions in m that have a least value; see `geometries.Actuator.clearances`.
+
+    A membrane with a profile has one at each entry and three between neighbours, where the smooth line may dip. Where they
+    are a fifth of the membrane or more, none of thousands of random profiles dipped to zero anywhere.
+    """
+    found = {"base": disk.base, "wall": disk.wall, "height of the cavity": disk.cavity_height}
+    return (
+        found
+        | _membrane_clearances(disk)
+        | {
+            "straight part of the cavity's side": disk.cavity_height - disk.fillet - disk.base_fillet,
+            "flat part of the cavity's ceiling": disk.cavity_radius - disk.fillet,
+            "flat part of the cavity's floor": disk.cavity_radius - disk.base_fillet,
+        }
+    )
+
+
+def _membrane_clearances(disk: HollowDisk) -> dict[str, float]:
+    if not disk.profile:
+        return {"membrane": disk.membrane}
+    gaps = len(disk.profile) - 1
+    thickness = disk.membrane_top.thickness(disk.cavity_radius * np.linspace(0.0, 1.0, len(PARTS) * gaps + 1))
+    names = [f"membrane at entry {k} of profile" for k in range(1, gaps + 2)]
+    between = [
+        f"membrane {part} from entry {k} to entry {k + 1} of profile" for k in range(1, gaps + 1) for part in PARTS[1:]
+    ]
+    inner = np.delete(thickness, np.s_[:: len(PARTS)])
+    return dict(zip([*names, *between], [*thickness[:: len(PARTS)].tolist(), *inner.tolist()], strict=True))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A membrane whose thickness varies along the radius: one cubic spline from the axis to the cavity's edge.
+#
+# Its values are given at equally spaced radii, in shares of the disk's `membrane`; its slope is zero on the axis, where the top
+# would have a tip, and at the cavity's edge, beyond which the thickness stays. The spline is linear in its values.
+
+
+@functools.lru_cache(maxsize=256)
+def _spline(shares: tuple[float, ...]) -> PPoly:
+    """Shares of the thickness over shares of the radius, from 0 to 1."""
+    from scipy.interpolate import CubicSpline
+
+    return CubicSpline(np.linspace(0.0, 1.0, len(shares)), shares, bc_type="clamped")
+
+
+@dataclasses.dataclass(frozen=True)
+class MembraneTop:
+    """The top face of a membrane over a flat ceiling, as height over radius.
+
+    Attributes:
+        radius: Of the cavity in m, where the spline ends.
+        ceiling: Height of the membrane's lower face in m.
+        membrane: Thickness in m that the shares are of.
+        shares: Thickness at equally spaced radii from the axis to the cavity's edge, in shares of ``membrane``; two or more,
+            or one for a flat top.
+    """
+
+    radius: float
+    ceiling: float
+    membrane: float
+    shares: tuple[float, ...]
+
+    def thickness(self, radii: ArrayLike) -> Array:
+        """Thickness in m at radii in m; beyond the cavity's edge that of the edge."""
+        within = np.clip(np.abs(radii) / self.radius, 0.0, 1.0)
+        if len(self.shares) == 1:
+            return np.full_like(within, self.membrane * self.shares[0])
+        return np.asarray(self.membrane * _spline(self.shares)(within))
+
+    def height(self, radii: ArrayLike) -> Array:
+        """Height of the top face in m at radii in m."""
+        return self.ceiling + self.thickness(radii)
+
+    def curvature(self, radii: ArrayLike) -> Array:
+        """Curvature in 1/m of the top's line at radii in m up to the cavity's edge, either way counted positive."""
+        within = np.asarray(radii) / self.radius
+        if len(self.shares) == 1:
+            return np.zeros_like(within)
+        slope, bend = (self.membrane * _spline(self.shares)(within, k) / self.radius**k for k in (1, 2))
+        return np.asarray(np.abs(bend) / (1.0 + slope**2) ** 1.5)
+
+    @property
+    def extremes(self) -> tuple[float, float]:
+        """Smallest and largest thickness in m, between the given radii too."""
+        if len(self.shares) == 1:
+            return self.membrane * self.shares[0], self.membrane * self.shares[0]
+        turns = _spline(self.shares).derivative().roots(extrapolate=False)
+        values = [*self.shares, *_spline(self.shares)(turns[np.isfinite(turns)])]
+        return self.membrane * float(min(values)), self.membrane * float(max(values))
+
+    @property
+    def volume(self) -> float:
+        """Volume in m3 of the membrane above the cavity, turned around the axis: 2 pi times the integral of t r dr."""
+        if len(self.shares) == 1:
+            return math.pi * self.radius**2 * self.membrane * self.shares[0]
+        spline = _spline(self.shares)
+        total = 0.0
+        for start, width, cubic in zip(spline.x[:-1], np.diff(spline.x), spline.c.T, strict=True):
+            # cubic[k] belongs to (s - start)^(3 - k).
+            powers = 3 - np.arange(4)
+            total += float(np.sum(cubic * width ** (powers + 1) * (start / (powers + 1) + width / (powers + 2))))
+        return 2.0 * math.pi * self.radius**2 * self.membrane * total
+
+    def pieces(self) -> list[Array]:
+        """The same curve as cubic Bezier pieces between the given radii, from the cavity's edge to the axis.
+
+        Pieces, because the CAD kernel integrates over one polynomial exactly and over a spline of several it does not (0.1 %).
+
+        Returns:
+            Control points (radius, height) in m of each piece, shape (4, 2), whose radii are equally spaced.
+        """
+        from scipy.interpolate import BPoly, PPoly
+
+        spline = _spline(self.shares)
+        shares = BPoly.from_power_basis(PPoly(spline.c, spline.x)).c
+        shares[0], shares[-1] = self.shares[:-1], self.shares[1:]  # to the last bit, for neighbours to meet
+        radii = self.radius * np.linspace(spline.x[:-1], spline.x[1:], 4)
+        points = np.stack([radii, self.ceiling + self.membrane * shares], axis=-1)
+        return [points[::-1, k] for k in reversed(range(points.shape[1]))]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The hollow disk's half profile: a closed outline of lines, arcs and the membrane's top, and where its points go on another.
+#
+# A point of the outline is known by its edge and by how far along the edge it is: a share of the length, of the angle on arcs,
+# of the radius on a curved top. The point with the same share of the same edge of another disk is linear in the lengths.
+
+
+Place = tuple[float, float]
+
+CHOICES = ("section", "angle", "azimuth", "support")
+"""Fields in which two disks must agree for points to be carried from one to the other."""
+
+
+class OutlineEdge(NamedTuple):
+    """An edge of the half profile from ``start`` to ``end`` in (radius, height).
+
+    It is straight, or an arc of less than a half circle round ``centre``, or a piece of a curved top: the cubic Bezier curve
+    of the control points ``start``, ``inner`` and ``end``, whose radii are equally spaced.
+    """
+
+    role: str
+    start: Place
+    end: Place
+    centre: Place | None = None
+    inner: tuple[Place, Place] | None = None
+
+    def places(self, shares: Array) -> Array:
+        """Points (n, 2) in m at shares (n,) of the edge."""
+        start, end = np.array(self.start), np.array(self.end)
+        if self.inner is not None:
+            t = shares[:, None]
+            first, second = np.array(self.inner)
+            return (1 - t) ** 3 * start + 3 * (1 - t) ** 2 * t * first + 3 * (1 - t) * t**2 * second + t**3 * end
+        if self.centre is None:
+            return start + shares[:, None] * (end - start)
+        angles = self._begin + shares * self._turn
+        radius = np.linalg.norm(start - self.centre)
+        return np.array(self.centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+
+    def shares(self, points: Array) -> Array:
+        """Shares (n,) of the edge at which points (n, 2) on it are, those of points beyond an end being 0 or 1."""
+        start, end = np.array(self.start), np.array(self.end)
+        if self.inner is not None:
+            found = (points[:, 0] - start[0]) / (end[0] - start[0])
+        elif self.centre is None:
+            found = (points - start) @ (end - start) / ((end - start) @ (end - start))
+        else:
+            x, y = (points - self.centre).T
+            found = _wrapped(np.arctan2(y, x) - self._begin) / self._turn
+        return np.clip(found, 0.0, 1.0)
+
+    @property
+    def _begin(self) -> float:
+        """Angle of an arc's start."""
+        assert self.centre is not None
+        return float(np.arctan2(self.start[1] - self.centre[1], self.start[0] - self.centre[0]))
+
+    @property
+    def _turn(self) -> float:
+        """Angle of an arc."""
+        assert self.centre is not None
+        end = np.arctan2(self.end[1] - self.centre[1], self.end[0] - self.centre[0])
+        return float(_wrapped(end - self._begin))
+
+
+def _wrapped(angles: Array) -> Array:
+    """Angles between -pi and pi."""
+    return (angles + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def outline(disk: HollowDisk) -> list[OutlineEdge]:
+    """Return the closed half profile in m, counted against the clock from the bottom centre."""
+    inner, outer, fillet, lower = disk.cavity_radius, disk.outer_radius, disk.fillet, disk.base_fillet
+    floor, ceiling, top, apex = disk.base, disk.ceiling, disk.height, disk.probes["apex"][2]
+    arc = [
+        OutlineEdge("cavity", (inner - fillet, ceiling), (inner, ceiling - fillet), (inner - fillet, ceiling - fillet))
+    ]
+    foot = [OutlineEdge("cavity", (inner, floor + lower), (inner - lower, floor), (inner - lower, floor + lower))]
+    flat = [OutlineEdge("top", (outer, top), (0.0, top))]
+    arch = [OutlineEdge("top", (outer, top), (inner, top)), *_curved(disk.membrane_top)] if disk.profile else []
+    return [
+        OutlineEdge("support" if disk.support == "base" else "outer", (0.0, 0.0), (outer, 0.0)),
+        OutlineEdge("outer", (outer, 0.0), (outer, top)),
+        *(arch or flat),
+        OutlineEdge("axis", (0.0, apex), (0.0, ceiling)),
+        OutlineEdge("cavity", (0.0, ceiling), (inner - fillet, ceiling)),
+        *(arc if fillet > 0.0 else []),
+        OutlineEdge("cavity", (inner, ceiling - fillet), (inner, floor + lower)),
+        *(foot if lower > 0.0 else []),
+        OutlineEdge("cavity", (inner - lower, floor), (0.0, floor)),
+        OutlineEdge("axis", (0.0, floor), (0.0, 0.0)),
+    ]
+
+
+def _curved(top: MembraneTop) -> list[OutlineEdge]:
+    """The membrane's top from the cavity's edge to the axis."""
+    found = []
+    for points in top.pieces():
+        start, first, second, end = ((float(r), float(z)) for r, z in points)
+        found.append(OutlineEdge("top", start, end, inner=(first, second)))
+    return found
+
+
+def carried(disk: HollowDisk, other: HollowDisk, points: Array) -> Array:
+    """Where points on a disk's boundary lie on another disk; see `geometries.Actuator.carried`."""
+    _check_alike(disk, other)
+    return carried_along(outline(disk), outline(other), points, disk.outer_radius)
+
+
+def _check_alike(disk: HollowDisk, other: HollowDisk) -> None:
+    if type(other) is not type(disk):
+        raise GeometryError(f"points of {type(disk).__name__} cannot be carried to {type(other).__name__}")
+    for name in CHOICES[:1] + CHOICES[3:] if disk.dimension == 2 else CHOICES:
+        if getattr(disk, name) != getattr(other, name):
+            raise GeometryError(
+                f"{name} is {getattr(disk, name)} and {getattr(other, name)}; points are carried between disks of the same"
+            )
+    for name in ("fillet", "base_fillet"):
+        if (getattr(disk, name) > 0.0) != (getattr(other, name) > 0.0):
+            raise GeometryError(
+                f"{name} is {shown(getattr(disk, name), 'm')} and {shown(getattr(other, name), 'm')}; points of a rounded "
+                "corner have no place on a sharp one"
+            )
+    if len(disk.profile) != len(other.profile):
+        raise GeometryError(
+            f"profile has {len(disk.profile)} and {len(other.profile)} entries; points are carried between equal numbers"
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The hollow disk in Gmsh: one outline, meshed flat or turned around the axis.
+
+
+WIDEST_PIECE = 90.0
+"""Largest angle in degrees turned at once: the CAD kernel leaves a seam in a full turn, and no vertex at its centre."""
+
+
+MM = 1e3
+"""Millimetres in one metre."""
+
+
+def build_profile(disk: HollowDisk) -> None:
+    """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
+    import gmsh  # type: ignore[import-untyped]
+
+    face, curves, points = _face(disk, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    gmsh.model.occ.synchronize()
+    _name(2, [face], "solid")
+    for role, tags in curves.items():
+        _name(1, tags, role)
+    if disk.support == "rim":
+        _name(0, [points[disk.outer_radius, 0.0]], "support")
+    size = size_function(disk)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y))
+
+
+def build_wedge(disk: HollowDisk) -> None:
+    """Fill the current Gmsh model with the slice from the azimuth to azimuth + angle (m)."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    face, _, _ = _face(disk, disk.radial, disk.lift)
+    pieces = math.ceil(disk.angle / WIDEST_PIECE - 1e-9)
+    volumes = []
+    for _ in range(pieces):
+        turned = occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, math.radians(disk.angle / pieces))
+        face = turned[0][1]
+        volumes += [entity for entity in turned if entity[0] == 3]
+    if pieces > 1:
+        volumes = [entity for entity in occ.fragment(volumes[:1], volumes[1:])[0] if entity[0] == 3]
+    occ.synchronize()
+    _name(3, [tag for _, tag in volumes], "solid")
+    _name_surfaces(disk)
+    if disk.support == "rim":
+        _name_rim(disk)
+    size = size_function(disk)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
+
+
+def build_full_turn(disk: HollowDisk) -> None:
+    """Fill the current Gmsh model with the whole disk in mm, one solid."""
+    import gmsh
+
+    face, _, _ = _face(disk, (MM, 0.0, 0.0), (0.0, 0.0, MM))
+    gmsh.model.occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, 2.0 * math.pi)
+    gmsh.model.occ.remove([(2, face)], recursive=True)
+    gmsh.model.occ.synchronize()
+
+
+def _face(
+    disk: HollowDisk, right: tuple[float, float, float], up: tuple[float, float, float]
+) -> tuple[int, dict[str, list[int]], dict[Place, int]]:
+    """Add the half profile in the plane of two vectors of a metre each; return its tag, curves by role and corners."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    points: dict[Place, int] = {}
+
+    def corner(place: Place) -> int:
+        if place not in points:
+            points[place] = occ.addPoint(*(place[0] * a + place[1] * b for a, b in zip(right, up, strict=True)))
+        return points[place]
+
+    def curve(edge: OutlineEdge) -> int:
+        if edge.inner is not None:
+            helpers.extend(edge.inner)
+            return int(occ.addBezier([corner(place) for place in (edge.start, *edge.inner, edge.end)]))
+        if edge.centre is not None:
+            helpers.append(edge.centre)
+            return int(occ.addCircleArc(corner(edge.start), corner(edge.centre), corner(edge.end)))
+        return int(occ.addLine(corner(edge.start), corner(edge.end)))
+
+    curves: dict[str, list[int]] = defaultdict(list)
+    helpers: list[Place] = []
+    loop = []
+    for edge in outline(disk):
+        loop.append(curve(edge))
+        curves[edge.role].append(loop[-1])
+    face = occ.addPlaneSurface([occ.addCurveLoop(loop)])
+    # Centres of fillets and the like would otherwise stay as lone nodes of the mesh.
+    occ.remove([(0, points[place]) for place in helpers])
+    return face, curves, points
+
+
+def _name_surfaces(disk: HollowDisk) -> None:
+    """Give every face on the boundary of the solid one role; faces between pieces get none."""
+    import gmsh
+
+    roles: dict[str, list[int]] = defaultdict(list)
+    for _, tag in gmsh.model.getEntities(2):
+        if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
+            roles[_surface_role(disk, tag)].append(tag)
+    for role, tags in roles.items():
+        _name(2, tags, role)
+
+
+def _surface_role(disk: HollowDisk, tag: int) -> str:
+    """Return the role of a face from where its corners and its centre of mass are."""
+    import gmsh
+
+    near = 1e-8 * disk.outer_radius
+    centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
+    corners = _corners(2, tag)
+    for plane, outward in zip(disk.cut_planes, (1.0, -1.0), strict=False):
+        normal = np.array(plane.normal)
+        # Half a disk has both planes in one; the slice's planes are told apart by the side of the axis they lie on.
+        along = outward * np.cross(disk.lift, normal)
+        if np.abs(corners @ normal).max() < near and abs(centre @ normal) < near and centre @ along > 0.0:
+            return plane.name
+    ends = np.column_stack([np.hypot(corners[:, 0], corners[:, 1]), corners[:, 2]])
+
+    def apart(edge: OutlineEdge) -> float:
+        """How far the face is from being the edge turned: both have the same ends."""
+        distances = np.linalg.norm(ends[:, None] - np.array([edge.start, edge.end]), axis=2)
+        return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
+
+    return min(outline(disk), key=apart).role
+
+
+def _name_rim(disk: HollowDisk) -> None:
+    """Name the bottom's outer edge and, where rigid motions remain, the anchors."""
+    import gmsh
+
+    near = 1e-8 * disk.outer_radius
+    rim = []
+    for _, tag in gmsh.model.getEntities(1):
+        corners = _corners(1, tag)
+        radii = np.hypot(corners[:, 0], corners[:, 1])
+        if np.abs(corners[:, 2]).max() < near and np.abs(radii - disk.outer_radius).max() < near:
+            rim.append(tag)
+    _name(1, rim, "support")
+    places = {"anchor0": np.zeros(3), "anchor1": disk.outer_radius * np.array(disk.radial)}
+    for role in {hold.role for hold in disk.holds if hold.point}:
+        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(_place(tag) - places[role]).max() < near]
+        _name(0, found, role)
+
+
+def _place(tag: int) -> np.ndarray:
+    import gmsh
+
+    return np.array(gmsh.model.getValue(0, tag, []))
+
+
+def _corners(dimension: int, tag: int) -> np.ndarray:
+    """Return the corner points of a curve or a face, shape (n, 3)."""
+    import gmsh
+
+    found = gmsh.model.getBoundary([(dimension, tag)], combined=False, oriented=False, recursive=True)
+    return np.array([_place(point) for _, point in found])
+
+
+def _name(dimension: int, tags: list[int], role: str) -> None:
+    import gmsh
+
+    if not tags:
+        raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
+    gmsh.model.addPhysicalGroup(dimension, tags, name=role)
 
 
 @register
@@ -248,12 +933,10 @@ class HollowDisk(Wedged):
         )  # fmt: skip
 
     def build_whole(self) -> None:
-        from geometries.disk_shape import build_full_turn
 
         build_full_turn(self)
 
     def build(self) -> None:
-        from geometries.disk_shape import build_profile, build_wedge
 
         build_profile(self) if self.dimension == 2 else build_wedge(self)
 

@@ -21,16 +21,252 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from geometries.actuator import Hold, Vector
-from geometries.fields import choice_field, field_of, length_field, lengths_field
-from geometries.kinds import Length, Open
-from geometries.membrane_checks import check_membrane
-from geometries.membrane_panels import membrane_panels
-from geometries.panels import Panel
 from geometries.registry import register
-from geometries.revolved import Revolved, section_field, through_field, wedge_field
+from geometries.revolved import (
+    ROUNDING,
+    Panel,
+    Revolved,
+    Side,
+    graded,
+    section_field,
+    through_field,
+    wedge_field,
+)
+from softmodels.common.errors import GeometryError
+from softmodels.common.schema import (
+    LONGEST,
+    Length,
+    Open,
+    choice_field,
+    field_of,
+    length_field,
+    lengths_field,
+    shown,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Clamped membranes that cannot be: checked by name and value before the mesher starts.
+
+
+THINNEST = 1e-3
+"""Smallest thickness in radii: thinner ones wrinkle and tear before they are clamped, and their cells become needles."""
+
+ROUNDEST = 0.8
+"""Largest depth of the slope at the held edge in thicknesses: some of the edge has to be held."""
+
+DEEPEST = 20.0
+"""Largest depth of the chamber, and thickness of plate and rings, in radii."""
+
+
+def check_membrane(membrane: Membrane) -> None:
+    """Check a membrane's parameters against each other.
+
+    Raises:
+        GeometryError: The first parameter found impossible, with its value and the limit.
+    """
+    _check_membrane(membrane)
+    _check_clamp(membrane)
+    _check_plate(membrane)
+    _check_rings(membrane)
+    membrane.check_cells()
+
+
+def _check_membrane(membrane: Membrane) -> None:
+    radius, thickness = membrane.radius, membrane.thickness
+    if thickness > radius:
+        raise GeometryError(f"thickness is {shown(thickness, 'm')}; it must not pass radius, {shown(radius, 'm')}")
+    if thickness < THINNEST * radius:
+        raise GeometryError(
+            f"thickness is {shown(thickness, 'm')}; it must be at least {THINNEST:g} of radius, {shown(radius, 'm')}"
+        )
+    if membrane.chamber_depth > DEEPEST * radius:
+        raise GeometryError(
+            f"chamber_depth is {shown(membrane.chamber_depth, 'm')}; more than {DEEPEST:g} times radius, "
+            f"{shown(radius, 'm')}, looks like a mistaken unit"
+        )
+    if membrane.cell_size > radius:
+        raise GeometryError(
+            f"cell_size is {shown(membrane.cell_size, 'm')}; it must not pass radius, {shown(radius, 'm')}"
+        )
+
+
+def _check_clamp(membrane: Membrane) -> None:
+    if membrane.radius + membrane.clamp_width > LONGEST:
+        raise GeometryError(
+            f"clamp_width is {shown(membrane.clamp_width, 'm')}; with radius {shown(membrane.radius, 'm')} the membrane passes "
+            f"{LONGEST:g} m, which looks like a mistaken unit"
+        )
+    if membrane.clamp_rounding and membrane.clamp_width:
+        raise GeometryError(
+            f"clamp_rounding is {shown(membrane.clamp_rounding, 'm')}; it is of a held edge, and with clamp_width "
+            f"{shown(membrane.clamp_width, 'm')} the faces of a ring are held: leave one of them out"
+        )
+    deepest, inside = ROUNDEST * membrane.thickness, membrane.radius - max(membrane.plate_radius, *membrane.rings, 0.0)
+    if membrane.slope > deepest or membrane.slope >= inside > 0.0:
+        raise GeometryError(
+            f"clamp_rounding is {shown(membrane.slope, 'm')}; it must be at most {ROUNDEST:g} of thickness, "
+            f"{shown(deepest, 'm')}, and less than what is bare inside the clamp, {shown(inside, 'm')}"
+        )
+    if membrane.clamp != "both" and not membrane.clamp_width:
+        raise GeometryError(f"clamp is {membrane.clamp!r}; it needs a clamp_width, which is 0")
+    if membrane.clamp == "slip" and membrane.dimension == 3 and membrane.copies <= 2:
+        raise GeometryError(
+            f"clamp is 'slip'; with angle {shown(membrane.angle, 'degree')} the membrane could slide away sideways: use 120 "
+            "deg or less"
+        )
+
+
+def _check_plate(membrane: Membrane) -> None:
+    if membrane.plate_radius >= membrane.radius:
+        raise GeometryError(
+            f"plate_radius is {shown(membrane.plate_radius, 'm')}; it must be smaller than radius, "
+            f"{shown(membrane.radius, 'm')}"
+        )
+    for name, owner in (("plate_thickness", "plate_radius"), ("ring_thickness", "rings")):
+        value = getattr(membrane, name)
+        if value and not getattr(membrane, owner):
+            raise GeometryError(f"{name} is {shown(value, 'm')}; it needs {owner}")
+        if value > DEEPEST * membrane.radius:
+            raise GeometryError(
+                f"{name} is {shown(value, 'm')}; more than {DEEPEST:g} times radius, {shown(membrane.radius, 'm')}, looks "
+                "like a mistaken unit"
+            )
+
+
+def _check_rings(membrane: Membrane) -> None:
+    if len(membrane.rings) % 2:
+        raise GeometryError(
+            f"rings has {len(membrane.rings)} entries; it takes pairs, the inner and the outer radius of each ring"
+        )
+    before, what = membrane.plate_radius, "plate_radius" if membrane.plate_radius else "0"
+    for place, radius in enumerate(membrane.rings, 1):
+        if radius <= before:
+            raise GeometryError(
+                f"rings[{place}] is {shown(radius, 'm')}; it must be larger than {what}, {shown(before, 'm')}: radii rise from "
+                "the inside out, and rings and plate do not touch"
+            )
+        before, what = radius, f"rings[{place}]"
+    if membrane.rings and before >= membrane.radius:
+        raise GeometryError(
+            f"rings[{len(membrane.rings)}] is {shown(before, 'm')}; it must be smaller than radius, "
+            f"{shown(membrane.radius, 'm')}"
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The half section of a clamped membrane: rows of cells along the radius, small where a clamp, a plate or a ring ends.
+
+
+NEEDLE = 20.0
+"""Largest ratio of a cell's length to its width through the membrane."""
+
+
+class Strip(NamedTuple):
+    """A piece of the membrane between two radii, one panel wide.
+
+    Attributes:
+        inner: Radius where it begins, m.
+        outer: Radius where it ends, m.
+        cells: Cells along the radius.
+        growth: Length of a cell over that of the one inside of it.
+        part: What its upper face is: ``"top"``, ``"plate"``, ``"ring1"`` ... or ``"clamp_top"``.
+        height: Thickness in m of what is bonded on it.
+        slope: By how much its upper face is lower at its outer end, m.
+    """
+
+    inner: float
+    outer: float
+    cells: int
+    growth: float
+    part: str
+    height: float
+    slope: float = 0.0
+
+
+def parts(membrane: Membrane) -> list[tuple[float, float, str, float]]:
+    """What covers the membrane from the axis outwards: inner and outer radius, face, thickness in m of what is bonded on it."""
+    found: list[tuple[float, float, str, float]] = []
+    at = membrane.plate_radius
+    if at:
+        found.append((0.0, at, "plate", membrane.plate_thickness))
+    for k, (inner, outer) in enumerate(membrane.ring_pairs, 1):
+        found.append((at, inner, "top", 0.0))
+        found.append((inner, outer, f"ring{k}", membrane.ring_thickness))
+        at = outer
+    found.append((at, membrane.radius - membrane.slope, "top", 0.0))
+    if membrane.clamp_width:
+        found.append((membrane.radius, membrane.radius + membrane.clamp_width, "clamp_top", 0.0))
+    return found
+
+
+def strips(membrane: Membrane) -> list[Strip]:
+    """The membrane cut at all radii where something begins or its cells change, from the axis outwards."""
+    across = membrane.thickness / membrane.rows
+    largest = min(membrane.cell_size, NEEDLE * across)
+    first = min(largest, across)
+    found: list[Strip] = []
+    for inner, outer, part, height in parts(membrane):
+        pieces: list[tuple[float, int, float]]
+        if inner == 0.0:
+            pieces = _reversed(graded(outer, first, largest))
+        elif part == "clamp_top":
+            pieces = graded(outer - inner, first, largest)
+        else:
+            half = graded(0.5 * (outer - inner), first, largest)
+            pieces = [*half, *_reversed(half)]
+        begin = inner
+        for k, (length, cells, growth) in enumerate(pieces, 1):
+            end = outer if k == len(pieces) else begin + length
+            found.append(Strip(begin, end, cells, growth, part, height))
+            begin = end
+    if slope := membrane.slope:
+        cells = max(1, math.ceil(slope / across - ROUNDING))
+        found.append(Strip(membrane.radius - slope, membrane.radius, cells, 1.0, "top", 0.0, slope))
+    return found
+
+
+def _reversed(pieces: list[tuple[float, int, float]]) -> list[tuple[float, int, float]]:
+    return [(length, cells, 1.0 / growth) for length, cells, growth in reversed(pieces)]
+
+
+def membrane_panels(membrane: Membrane) -> tuple[Panel, ...]:
+    """The half section; see `Membrane`."""
+    through, edge = membrane.rows, membrane.radius + membrane.clamp_width
+    found = []
+    along = strips(membrane)
+    for k, strip in enumerate(along):
+        within = "cavity" if strip.inner < membrane.radius else "clamp"
+        rim = "rim" if membrane.clamp_width else "clamp"
+        ends = ("axis" if strip.inner == 0.0 else "", rim if strip.outer == edge else "")
+        bare = strip.height == 0.0
+        found.append(
+            _panel("solid", strip, (0.0, membrane.thickness), (within, strip.part if bare else ""), ends, through)
+        )
+        if not bare:
+            low, high = membrane.thickness, membrane.thickness + strip.height
+            before = along[k - 1].part if k else "axis"
+            left = "axis" if k == 0 else strip.part if before != strip.part else ""
+            right = strip.part if along[k + 1].part != strip.part else ""
+            cells = max(through, round(strip.height / membrane.cell_size))
+            found.append(_panel(strip.part, strip, (low, high), ("", strip.part), (left, right), cells))
+    return tuple(found)
+
+
+def _panel(
+    region: str, strip: Strip, span: tuple[float, float], faces: tuple[str, str], ends: tuple[str, str], through: int
+) -> Panel:
+    """A rectangle: heights of its span, roles of its lower and upper face and of its ends, cells through it."""
+    (low, high), (below, above), (inside, outside) = span, faces, ends
+    corners = ((strip.inner, low), (strip.outer, low), (strip.outer, high - strip.slope), (strip.inner, high))
+    a, b, c, d = corners
+    return Panel(region, (
+        Side(a, b, strip.cells, below, growth=strip.growth), Side(b, c, through, outside),
+        Side(c, d, strip.cells, above, growth=1.0 / strip.growth), Side(d, a, through, inside),
+    ))  # fmt: skip
+
 
 ROUNDED = 1 / 3
 """Width and depth of the slope at the held edge, in thicknesses, where a plate is bonded on."""

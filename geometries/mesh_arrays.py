@@ -3,16 +3,198 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.errors import MeshFileError
-from geometries.mesh_files import load_mesh
-from geometries.meshing import private_model
-from geometries.tetrahedra import MIDDLES, SIDES, TO_GMSH, Ints
+from geometries.actuator import joined_by
+from geometries.meshing import load_mesh, private_model
+from softmodels.common.arrays import Array
+from softmodels.common.errors import GeometryError, MeshFileError
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A mesh of tetrahedra as arrays: its boundary, which faces hang together, what they enclose.
+
+
+Ints = NDArray[np.int64]
+Vector = tuple[float, float, float]
+
+SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+"""Corners of a tetrahedron's sides, turned so that their normals point outward."""
+MIDDLES = np.array([[6, 5, 4], [4, 8, 7], [5, 9, 8], [7, 9, 6]])
+"""Nodes inside the edges of those sides, in the order of VTK and Abaqus."""
+TURNED = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
+"""The nodes of a tetrahedron whose first two corners are exchanged."""
+
+TO_GMSH = np.array([0, 1, 2, 3, 4, 5, 6, 7, 9, 8])
+"""Gmsh has the last two edges of a tetrahedron the other way round."""
+
+_A, _B = 0.445948490915965, 0.091576213509771
+RULE = np.array([[1 - 2 * _A, _A, _A], [_A, 1 - 2 * _A, _A], [_A, _A, 1 - 2 * _A],
+                 [1 - 2 * _B, _B, _B], [_B, 1 - 2 * _B, _B], [_B, _B, 1 - 2 * _B]])  # fmt: skip
+WEIGHTS = np.repeat([0.223381589678011, 0.109951743655322], 3)
+"""Integration over a triangle, exact to degree 4. Dunavant 1985, doi 10.1002/nme.1620210612."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Tetrahedra:
+    """A mesh.
+
+    Attributes:
+        points: Nodes in m, shape (n, 3).
+        cells: Nodes of the cells in the order of VTK, shape (m, 4) or (m, 10), every one turned the right way.
+        faces: Names of the file: nodes of the triangles of each, or of the nodes alone, one index array each.
+        regions: Cells by the names that the file has for them.
+    """
+
+    points: Array
+    cells: Ints
+    faces: Mapping[str, Ints]
+    regions: Mapping[str, Ints]
+
+    @classmethod
+    def made(cls, points: Array, cells: Ints, faces: Mapping[str, Ints], regions: Mapping[str, Ints]) -> Tetrahedra:
+        """A mesh without the nodes that no cell has, its cells turned the right way.
+
+        Raises:
+            GeometryError: A flat cell.
+        """
+        used, compact = np.unique(cells, return_inverse=True)
+        width = int(cells.shape[1])
+        number = np.full(len(points), -1)
+        number[used] = np.arange(len(used))
+        points, cells = points[used], compact.reshape(cells.shape)
+        heights = _volumes(points, cells)
+        if not np.abs(heights).min() > 1e-12 * np.abs(heights).max():
+            x, y, z = 1e3 * points[cells[np.abs(heights).argmin()]].mean(axis=0)
+            raise GeometryError(f"the mesh has a cell without volume near {x:.4g}, {y:.4g}, {z:.4g} mm")
+        order = TURNED[:width]
+        cells = np.where(heights[:, None] < 0, cells[:, order], cells)
+        kept = {name: number[nodes[(number[nodes] >= 0)]] for name, nodes in faces.items()}
+        return cls(points, cells, kept, regions)
+
+    @functools.cached_property
+    def triangles(self) -> Ints:
+        """Nodes of the boundary's triangles, normals outward, shape (k, 3) or (k, 6).
+
+        Raises:
+            GeometryError: More than two cells meet in one triangle.
+        """
+        sides = self.cells[:, SIDES].reshape(-1, 3)
+        _, first, count = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
+        if count.max() > 2:
+            x, y, z = 1e3 * self.points[sides[first[count.argmax()]]].mean(axis=0)
+            raise GeometryError(
+                f"three cells or more share a triangle near {x:.4g}, {y:.4g}, {z:.4g} mm; the mesh overlaps itself"
+            )
+        outer = np.sort(first[count == 1])
+        if self.cells.shape[1] == 4:
+            return sides[outer]
+        return np.hstack([sides[outer], self.cells[:, MIDDLES].reshape(-1, 3)[outer]])
+
+    @functools.cached_property
+    def corners(self) -> Array:
+        """Places of the boundary triangles' corners in m, shape (k, 3, 3)."""
+        return self.points[self.triangles[:, :3]]
+
+    @functools.cached_property
+    def normals(self) -> Array:
+        """Outward unit normals of the boundary triangles, shape (k, 3)."""
+        a, b, c = np.moveaxis(self.corners, 1, 0)
+        n = np.cross(b - a, c - a)
+        return np.asarray(n / np.linalg.norm(n, axis=1)[:, None])
+
+    @property
+    def extent(self) -> float:
+        """Diagonal of the box around it in m."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+    def pieces(self, among: Ints) -> list[Ints]:
+        """Boundary triangles that hang together by their edges.
+
+        Args:
+            among: Numbers of triangles.
+        """
+        edges = np.sort(self.triangles[among][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        _, edge = np.unique(edges, axis=0, return_inverse=True)
+        group = joined_by(edge.reshape(-1, 3))
+        return [among[group == i] for i in range(group.max(initial=-1) + 1)]
+
+    def named(self, name: str) -> Ints:
+        """Boundary triangles all of whose corners have a name of the file."""
+        return np.flatnonzero(np.isin(self.triangles[:, :3], self.faces[name]).all(axis=1))
+
+    def holds(self, place: Vector) -> bool:
+        """Whether a point lies in a cell, edges taken as straight."""
+        base = self.points[self.cells[:, :4]]
+        matrix = np.moveaxis(base[:, 1:] - base[:, :1], 1, 2)
+        inner = np.linalg.solve(matrix, (np.asarray(place) - base[:, 0])[..., None])[..., 0]
+        return bool(((inner >= 0).all(axis=1) & (inner.sum(axis=1) <= 1)).any())
+
+    def distances(self, place: Vector) -> Array:
+        """How far a point is from each boundary triangle, about: from its corners, middles and centre; shape (k,)."""
+        at = self.corners
+        at = np.concatenate([at, (at + np.roll(at, 1, axis=1)) / 2, at.mean(axis=1, keepdims=True)], axis=1)
+        return np.asarray(np.linalg.norm(at - np.asarray(place), axis=2).min(axis=1))
+
+    def enclosed(self, wall: Ints) -> float:
+        """Volume in m3 before a wall by the divergence theorem, -1/3 int x . n; planes through the origin add nothing.
+
+        Args:
+            wall: Boundary triangles.
+        """
+        nodes = self.triangles[wall]
+        x, a, b = (np.einsum("qn,kni->kqi", table, self.points[nodes]) for table in triangle_tables(nodes.shape[1]))
+        return -float(np.einsum("q,kqi,kqi->", WEIGHTS, x, np.cross(a, b)) / 6)
+
+    @property
+    def volume(self) -> float:
+        """Volume in m3 of the cells."""
+        return -self.enclosed(np.arange(len(self.triangles)))
+
+
+def triangle_tables(width: int) -> tuple[Array, Array, Array]:
+    """Values and two slopes of a triangle's shape functions at the points of `RULE`, shape (q, width) each.
+
+    Args:
+        width: 3 nodes, or 6 with those inside the edges behind the corners.
+    """
+    s, t, r = RULE[:, 1], RULE[:, 2], RULE[:, 0]
+    o, one = np.zeros_like(s), np.ones_like(s)
+    if width == 3:
+        return RULE, np.stack([-one, one, o], axis=1), np.stack([-one, o, one], axis=1)
+    value = [r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r]
+    along = [1 - 4 * r, 4 * s - 1, o, 4 * (r - s), 4 * t, -4 * t]
+    across = [1 - 4 * r, o, 4 * t - 1, -4 * s, 4 * s, 4 * (r - t)]
+    return np.stack(value, axis=1), np.stack(along, axis=1), np.stack(across, axis=1)
+
+
+_C = (5 - 5**0.5) / 20
+CELL_RULE = np.full((4, 4), _C) + (1 - 4 * _C) * np.eye(4)
+"""Integration over a tetrahedron with equal weights, exact to degree 2: barycentric coordinates of its points."""
+EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+"""Corners at the ends of a tetrahedron's edges, in the order of VTK and Abaqus."""
+
+
+def tetrahedron_slopes() -> tuple[Array, Array]:
+    """Values and slopes of the shape functions of ten nodes at the points of `CELL_RULE`, shapes (q, 10) and (q, 10, 3)."""
+    ways = np.vstack([-np.ones(3), np.eye(3)])  # of the barycentric coordinates
+    r = CELL_RULE
+    first, second = r[:, EDGES[:, 0]], r[:, EDGES[:, 1]]
+    values = np.hstack([r * (2 * r - 1), 4 * first * second])
+    corners = (4 * r - 1)[..., None] * ways
+    edges = 4 * (first[..., None] * ways[EDGES[:, 1]] + second[..., None] * ways[EDGES[:, 0]])
+    return values, np.concatenate([corners, edges], axis=1)
+
+
+def _volumes(points: Array, cells: Ints) -> Array:
+    """Six times the cells' volumes, edges taken as straight, below zero for those turned the wrong way; shape (m,)."""
+    a, b, c, d = np.moveaxis(points[cells[:, :4]], 1, 0)
+    return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a))
+
 
 KINDS = {4: 4, 11: 10}
 """Gmsh's tetrahedra of first and second order, with their number of nodes."""
@@ -26,7 +208,7 @@ class MeshArrays:
         points: Nodes in m, shape (n, 3).
         cells: Nodes of the tetrahedra in the order of VTK and Abaqus, shape (m, 4) or (m, 10).
         regions: Cells by region.
-        faces: Of each role on faces: the cell behind each, and which of its `geometries.tetrahedra.SIDES` it is, shape (k, 2).
+        faces: Of each role on faces: the cell behind each, and which of its `geometries.mesh_arrays.SIDES` it is, shape (k, 2).
         nodes: Nodes by role, of faces, lines and points.
     """
 

@@ -6,27 +6,328 @@ Only this module starts Gmsh, so the settings that make a mesh repeatable stand 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import dataclasses
 import errno
+import functools
+import hashlib
 import math
 import os
-from collections.abc import Callable, Iterator
+import re
+import shutil
+import tempfile
+from collections import defaultdict
+from collections.abc import (
+    Callable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import (
+    Any,
+    ClassVar,
+    Protocol,
+)
 
 import numpy as np
+from numpy.typing import NDArray
 
-from geometries import kept_meshes
 from geometries.apart import apart
-from geometries.errors import GeometryError, MeshingError
-from geometries.hushed import hushed
-from geometries.mesh_files import is_whole, load_mesh
-from geometries.mirroring import mirror_mesh
-from measurement.one_at_a_time import LOCK, one_at_a_time
-from measurement.signal_handlers import handlers_kept
+from softmodels.common.errors import GeometryError, MeshFileError, MeshingError
+from softmodels.common.files import GEOMETRY, read_file
+from softmodels.common.processes import LOCK, handlers_kept, one_at_a_time
+from softmodels.common.schema import shown
 
-if TYPE_CHECKING:
-    from geometries.actuator import Actuator
+# ----------------------------------------------------------------------------------------------------------------------
+# Words that a library below prints by itself, kept off the terminal.
+
+
+STREAMS = (1, 2)
+"""Standard output and errors."""
+
+
+@contextlib.contextmanager
+def hushed(words: bytes) -> Iterator[None]:
+    """Leave lines with these words out of what is written to standard output and errors; all other lines come afterwards.
+
+    It is for short calls: what other threads write meanwhile comes late too.
+    """
+    library = ctypes.CDLL(None)
+    with contextlib.ExitStack() as stack:
+        for stream in STREAMS:
+            with contextlib.suppress(OSError):  # closed, as in a service: nothing is seen there
+                stack.enter_context(_filtered(stream, words))
+        try:
+            yield
+        finally:
+            library.fflush(None)  # what C has not written yet
+
+
+@contextlib.contextmanager
+def _filtered(stream: int, words: bytes) -> Iterator[None]:
+    before = os.dup(stream)
+    with tempfile.TemporaryFile() as heard:
+        os.dup2(heard.fileno(), stream)
+        try:
+            yield
+        finally:
+            os.dup2(before, stream)
+            heard.seek(0)
+            if kept := b"".join(line for line in heard if words not in line):
+                os.write(before, kept)
+            os.close(before)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Meshes that were made before, kept in the user's cache: the same device is meshed once.
+#
+# A mesh is known by the device's class and fields, by the file it is drawn in, and by what meshes it: Gmsh's version and the
+# source of this package. Classes from elsewhere are meshed anew each time, since what they build from is not known here.
+
+
+MOST_KEPT = 500_000_000
+"""Bytes of all kept meshes; those unused for longest go first."""
+
+
+def folder() -> Path:
+    """Where meshes are kept."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "softmodels" / "meshes"
+
+
+def load_cached_mesh(actuator: Meshable, path: Path) -> bool:
+    """Put a device's kept mesh into a file; whether there was one."""
+    with contextlib.suppress(OSError, RuntimeError):  # no cache, or no home, is no failure
+        if (kept := _place(actuator)) is not None and kept.exists():
+            shutil.copyfile(kept, path)
+            os.utime(kept)
+            return True
+    return False
+
+
+def is_mesh_cached(actuator: Meshable) -> bool:
+    """Whether a device's mesh is kept."""
+    with contextlib.suppress(OSError, RuntimeError):
+        return (kept := _place(actuator)) is not None and kept.exists()
+    return False
+
+
+def mesh_label(actuator: Meshable) -> str:
+    """What is reported where a device is about to be meshed."""
+    kind = "solid" if actuator.dimension == 3 else "axisymmetric section"
+    what = f"{type(actuator).__name__} ({kind}, 1/{actuator.copies})"
+    return f"{what} was meshed before" if is_mesh_cached(actuator) else f"meshing {what}"
+
+
+def cache_mesh(actuator: Meshable, path: Path) -> None:
+    """Keep the mesh in a file as a device's."""
+    with contextlib.suppress(OSError, RuntimeError):
+        if (kept := _place(actuator)) is not None:
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            partial = kept.with_name(f".{kept.name}-{os.getpid()}")
+            try:
+                shutil.copyfile(path, partial)
+                partial.replace(kept)
+            finally:
+                partial.unlink(missing_ok=True)
+            _forget_old(kept.parent)
+
+
+def _place(actuator: Meshable) -> Path | None:
+    """The file in the cache; None for a device that is not kept."""
+    kind = type(actuator)
+    if kind.__module__.partition(".")[0] != __name__.partition(".")[0]:
+        return None
+    fields = [(field.name, getattr(actuator, field.name)) for field in dataclasses.fields(actuator)]
+    drawn = actuator.digest() if hasattr(actuator, "digest") else ""
+    key = repr((kind.__qualname__, fields, drawn, _mesher()))
+    return folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.msh"
+
+
+@functools.cache
+def _mesher() -> str:
+    """What meshes: Gmsh and this package."""
+    import gmsh
+
+    source = hashlib.sha256(gmsh.__version__.encode())
+    for file in sorted(Path(__file__).parent.rglob("*.py")):
+        source.update(file.read_bytes())
+    return source.hexdigest()
+
+
+def _forget_old(place: Path) -> None:
+    """Take away what is beyond `MOST_KEPT`."""
+    found = sorted(((file.stat().st_mtime, file.stat().st_size, file) for file in place.glob("*.msh")), reverse=True)
+    total = 0
+    for _, size, file in found:
+        total += size
+        if total > MOST_KEPT:
+            file.unlink(missing_ok=True)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Reading a mesh file that may come from anywhere: checked before Gmsh sees it.
+#
+# Gmsh takes a file that is no mesh for a script in its own language and runs it, commands of the shell included; it also runs
+# the options in ``NAME.msh.opt`` beside a mesh. A results folder may come from somebody else, so nothing but the mesh itself,
+# in the one format that this project writes, reaches Gmsh, and from a folder of its own.
+
+
+START = re.compile(rb"\$MeshFormat\r?\n4\.1 0 8\r?\n\$EndMeshFormat\r?\n")
+"""How a mesh file begins: MSH 4.1, text."""
+
+LAST_WORDS = b"$EndElements"
+"""How a complete one ends."""
+
+SECTION = re.compile(rb"^\$(\w+)\s*$", re.MULTILINE)
+SECTIONS = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
+"""Sections of a mesh file, in order; each ends with its name after "End"."""
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a mesh file is complete: Gmsh does not tell of a full disk, its file then ends early."""
+    with path.open("rb") as file:
+        file.seek(max(path.stat().st_size - 2 * len(LAST_WORDS), 0))
+        return LAST_WORDS in file.read()
+
+
+def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int, int, str]]:
+    """Read a mesh file into the current Gmsh model (see `geometries.meshing.private_model`).
+
+    Args:
+        path: A file made by `Actuator.write`.
+        dimension: 2 for an axisymmetric mesh, 3 for a solid one; any if not given.
+
+    Returns:
+        Dimension, tag and name of its physical groups; a region and the face of it may bear one name.
+
+    Raises:
+        FileNotFoundError: No such file.
+        MeshFileError: Not a complete mesh of that format and dimension.
+    """
+    import gmsh  # type: ignore[import-untyped]
+
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} is not a file")
+    _check(path, read_file(path, GEOMETRY))
+    with tempfile.TemporaryDirectory() as folder:
+        alone = Path(folder) / "alone.msh"  # nothing of Gmsh's beside it
+        alone.symlink_to(path.resolve())
+        try:
+            gmsh.merge(str(alone))
+        except Exception as error:  # Gmsh raises bare Exception
+            raise MeshFileError(f"{path} is a broken mesh file ({str(error).strip() or 'no reason given'})") from None
+    if dimension not in (None, found := gmsh.model.getDimension()):
+        raise MeshFileError(f"{path} is the mesh of another device: its cells have {found} dimensions, not {dimension}")
+    return [(*group, gmsh.model.getPhysicalName(*group)) for group in gmsh.model.getPhysicalGroups()]
+
+
+def _check(path: Path, content: bytes) -> None:
+    """Refuse what does not have a mesh's sections, whole and in order, and nothing between them."""
+    if not START.match(content):
+        raise MeshFileError(f"{path} is not a mesh file (MSH 4.1, text) as this program writes it")
+    if b"\0" in content:
+        raise MeshFileError(f"{path} is a broken mesh file: it holds bytes that are no text")
+    marks = list(SECTION.finditer(content))
+    expected = [word for name in SECTIONS for word in (name.encode(), b"End" + name.encode())]
+    if [mark[1] for mark in marks] != expected:
+        raise MeshFileError(f"{path} is a broken mesh file: its sections are not {', '.join(SECTIONS)}, each whole")
+    between = [content[end.end() : start.start()] for end, start in zip(marks[1::2], marks[2::2], strict=False)]
+    if b"".join([*between, content[marks[-1].end() :]]).strip():
+        raise MeshFileError(f"{path} is a broken mesh file: there is something between or after its sections")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A mesh of half a body mirrored into a mesh of the whole: cell by cell, so that it is as symmetric as the body.
+
+
+REFLECTED_NODES = {
+    1: [1, 0],
+    8: [1, 0, 2],
+    2: [1, 0, 2],
+    9: [1, 0, 2, 3, 5, 4],
+    4: [1, 0, 2, 3],
+    11: [1, 0, 2, 3, 4, 6, 5, 9, 8, 7],
+}
+"""Gmsh's lines, triangles and tetrahedra of first and second order: the order of nodes with the first two corners exchanged.
+
+An image is turned inside out; this turns it back.
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Mirror:
+    """A coordinate plane through the origin on which a mesh of half a body is mirrored into one of the whole.
+
+    Attributes:
+        role: Physical group of the facets on the plane; the whole has none such.
+        axis: 0, 1 or 2: the plane is square to x, y or z.
+        renamed: Groups whose image is another one, such as ``{"top": "bottom"}``; the image of any other joins it.
+    """
+
+    role: str
+    axis: int
+    renamed: Mapping[str, str]
+
+
+def mirror_mesh(mirror: Mirror) -> None:
+    """Add the image of the current model's mesh and its physical groups; nodes on the plane are shared."""
+    import gmsh  # type: ignore[import-untyped]
+
+    tags, places, _ = gmsh.model.mesh.getNodes()
+    places = places.reshape(-1, 3).copy()
+    groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
+    on_plane = gmsh.model.mesh.getNodesForPhysicalGroup(*groups[mirror.role])[0]
+    image = np.zeros(int(tags.max()) + 1, dtype=np.uint64)
+    image[on_plane] = on_plane
+    moved = image[tags] == 0
+    image[tags[moved]] = int(tags.max()) + 1 + np.arange(np.count_nonzero(moved))
+    places[:, mirror.axis] *= -1.0
+
+    made: list[tuple[int, str, list[int], int]] = []
+    for name, (dimension, group) in sorted(groups.items(), key=lambda item: item[1], reverse=True):  # cells first
+        if name == mirror.role:
+            continue
+        entities = list(gmsh.model.getEntitiesForPhysicalGroup(dimension, group))
+        copy = gmsh.model.addDiscreteEntity(dimension)
+        if not made:
+            gmsh.model.mesh.addNodes(dimension, copy, image[tags[moved]], places[moved].ravel())
+        for entity in entities:
+            for kind, _, nodes in zip(*gmsh.model.mesh.getElements(dimension, entity), strict=True):
+                turned = image[nodes].reshape(-1, len(REFLECTED_NODES[kind]))[:, REFLECTED_NODES[kind]]
+                gmsh.model.mesh.addElementsByType(copy, kind, [], turned.ravel())
+        made.append((dimension, name, entities, copy))
+    gmsh.model.removePhysicalGroups()
+    for name in groups:  # Gmsh keeps the names, and would not give them anew
+        gmsh.model.removePhysicalName(name)
+    joined: dict[tuple[int, str], list[int]] = {}
+    for dimension, name, entities, copy in made:
+        joined.setdefault((dimension, name), []).extend(entities)
+        joined.setdefault((dimension, mirror.renamed.get(name, name)), []).append(copy)
+    for (dimension, name), members in sorted(joined.items()):
+        gmsh.model.addPhysicalGroup(dimension, members, name=name)
+
+
+class Meshable(Protocol):
+    """What the mesher asks of a device: a frozen dataclass whose fields decide its mesh; see `geometries.actuator.Actuator`."""
+
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
+
+    @property
+    def dimension(self) -> int: ...
+    @property
+    def copies(self) -> int: ...
+    @property
+    def mirrors(self) -> tuple[Mirror, ...]: ...
+    @property
+    def mesh_order(self) -> int: ...
+    @property
+    def expected_cells(self) -> float: ...
+    @property
+    def meshed(self) -> bool: ...
+    def build(self) -> None: ...
+
 
 SETTINGS = {
     "General.Terminal": 0,
@@ -128,7 +429,7 @@ def _fresh_model() -> Iterator[None]:
 
 
 @one_at_a_time
-def write_mesh(actuator: Actuator, path: Path, stopped: Callable[[], bool] = bool) -> Path:
+def write_mesh(actuator: Meshable, path: Path, stopped: Callable[[], bool] = bool) -> Path:
     """Mesh a device into a file; see `Actuator.write`, which is the way to call this."""
     if path.suffix != ".msh":
         raise GeometryError(f"path is {str(path)!r}; the name of a mesh file must end in .msh")
@@ -141,7 +442,7 @@ def write_mesh(actuator: Actuator, path: Path, stopped: Callable[[], bool] = boo
     except OSError as error:
         raise OSError(error.errno, f"cannot write in this folder: {error.strerror}", str(path.parent)) from None
     try:
-        kept = kept_meshes.take(actuator, partial) and is_whole(partial)
+        kept = load_cached_mesh(actuator, partial) and is_whole(partial)
         if not kept:
             if actuator.expected_cells <= QUICK:
                 _make(actuator, partial)
@@ -150,14 +451,14 @@ def write_mesh(actuator: Actuator, path: Path, stopped: Callable[[], bool] = boo
         if not is_whole(partial):
             raise OSError(errno.ENOSPC, "the mesh file ended early; is the disk full?", str(path))
         if not kept:
-            kept_meshes.keep(actuator, partial)
+            cache_mesh(actuator, partial)
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
     return path
 
 
-def _make(actuator: Actuator, path: Path) -> None:
+def _make(actuator: Meshable, path: Path) -> None:
     """Mesh a device into a file with a private model of Gmsh's."""
     import gmsh
 
@@ -204,7 +505,7 @@ def summarize(path: str | Path) -> MeshSummary:
     return MeshSummary(int(cells.size), int(nodes), float(quality), measure)
 
 
-def _generate(actuator: Actuator) -> None:
+def _generate(actuator: Meshable) -> None:
     import gmsh
 
     if actuator.dimension == 3 and math.isinf(actuator.expected_cells):
@@ -307,3 +608,103 @@ def _measure(dimension: int) -> float:
         _, determinants, _ = gmsh.model.mesh.getJacobians(kind, points)
         total += float((np.reshape(determinants, (-1, len(weights))) @ weights).sum())
     return total
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How many cells a mesh may have: the check that every device's own checks end with.
+
+
+def check_cell_count(cell_size: float, expected: float, most: int, more: str = "") -> None:
+    """Refuse a mesh that is larger than anyone means: a typing mistake far more often than a wish.
+
+    Args:
+        cell_size: The device's, in m.
+        expected: Number of cells, roughly.
+        most: Largest number that is taken.
+        more: What else decides it, a clause behind the cell size.
+
+    Raises:
+        GeometryError: There are more.
+    """
+    if expected > most:
+        raise GeometryError(
+            f"cell_size is {shown(cell_size, 'm')}{more}; about {expected:.2g} cells are expected and {most:,} are allowed"
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Solids in layers that are bonded to each other, in Gmsh: common faces where they touch, names for regions and faces.
+#
+# The model is in mm and the mesh is written in m: the CAD kernel's fixed tolerances suit mm.
+
+
+Entity = tuple[int, int]
+Vector = tuple[float, float, float]
+
+MM = 1e3
+"""Model lengths in one metre."""
+
+
+def add_block(low: Vector, high: Vector) -> Entity:
+    """Add a block with sides along the axes, its corners in m."""
+    import gmsh  # type: ignore[import-untyped]
+
+    return (3, int(gmsh.model.occ.addBox(*(MM * np.array(low)), *(MM * np.subtract(high, low)))))
+
+
+def one_solid(solids: Sequence[Entity]) -> Entity:
+    """The only one of them; MeshingError if the CAD kernel has made more or none."""
+    if [dimension for dimension, _ in solids] != [3]:
+        raise MeshingError(
+            f"the CAD kernel made {len(solids)} solids of one body; please report this with the parameters"
+        )
+    return solids[0]
+
+
+def bond(layers: Mapping[str, Sequence[Entity]], role_of: Callable[[int], str]) -> None:
+    """Make the faces between layers common, and name the regions and the faces on the boundary.
+
+    Args:
+        layers: Solids by the region that they are of.
+        role_of: Gives the role of a face by its tag.
+    """
+    import gmsh
+
+    every = [(solid, name) for name, solids in layers.items() for solid in solids]
+    _, parts = gmsh.model.occ.fragment([every[0][0]], [solid for solid, _ in every[1:]])
+    gmsh.model.occ.synchronize()
+    regions: dict[str, list[int]] = defaultdict(list)
+    for (_, name), found in zip(every, parts, strict=True):
+        regions[name] += [tag for _, tag in found]
+    for name, tags in regions.items():
+        gmsh.model.addPhysicalGroup(3, tags, name=name)
+    solids = [(3, tag) for tags in regions.values() for tag in tags]
+    roles: dict[str, list[int]] = defaultdict(list)
+    for _, tag in gmsh.model.getBoundary(solids, combined=True, oriented=False):
+        roles[role_of(tag)].append(tag)
+    for role, tags in roles.items():
+        gmsh.model.addPhysicalGroup(2, tags, name=role)
+
+
+def set_sizes(size: Callable[[float, float, float], float]) -> None:
+    """Let cells have a size in m that is a function of the place in m; the mesh is written in m."""
+    import gmsh
+
+    gmsh.option.setNumber("Mesh.ScalingFactor", 1.0 / MM)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: MM * size(x / MM, y / MM, z / MM))
+
+
+def corners_of(tag: int) -> NDArray[np.float64]:
+    """Corners of a face in m, shape (n, 3)."""
+    import gmsh
+
+    corners = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
+    return np.array([gmsh.model.getValue(0, corner, []) for _, corner in corners]) / MM
+
+
+def face_block(tag: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners in m of the block around a face, which is larger by up to 1e-10 m."""
+    import gmsh
+
+    low, high = np.array(gmsh.model.occ.getBoundingBox(2, tag)).reshape(2, 3) / MM
+    return low, high

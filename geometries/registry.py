@@ -7,12 +7,14 @@ import functools
 import importlib
 import inspect
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import Any
 
-from measurement.arguments import checked
-
-if TYPE_CHECKING:
-    from geometries.actuator import Actuator
+from geometries.actuator import Actuator
+from softmodels.common import schema
+from softmodels.common.calls import checked
+from softmodels.common.errors import FieldError, GeometryError
+from softmodels.common.schema import Text, about
+from softmodels.common.units import exact_text
 
 PLACES = {
     "Balloon": "geometries.balloon",
@@ -21,8 +23,8 @@ PLACES = {
     "BendingBellows": "geometries.bending_bellows",
     "Cylinder": "geometries.cylinder",
     "HollowDisk": "geometries.disk",
-    "ImportedActuator": "geometries.imported",
-    "ImportedMesh": "geometries.imported_mesh",
+    "ImportedActuator": "geometries.imported.step",
+    "ImportedMesh": "geometries.imported.mesh",
     "Membrane": "geometries.membrane",
     "PneuNet": "geometries.pneunet",
     "SeminarActuator": "geometries.seminar",
@@ -90,3 +92,64 @@ def register[Device: type[Actuator]](device: Device) -> Device:
     ACTUATORS.loaded[name] = checked(device)
     _list_variant_fields(device)
     return device
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A device as a small table of texts with units, for settings files, and back without losing a bit.
+
+
+def to_table(actuator: Actuator, text: Text = exact_text) -> dict[str, Any]:
+    """Return a device's parameters, ready for a TOML table.
+
+    Args:
+        actuator: The device.
+        text: How quantities are written; `softmodels.common.units.readable` for people.
+
+    Returns:
+        The device's name under ``"device"``, then every field: lengths and angles as text with a unit ("20 mm"), pure
+        numbers as numbers, choices, texts and lists as they are. `from_table` gives back an equal device.
+    """
+    return {"device": type(actuator).__name__, **schema.to_table(actuator, text)}
+
+
+def from_table(table: Mapping[str, Any]) -> Actuator:
+    """Return the device that a table describes.
+
+    Args:
+        table: ``"device"``, optionally ``"variant"``, and any fields; what is missing has the variant's value.
+
+    Raises:
+        GeometryError: An unknown device, variant or field, a value without its unit, or parameters that make no device.
+    """
+    values = dict(table)
+    name = values.pop("device", None)
+    if not isinstance(name, str) or name not in ACTUATORS:
+        raise GeometryError(f"device is {name!r}; it must be one of {', '.join(ACTUATORS)}")
+    device = ACTUATORS[name]
+    fields = about(device)
+    try:
+        read = {key: fields[key].kind.read(key, value) if key in fields else value for key, value in values.items()}
+    except FieldError as error:
+        raise GeometryError(str(error)) from None
+    return device_from(device, read)
+
+
+def device_from(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
+    """Return a device from values where None means "not given".
+
+    Args:
+        device: The class, one of `geometries.ACTUATORS`.
+        values: SI values by field name, and ``"variant"`` for the set of parameters they change.
+
+    Raises:
+        GeometryError: An unknown variant or field, or parameters that make no device.
+    """
+    given = {name: value for name, value in values.items() if value is not None}
+    variant = given.pop("variant", "default")
+    if not isinstance(variant, str) or variant not in device.variants:
+        raise GeometryError(f"variant is {variant!r}; it must be one of {', '.join(device.variants)}")
+    known = list(about(device))
+    for name in given:
+        if name not in known:
+            raise GeometryError(f"{name} is not a parameter of {device.__name__}; it has {', '.join(known)}")
+    return device.variant(variant, **given)

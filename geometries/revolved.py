@@ -2,24 +2,508 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
-from typing import Any, ClassVar, Self
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from typing import (
+    Any,
+    ClassVar,
+    Protocol,
+    Self,
+)
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import CutPlane
-from geometries.carrying import carried_along
-from geometries.cell_count import check_cell_count
-from geometries.errors import GeometryError
-from geometries.fields import angle_field, choice_field, number_field, shown
-from geometries.panels import Panel, Place, Side, chained, enclosed_volume, outline, turned_volume
-from geometries.parameters import parameter, parameter_names
-from geometries.revolved_outline import whole_edges
-from geometries.sectioned import Wedged
+from geometries.actuator import (
+    CutPlane,
+    Wedged,
+    parameter,
+    parameter_names,
+)
+from geometries.meshing import check_cell_count
+from softmodels.common.arrays import Array
+from softmodels.common.errors import GeometryError, MeshingError
+from softmodels.common.schema import (
+    angle_field,
+    choice_field,
+    number_field,
+    shown,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Half sections of bodies of revolution as panels: patches with four sides, meshed in rows, that meet side by side.
+#
+# Places are (radius, height) in m. Rows of cells follow a thin wall where free triangles, all as long as they are wide, would
+# need a hundred times as many.
+
+
+Place = tuple[float, float]
+
+GROWTH = 1.3
+"""Ratio of neighbouring cells' lengths where they grow."""
+
+ROUNDING = 1e-9
+"""Share of a length that is none."""
+
+GAUSS = 24
+"""Points of the rule that integrates over a side; arcs of up to half a circle come out to rounding."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Side:
+    """A side of a panel: a line, or a piece of an ellipse of less than half its turn.
+
+    Attributes:
+        start: Where it begins.
+        end: Where it ends.
+        cells: How many cells it is cut into.
+        role: What it does; empty between two panels.
+        centre: Of the ellipse; None of a line.
+        axes: Half axes of the ellipse along the radius and the height; equal ones of a circle.
+        growth: Length of a cell over that of the one before it, from start to end.
+    """
+
+    start: Place
+    end: Place
+    cells: int
+    role: str = ""
+    centre: Place | None = None
+    axes: Place = (1.0, 1.0)
+    growth: float = 1.0
+
+    def places(self, shares: Array) -> Array:
+        """Places (n, 2) at shares (n,) of a line's length or of an arc's angle."""
+        start, end = np.array(self.start), np.array(self.end)
+        if self.centre is None:
+            return start + shares[:, None] * (end - start)
+        angle = self._angle(self.start) + shares * self.turn
+        return np.array(self.centre) + np.array(self.axes) * np.column_stack([np.cos(angle), np.sin(angle)])
+
+    def shares(self, places: Array) -> Array:
+        """Shares (n,) at which places (n, 2) on it are; those of places beyond an end are 0 or 1."""
+        start, end = np.array(self.start), np.array(self.end)
+        if self.centre is None:
+            along = end - start
+            return np.clip((places - start) @ along / (along @ along), 0.0, 1.0)
+        x, y = ((places - self.centre) / self.axes).T
+        return np.clip(_wrapped(np.arctan2(y, x) - self._angle(self.start)) / self.turn, 0.0, 1.0)
+
+    def missed(self, places: Array) -> Array:
+        """How far places (n, 2) are from it, in m; exact for those on it."""
+        return np.asarray(np.linalg.norm(self.places(self.shares(places)) - places, axis=1))
+
+    @property
+    def volume(self) -> float:
+        """Pi times the integral of the squared radius over the height: what it adds to the volume inside a closed outline."""
+        nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
+        shares = 0.5 * (nodes + 1.0)
+        if self.centre is None:
+            slope = np.full(GAUSS, self.end[1] - self.start[1])
+        else:
+            slope = self.axes[1] * np.cos(self._angle(self.start) + shares * self.turn) * self.turn
+        return float(0.5 * math.pi * (self.places(shares)[:, 0] ** 2 * slope) @ weights)
+
+    @property
+    def control(self) -> tuple[Place, float]:
+        """Where the tangents of an arc's ends meet, and the weight with which it makes the arc a rational parabola."""
+        assert self.centre is not None
+        half = 0.5 * self.turn
+        middle = self._angle(self.start) + half
+        (r, z), (a, c), weight = self.centre, self.axes, math.cos(half)
+        return (r + a * math.cos(middle) / weight, z + c * math.sin(middle) / weight), weight
+
+    @property
+    def key(self) -> frozenset[Place]:
+        """What two sides have in common that are one: no two of a section join the same corners."""
+        return frozenset((self.start, self.end))
+
+    @property
+    def reversed(self) -> Side:
+        """The same from its end to its start."""
+        return dataclasses.replace(self, start=self.end, end=self.start, growth=1.0 / self.growth)
+
+    def _angle(self, place: Place) -> float:
+        assert self.centre is not None
+        return math.atan2((place[1] - self.centre[1]) / self.axes[1], (place[0] - self.centre[0]) / self.axes[0])
+
+    @property
+    def turn(self) -> float:
+        """Angle of an arc in rad, against the clock."""
+        return float(_wrapped(np.array(self._angle(self.end) - self._angle(self.start))))
+
+
+def _wrapped(angles: Array) -> Array:
+    """Angles between -pi and pi."""
+    return (angles + np.pi) % (2.0 * np.pi) - np.pi
+
+
+@dataclasses.dataclass(frozen=True)
+class Panel:
+    """A patch of a half section.
+
+    Attributes:
+        region: What it is a part of, such as ``"solid"``.
+        sides: Four of them, each beginning where the one before ends; opposite ones have as many cells.
+    """
+
+    region: str
+    sides: tuple[Side, Side, Side, Side]
+
+    @property
+    def corners(self) -> tuple[Place, ...]:
+        return tuple(side.start for side in self.sides)
+
+
+def outline(panels: Iterable[Panel]) -> list[Side]:
+    """The sides of panels that have a role, each once."""
+    return list({side.key: side for panel in panels for side in panel.sides if side.role}.values())
+
+
+def chained(sides: Iterable[Side]) -> list[Side]:
+    """Sides that make one line, in its order and direction: from the axis at the top outwards."""
+    left = list(sides)
+    at = max((place for side in left for place in (side.start, side.end)), key=lambda place: (-place[0], place[1]))
+    found: list[Side] = []
+    while left:
+        met = [side for side in left if at in (side.start, side.end)]
+        if not met:
+            break
+        left.remove(met[0])
+        found.append(met[0] if met[0].start == at else met[0].reversed)
+        at = found[-1].end
+    return found
+
+
+def turned_volume(panels: Iterable[Panel]) -> float:
+    """Volume in m3 of the panels turned around the axis."""
+    return sum(abs(sum(side.volume for side in panel.sides)) for panel in panels)
+
+
+def enclosed_volume(sides: Iterable[Side]) -> float:
+    """Volume in m3 between a wall turned around the axis and planes square to it through the wall's ends."""
+    return abs(sum(side.volume for side in sides))
+
+
+def graded(length: float, first: float, largest: float) -> list[tuple[float, int, float]]:
+    """Cut a length into cells that are small at its beginning and grow.
+
+    Args:
+        length: In m.
+        first: Length of the first cell at most, m.
+        largest: Length of any cell at most, m.
+
+    Returns:
+        One or two pieces in order: length in m, cells, and length of a cell over that of the one before it.
+    """
+    growing = max(0, math.ceil(math.log(largest / first) / math.log(GROWTH)))
+    sums = first * (GROWTH ** np.arange(1, growing + 1) - 1.0) / (GROWTH - 1.0)
+    if growing and sums[-1] >= length * (1.0 - ROUNDING):
+        return [(length, int(np.searchsorted(sums, length * (1.0 - ROUNDING))) + 1, GROWTH)]
+    near = float(sums[-1]) if growing else 0.0
+    pieces = [(near, growing, GROWTH)] if growing else []
+    return [*pieces, (length - near, max(1, math.ceil((length - near) / largest - ROUNDING)), 1.0)]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The outline of a body of revolution in whole edges: sides of panels that go on in one line or one arc are put together.
+#
+# How many panels there are depends on the cells; the edges between corners do not, so points of one device are carried to
+# another along them.
+
+
+AXIS = "axis"
+STRAIGHT = 1e-9
+"""Largest sine between two lines that are one, and largest distance of centres and half axes of one arc, in half axes, and of
+places that are one, in their coordinates."""
+HALF_TURN = math.pi * (1.0 - 1e-6)
+"""Arcs are put together up to this angle: a share of half a turn would not tell which way it goes."""
+
+
+def whole_edges(sides: Iterable[Side], corners: Sequence[Place]) -> list[Side]:
+    """Sides put together, in order and direction: from the axis at the top outwards, and back along the axis.
+
+    Args:
+        sides: Of an outline, in any order and either way round.
+        corners: Places where edges end even if they go on: those that are points of the device's own.
+    """
+    found, count = list(sides), math.inf
+    while len(found) < count:  # a side may join two that were found apart
+        count, left, found = len(found), found, []
+        for side in left:
+            joined = ((at, _joined(one, side, corners)) for at, one in enumerate(found) if one.role == side.role)
+            place, whole = next(((at, whole) for at, whole in joined if whole), (len(found), side))
+            found[place : place + 1] = [whole]
+    return chained(sorted(found, key=lambda side: side.role == AXIS))
+
+
+def _joined(first: Side, second: Side, corners: Sequence[Place]) -> Side | None:
+    """The first of two sides with the other put to one of its ends; None if they do not go on in each other."""
+    for other in (second, second.reversed):
+        if first.end == other.start and not _is_corner(first.end, corners) and _in_one(first, other):
+            return dataclasses.replace(first, end=other.end)
+        if other.end == first.start and not _is_corner(first.start, corners) and _in_one(other, first):
+            return dataclasses.replace(first, start=other.start)
+    return None
+
+
+def _is_corner(place: Place, corners: Sequence[Place]) -> bool:
+    """Whether a place is one of the corners, which may have been computed in another way, to rounding."""
+    return any(math.dist(place, corner) <= STRAIGHT * max(map(abs, corner)) for corner in corners)
+
+
+def _in_one(one: Side, two: Side) -> bool:
+    """Whether a side that begins where the other ends goes on along the same line or arc."""
+    if one.centre is not None and two.centre is not None:
+        apart = np.abs(np.subtract((*one.centre, *one.axes), (*two.centre, *two.axes))).max()
+        same = apart < STRAIGHT * max(one.axes)
+        return bool(same and abs(one.turn + two.turn) < HALF_TURN and one.turn * two.turn > 0.0)
+    if one.centre is not None or two.centre is not None:
+        return False
+    a, b = np.subtract(one.end, one.start), np.subtract(two.end, two.start)
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return bool(abs(a[0] * b[1] - a[1] * b[0]) < STRAIGHT * size and a @ b > 0.0)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Bodies of revolution in Gmsh: panels meshed in rows, or turned around the axis and meshed freely.
+
+
+WIDEST_PIECE = 90.0
+"""Largest angle in degrees turned at once: the CAD kernel leaves a seam in a full turn."""
+
+
+class Drawing:
+    """The panels of a half section in the current Gmsh model.
+
+    Args:
+        panels: The half section.
+        up: Unit vector of the height; the radius runs along x.
+
+    Attributes:
+        faces: Tags by region.
+        curves: Tags by what a side joins.
+        points: Tags by place.
+    """
+
+    def __init__(self, panels: tuple[Panel, ...], up: tuple[float, float, float]):
+        import gmsh  # type: ignore[import-untyped]
+
+        self.up, self.occ = up, gmsh.model.occ
+        self.points: dict[Place, int] = {}
+        self.curves: dict[frozenset[Place], int] = {}
+        self.sides: dict[frozenset[Place], Side] = {}
+        self.faces: dict[str, list[int]] = defaultdict(list)
+        for panel in panels:
+            loop = self.occ.addCurveLoop([self._curve(side) for side in panel.sides])
+            self.faces[panel.region].append(self.occ.addPlaneSurface([loop]))
+
+    def corner(self, place: Place) -> int:
+        if place not in self.points:
+            self.points[place] = self._point(place)
+        return self.points[place]
+
+    def _point(self, place: Place) -> int:
+        r, z = place
+        return int(self.occ.addPoint(r + z * self.up[0], z * self.up[1], z * self.up[2]))
+
+    def _curve(self, side: Side) -> int:
+        if side.key not in self.curves:
+            self.sides[side.key] = side
+            self.curves[side.key] = self._line(side) if side.centre is None else self._arc(side)
+        elif side.role:
+            self.sides[side.key] = side
+        return self.curves[side.key]
+
+    def _line(self, side: Side) -> int:
+        return int(self.occ.addLine(self.corner(side.start), self.corner(side.end)))
+
+    def _arc(self, side: Side) -> int:
+        """A piece of an ellipse as what it is, a rational parabola: the kernel's own ellipses ask for their longer axis."""
+        middle, weight = side.control
+        helper = self._point(middle)
+        points = [self.corner(side.start), helper, self.corner(side.end)]
+        tag = self.occ.addBSpline(points, degree=2, weights=[1.0, weight, 1.0], knots=[0.0, 1.0], multiplicities=[3, 3])
+        self.occ.remove([(0, helper)])
+        return int(tag)
+
+
+def build_section(device: Revolved) -> None:
+    """Fill the current Gmsh model with the axisymmetric profile: x is the radius, y the height (m)."""
+    import gmsh
+
+    drawing = Drawing(device.panels, (0.0, 1.0, 0.0))
+    gmsh.model.occ.synchronize()
+    for region, faces in drawing.faces.items():
+        _name(2, faces, region)
+        for face in faces:
+            gmsh.model.mesh.setTransfiniteSurface(face)
+    roles: dict[str, list[int]] = defaultdict(list)
+    for key, tag in drawing.curves.items():
+        side = drawing.sides[key]
+        gmsh.model.mesh.setTransfiniteCurve(tag, side.cells + 1, "Progression", side.growth)
+        if side.role:
+            roles[side.role].append(tag)
+    for role, tags in roles.items():
+        _name(1, tags, role)
+    for role, place in device.anchors.items():
+        _name(0, [drawing.points[place]], role)
+
+
+def build_wedge(device: Revolved) -> None:
+    """Fill the current Gmsh model with the slice from the azimuth 0 to the device's angle (m)."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    drawing = Drawing(device.panels, (0.0, 0.0, 1.0))
+    regions = [region for region, faces in drawing.faces.items() for _ in faces]
+    faces = [face for tags in drawing.faces.values() for face in tags]
+    pieces = math.ceil(device.angle / WIDEST_PIECE - 1e-9)
+    turn, solids = math.radians(device.angle / pieces), []
+    owners: list[str] = []
+    for piece in range(pieces):
+        copies = occ.copy([(2, face) for face in faces]) if piece else [(2, face) for face in faces]
+        if piece:
+            occ.rotate(copies, 0, 0, 0, 0, 0, 1, piece * turn)
+        for region, copy in zip(regions, copies, strict=True):
+            solids += [entity for entity in occ.revolve([copy], 0, 0, 0, 0, 0, 1, turn) if entity[0] == 3]
+            owners.append(region)
+    _, parents = occ.fragment(solids, [])
+    occ.synchronize()
+    volumes: dict[str, list[int]] = defaultdict(list)
+    for region, made in zip(owners, parents, strict=True):
+        volumes[region] += [tag for dimension, tag in made if dimension == 3]
+    for region, tags in volumes.items():
+        _name(3, tags, region)
+    _name_surfaces(device)
+    for role, (r, z) in device.anchors.items():
+        near = np.linalg.norm([_at(tag) - (r, 0.0, z) for _, tag in gmsh.model.getEntities(0)], axis=1)
+        _name(0, [gmsh.model.getEntities(0)[int(near.argmin())][1]], role)
+    size = device.wedge_size
+    gmsh.model.mesh.setSizeCallback(lambda *_: size)
+
+
+def _name_surfaces(device: Revolved) -> None:
+    """Give every face on the boundary of the solid one role; faces between panels get none."""
+    import gmsh
+
+    roles: dict[str, list[int]] = defaultdict(list)
+    for _, tag in gmsh.model.getEntities(2):
+        if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
+            roles[_surface_role(device, tag)].append(tag)
+    for role, tags in roles.items():
+        _name(2, tags, role)
+
+
+def _surface_role(device: Revolved, tag: int) -> str:
+    """Role of a face: the cut plane in which it lies, or the side of which it is the turn."""
+    import gmsh
+
+    near = 1e-7 * device.size
+    corners = _corners(tag)
+    centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
+    for plane, outward in zip(device.cut_planes, (1.0, -1.0), strict=False):
+        normal = np.array(plane.normal)
+        # Half a device has both planes in one; the slice's planes are told apart by the side of the axis they lie on.
+        along = outward * np.cross(device.lift, normal)
+        if np.abs(corners @ normal).max() < near and abs(centre @ normal) < near and centre @ along > 0.0:
+            return plane.name
+    ends = np.unique(np.round(np.column_stack([np.hypot(corners[:, 0], corners[:, 1]), corners[:, 2]]) / near), axis=0)
+    sides = [side for side in device.sides if side.role != AXIS]
+
+    def apart(side: Side) -> float:
+        """How far the face is from being the side turned: both have the same ends."""
+        distances = np.linalg.norm(ends[:, None] * near - np.array([side.start, side.end]), axis=2)
+        return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
+
+    return min(sides, key=apart).role
+
+
+def _corners(tag: int) -> np.ndarray:
+    """Corner points of a face, shape (n, 3)."""
+    import gmsh
+
+    found = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
+    return np.array([_at(point) for _, point in found])
+
+
+def _at(point: int) -> np.ndarray:
+    import gmsh
+
+    return np.array(gmsh.model.getValue(0, point, []))
+
+
+def _name(dimension: int, tags: list[int], role: str) -> None:
+    import gmsh
+
+    if not tags:
+        raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
+    gmsh.model.addPhysicalGroup(dimension, tags, name=role)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Points on the outline of a body of revolution, at the same share of the same edge of another one's.
+
+
+FARTHEST = 0.05
+"""How far from the outline a point may be in sizes of the device: nodes that a mesher put on chords are a little inside."""
+
+
+class CarriedEdge(Protocol):
+    """A piece of an outline."""
+
+    def places(self, shares: Array) -> Array:
+        """Places (n, 2) at shares (n,) of it."""
+
+    def shares(self, points: Array) -> Array:
+        """Shares (n,) at which places (n, 2) on it are; those of places beyond an end are 0 or 1."""
+
+
+def carried_along(edges: Sequence[CarriedEdge], others: Sequence[CarriedEdge], points: Array, size: float) -> Array:
+    """Where points on the boundary lie on another body of revolution; see `geometries.Actuator.carried`.
+
+    Args:
+        edges: The outline in (radius, height), in m.
+        others: The other one's, edge by edge.
+        points: Device coordinates in m, shape (n, 3).
+        size: Of the device, m.
+
+    Returns:
+        Shape (n, 3): turned by no angle around the axis.
+
+    Raises:
+        GeometryError: A point is not on the boundary.
+    """
+    points = np.array(points, dtype=float).reshape(-1, 3)
+    radii = np.hypot(points[:, 0], points[:, 1])
+    flat = np.column_stack([radii, points[:, 2]])
+    shares = [edge.shares(flat) for edge in edges]
+    at = np.stack([edge.places(share) for edge, share in zip(edges, shares, strict=True)])
+    missed = np.linalg.norm(at - flat, axis=2)
+    nearest = missed.argmin(axis=0)
+    _check_near(points, missed.min(axis=0, initial=np.inf), size)
+    # What is added is zero for the same device, whatever the rounding; a node beside the outline stays beside it.
+    shift = np.zeros_like(flat)
+    for k, (edge, share) in enumerate(zip(others, shares, strict=True)):
+        here = nearest == k
+        shift[here] = edge.places(share[here]) - at[k, here]
+    off_axis = radii > 1e-12 * size
+    points[off_axis, :2] *= (1.0 + shift[off_axis, 0] / radii[off_axis])[:, None]
+    points[:, 2] += shift[:, 1]
+    return points
+
+
+def _check_near(points: Array, missed: Array, size: float) -> None:
+    if len(points) and missed.max() > FARTHEST * size:
+        place = ", ".join(f"{1e3 * value:.4g}" for value in points[missed.argmax()])
+        raise GeometryError(
+            f"the point ({place}) mm is not on the device's boundary but {shown(float(missed.max()), 'm')} from it; only "
+            "points of the boundary can be carried"
+        )
+
 
 NARROWEST = 5.0
 """Smallest angle in degrees; a thinner wedge has needles for cells along the axis."""
@@ -184,6 +668,5 @@ class Revolved(Wedged):
         check_cell_count(self.cell_size, self.expected_cells, MOST_CELLS, more)
 
     def build(self) -> None:
-        from geometries.revolved_shape import build_section, build_wedge
 
         build_section(self) if self.dimension == 2 else build_wedge(self)

@@ -23,23 +23,1549 @@ supply hose is not modelled: the cavity is closed.
 from __future__ import annotations
 
 import dataclasses
+import functools
+import itertools
 import math
-from collections.abc import Mapping
-from typing import ClassVar, Self
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from typing import (
+    ClassVar,
+    NamedTuple,
+    Self,
+)
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from geometries.actuator import Vector
-from geometries.fields import angle_field, angles_field, choice_field, length_field, lengths_field, number_field
-from geometries.halved import MirroredHalf, part_field
-from geometries.held_tip import HeldTip, tip_field
-from geometries.mirroring import Mirror
-from geometries.parting import Parting
+from geometries.actuator import (
+    HeldTip,
+    MirroredHalf,
+    Parting,
+    Vector,
+    part_field,
+    tip_field,
+)
+from geometries.meshing import Mirror, check_cell_count
 from geometries.registry import register
-from geometries.seminar_cells import expected_cells
-from geometries.seminar_checks import check_seminar
-from geometries.seminar_plan import outline_area
+from softmodels.common.arrays import Array
+from softmodels.common.errors import GeometryError, MeshingError
+from softmodels.common.schema import (
+    LONGEST,
+    angle_field,
+    angles_field,
+    choice_field,
+    length_field,
+    lengths_field,
+    number_field,
+    shown,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The seminar actuator seen from above: outline, centre lines of the channels, and distances between them.
+#
+# Everything here is plain geometry in the plane (x, y), in m, without Gmsh: the checks, the shape and the cell sizes share it.
+
+
+Place = tuple[float, float]
+
+
+class Cone(NamedTuple):
+    """A part of a channel.
+
+    Attributes:
+        start: Distance along the ray at which it begins.
+        bore: Its radius there.
+        slope: Growth of its radius per length.
+        end: Distance at which it ends.
+    """
+
+    start: float
+    bore: float
+    slope: float
+    end: float
+
+
+class Channel(NamedTuple):
+    """A straight channel on a ray from the base's middle: one cone or two, and a round cap that continues it without a corner.
+
+    Attributes:
+        angle: Of the ray against the x axis, in radians.
+        cones: From the manifold's centre line to the cap.
+        centre: Distance of the cap's centre.
+        cap: Radius of the cap.
+    """
+
+    angle: float
+    cones: tuple[Cone, ...]
+    centre: float
+    cap: float
+
+    @property
+    def start(self) -> float:
+        """Distance at which the channel begins, on the manifold's centre line."""
+        return self.cones[0].start
+
+    @property
+    def bore(self) -> float:
+        """Radius there."""
+        return self.cones[0].bore
+
+    @property
+    def end(self) -> float:
+        """Distance at which the last cone ends and the cap begins."""
+        return self.cones[-1].end
+
+    def radius(self, along: float) -> float:
+        """Radius of the section at a distance along the ray; that of the last cone's end from there on."""
+        cone = next((part for part in self.cones if along < part.end), self.cones[-1])
+        return cone.bore + cone.slope * (min(along, self.end) - cone.start)
+
+
+def side(slab: SeminarActuator) -> tuple[Place, Place]:
+    """The straight side at y > 0: its outward unit normal, and where it meets the tip's rounding."""
+    # The side is the tangent from the base's corner to the circle of the rounding.
+    half, middle, radius = 0.5 * slab.base_width, slab.length - slab.tip_radius, slab.tip_radius
+    reach = math.hypot(middle, half)
+    angle = math.atan2(half, middle)  # of the line from the rounding's centre to the corner, against -x
+    turn = angle + math.acos(radius / reach)
+    normal = (-math.cos(turn), math.sin(turn))
+    return normal, (middle + radius * normal[0], radius * normal[1])
+
+
+def outline_area(slab: SeminarActuator) -> float:
+    """Area of half the slab (y > 0) seen from above, in m2."""
+    normal, (x, y) = side(slab)
+    middle = slab.length - slab.tip_radius
+    straight = 0.5 * (0.5 * slab.base_width * x + y * middle)  # corners (0, 0), (middle, 0), (x, y), (0, half width)
+    return straight + 0.5 * slab.tip_radius**2 * math.atan2(normal[1], normal[0])
+
+
+def edge_distance(slab: SeminarActuator, x: float, y: float) -> float:
+    """Distance of a point inside from the slab's two sides and tip, the base not counted; negative outside."""
+    normal, (tx, ty) = side(slab)
+    y = abs(y)
+    straight = (tx - x) * normal[0] + (ty - y) * normal[1]
+    middle = slab.length - slab.tip_radius
+    # Beyond the end of the straight side, the rounding is what is near.
+    along = (x - tx) * normal[1] - (y - ty) * normal[0]
+    return slab.tip_radius - math.hypot(x - middle, y) if along > 0.0 else straight
+
+
+def half_count(slab: SeminarActuator) -> int:
+    """How many channels have y >= 0: as many entries as a list of channels has."""
+    return (slab.channels + 1) // 2
+
+
+def spread(slab: SeminarActuator) -> float:
+    """Angle of the manifold's arc in radians, which is that between the outermost channels."""
+    return math.radians(2.0 * slab.angles[-1] if slab.angles else slab.spread)
+
+
+def half_angles(slab: SeminarActuator) -> list[float]:
+    """Directions in radians of the channels with y >= 0, from the middle outwards."""
+    if slab.angles:
+        return [math.radians(angle) for angle in slab.angles]
+    if slab.channels == 1:
+        return [0.0]
+    half = 0.5 * math.radians(slab.spread)
+    return [half * (2 * k - slab.channels + 1) / (slab.channels - 1) for k in range(slab.channels // 2, slab.channels)]
+
+
+def own(slab: SeminarActuator, several: str, common: str, number: int) -> tuple[float, str]:
+    """A channel's own value and the name it was given by: an entry of a list, or what is common to all.
+
+    Args:
+        slab: The device.
+        several: Name of the list.
+        common: Name of the parameter where the list is empty.
+        number: Of the channel, from 1 in the middle outwards.
+    """
+    values = getattr(slab, several)
+    return (values[number - 1], f"{several}[{number}]") if values else (getattr(slab, common), common)
+
+
+def half_fan(slab: SeminarActuator) -> list[Channel | None]:
+    """The channels with y >= 0, from the middle outwards; None in place of one for which there is no room."""
+    return [_channel(slab, number, angle) for number, angle in enumerate(half_angles(slab), 1)]
+
+
+def fan(slab: SeminarActuator) -> list[Channel | None]:
+    """All channels from the one at the smallest y to that at the largest; None in place of one without room."""
+    half = half_fan(slab)
+    mirrored = [line and line._replace(angle=-line.angle) for line in half[slab.channels % 2 :]]
+    return [*reversed(mirrored), *half]
+
+
+def pairs(lines: list[Channel]) -> list[tuple[int, int, Channel, Channel, float]]:
+    """Neighbouring channels with their numbers and the angle between them; the first of an even number with its image."""
+    middle = [(1, 1, lines[0], lines[0], 2.0 * lines[0].angle)] if lines[0].angle > 0.0 else []
+    couples = enumerate(itertools.pairwise(lines), 1)
+    return middle + [(k, k + 1, one, other, other.angle - one.angle) for k, (one, other) in couples]
+
+
+def _channel(slab: SeminarActuator, number: int, angle: float) -> Channel | None:
+    """The channel along a direction: as long as its list says, or as the sides leave room; None if there is none."""
+    bore, end_bore = own(slab, "bores", "channel_bore", number)[0], own(slab, "end_bores", "end_bore", number)[0]
+    start = slab.manifold_radius
+    if slab.reaches:
+        before, share = (slab.middle_bores[number - 1], 0.5) if slab.middle_bores else (bore, 1.0)
+        centre = _centre(slab.reaches[number - 1], start, end_bore, (end_bore - before) / share)
+    else:
+        centre = _farthest(slab, angle, slab.edge + end_bore)
+    if centre <= start:
+        return None
+    cones = []
+    if slab.middle_bores:
+        half = 0.5 * (centre - start)
+        cones.append(Cone(start, bore, (slab.middle_bores[number - 1] - bore) / half, start + half))
+        start, bore = start + half, slab.middle_bores[number - 1]
+    slope = (end_bore - bore) / (centre - start)
+    cosine = 1.0 / math.hypot(1.0, slope)
+    cap = end_bore * cosine  # the sphere around the centre that touches the cone
+    cones.append(Cone(start, bore, slope, centre - cap * slope * cosine))
+    return Channel(angle, tuple(cones), centre, cap)
+
+
+def _farthest(slab: SeminarActuator, angle: float, need: float) -> float:
+    """Distance along a ray at which the sides are as near as ``need``; 0 if they are nearer at the manifold."""
+    c, s = math.cos(angle), math.sin(angle)
+    low, high = slab.manifold_radius, slab.length
+    if edge_distance(slab, low * c, low * s) <= need:
+        return 0.0
+    for _ in range(60):  # the distance falls along the ray only near its end: the slab is convex, so one crossing
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if edge_distance(slab, middle * c, middle * s) > need else (low, middle)
+    return low
+
+
+def _centre(reach: float, start: float, end_bore: float, growth: float) -> float:
+    """Distance of the centre of a cap that ends at ``reach``; 0 if there is no room for one.
+
+    Args:
+        reach: Distance at which the cap ends.
+        start: Distance at which the channel begins.
+        end_bore: Radius that the last cone would have at the centre.
+        growth: The last cone's slope times the channel's length.
+    """
+    centre = reach - end_bore
+    for _ in range(40):  # the cap is a little smaller than the end's bore; the slope hardly changes
+        if centre <= start:
+            return 0.0
+        centre = reach - end_bore / math.hypot(1.0, growth / (centre - start))
+    return centre
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How large the cells of a seminar actuator are, and how many of them to expect.
+#
+# On a channel's wall the size follows its curvature (`around` cells on the section) and the solid between it and the nearest
+# face (`THROUGH` cells); away from the wall it grows linearly with distance up to the slab's cell size.
+
+
+THROUGH = 1.5
+"""Cells between a channel and the nearest face."""
+
+CREASE = 1.5
+"""Size of the cells on a rounded crease over that on a channel with the crease's radius."""
+
+GROWTH = 0.55
+"""Growth of the cell size per distance."""
+
+TETRAHEDRON = 0.12
+"""Volume of a regular cell with edges of length 1."""
+
+
+def wall_size(slab: SeminarActuator, radius: float) -> float:
+    """Cell size in m on the wall of a channel of a radius in m."""
+    thin = 0.5 * slab.thickness - abs(slab.offset) - radius
+    return min(slab.cell_size, 2.0 * math.pi * radius / slab.around, thin / THROUGH)
+
+
+def size_function(slab: SeminarActuator) -> Callable[[float, float, float], float]:
+    """Return the cell size in m as a function of the place in m."""
+    half, arc, bore = 0.5 * spread(slab), slab.manifold_radius, slab.manifold_bore
+    on_arc, far, level = wall_size(slab, bore), slab.cell_size, slab.offset
+    # The creases, or their roundings, are rings around the rays, near the manifold's outer wall.
+    crease, fillet = min(CREASE * 2.0 * math.pi * slab.fillet / slab.around or far, on_arc), slab.fillet
+    ring = arc + 0.85 * bore
+    around, middle = 2.0 * math.pi / slab.around, 0.5 * slab.thickness - abs(slab.offset)
+    ends = [(arc * math.cos(end), arc * math.sin(end)) for end in (-half, half)]
+    rays = []
+    for line in fan(slab):
+        if line is None or (slab.part == "half" and line.angle < -1e-9):
+            continue
+        for number, cone in enumerate(line.cones, 1):
+            end = cone.end if number < len(line.cones) else line.centre
+            rays.append((math.cos(line.angle), math.sin(line.angle), cone.start, end, cone.bore, cone.slope, line.bore))
+
+    # Gmsh asks a million times: plain arithmetic, nothing looked up twice.
+    def size(x: float, y: float, z: float) -> float:
+        z -= level
+        if abs(math.atan2(y, x)) <= half:
+            away = math.hypot(math.hypot(x, y) - arc, z)
+        else:
+            ex, ey = ends[y > 0.0]
+            away = math.hypot(x - ex, y - ey, z)
+        best = min(far, on_arc + GROWTH * max(0.0, away - bore))
+        for c, s, start, end, first, slope, mouth in rays:
+            along = min(max(c * x + s * y, start), end)
+            radius = first + slope * (along - start)
+            away = math.hypot(x - c * along, y - s * along, z) - radius
+            wall = min(around * radius, (middle - radius) / THROUGH)
+            best = min(best, wall + GROWTH * away if away > 0.0 else wall)
+            apart = math.hypot(c * x + s * y - ring, math.hypot(s * x - c * y, z) - mouth) - fillet
+            best = min(best, crease + GROWTH * apart if apart > 0.0 else crease)
+        return best
+
+    return size
+
+
+def expected_cells(slab: SeminarActuator) -> float:
+    """Return a rough number of cells (within a factor of about two), from the sizes alone."""
+    share = 0.5 if slab.part == "half" else 1.0
+    total = 0.5 * slab.base_width * slab.length * slab.thickness / slab.cell_size**3
+    lines = [(slab.manifold_radius * spread(slab), slab.manifold_bore)]
+    lines += [
+        (cone.end - cone.start, max(cone.bore, line.radius(cone.end)))
+        for line in fan(slab)
+        if line is not None
+        for cone in line.cones
+    ]
+    for length, radius in lines:
+        h = wall_size(slab, radius)
+        # Rings of cells that grow with distance r from the wall: int 2 pi (radius + r) / (h + g r)^3 dr.
+        total += length * 2.0 * math.pi * (0.5 * radius / (GROWTH * h**2) + 0.5 / (GROWTH**2 * h))
+    return share * total / TETRAHEDRON
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Seminar actuators that cannot be: channels that break through a face or each other, found before the mesher starts.
+
+
+MOST_CELLS = 3_000_000
+"""Meshes expected to be larger are refused: they are typing mistakes far more often than wishes."""
+
+WIDEST, NARROWEST = 160.0, 10.0
+"""Largest and smallest spread in degrees; beyond 160 the outermost channels run along the clamp."""
+
+LARGEST_BORE_RATIO = 0.9
+"""Largest bore of a channel in bores of the manifold: nearly equal ones meet at tangents, which no mesh survives."""
+
+SAMPLES = 40
+
+LISTS = ("bores", "middle_bores", "end_bores", "angles", "reaches")
+"""Parameters with one value for every channel."""
+
+
+def check_seminar(slab: SeminarActuator) -> None:
+    """Check a slab's parameters against each other.
+
+    Raises:
+        GeometryError: The first parameter found impossible, with its value and the limit.
+    """
+    _check_slab(slab)
+    _check_lists(slab)
+    _check_heights(slab)
+    _check_manifold(slab)
+    found = [_check_channel(slab, number, line) for number, line in enumerate(half_fan(slab), 1)]
+    _check_sides(slab, found)
+    _check_neighbours(slab, found)
+    _check_fillet(slab, found)
+    _check_cells(slab)
+
+
+def _mm(value: float) -> str:
+    return shown(value, "m")
+
+
+def _degrees(value: float) -> str:
+    return shown(value, "degree")
+
+
+def _fan(slab: SeminarActuator) -> str:
+    """How wide the fan is, by the name it was given."""
+    several = f"angles[{half_count(slab)}] {_degrees(slab.angles[-1])}" if slab.angles else ""
+    return several or f"spread {_degrees(slab.spread)}"
+
+
+def _check_wall(slab: SeminarActuator, left: float, given: str, face: str) -> None:
+    """Refuse less solid than the least wall between the network and a face; ``given`` begins the sentence."""
+    if left < slab.least_wall * (1 - 1e-9):
+        raise GeometryError(
+            f"{given} "
+            + (f"breaks through {face}" if left <= 0.0 else f"leaves {_mm(left)} to {face}")
+            + f", and least_wall asks for {_mm(slab.least_wall)}"
+        )
+
+
+def _check_slab(slab: SeminarActuator) -> None:
+    if max(slab.length, slab.base_width) > 0.1 * LONGEST:
+        raise GeometryError(
+            f"length is {_mm(slab.length)} and base_width {_mm(slab.base_width)}; above {0.1 * LONGEST:g} m this looks "
+            "like a mistaken unit"
+        )
+    if slab.thickness > 0.5 * min(slab.length, slab.base_width):
+        raise GeometryError(
+            f"thickness is {_mm(slab.thickness)}; a slab is at most half as thick as it is long and wide "
+            f"({_mm(0.5 * min(slab.length, slab.base_width))})"
+        )
+    limit = 0.4 * min(slab.base_width, slab.length)
+    if slab.tip_radius > limit:
+        raise GeometryError(f"tip_radius is {_mm(slab.tip_radius)}; this slab takes at most {_mm(limit)}")
+    if slab.tip == "held" and slab.tip_radius == 0.0:
+        raise GeometryError("tip is 'held' and tip_radius 0; the rounding is what is held, so it needs a radius")
+
+
+def _check_lists(slab: SeminarActuator) -> None:
+    """Lists have one entry for every channel with y >= 0, and directions rise from the middle outwards."""
+    count = half_count(slab)
+    for name in LISTS:
+        entries = len(getattr(slab, name))
+        if entries not in (0, count):
+            raise GeometryError(
+                f"{name} has {entries} {'entry' if entries == 1 else 'entries'}; {slab.channels} channels, alike on both sides "
+                f"of the middle, take {count}, from the middle outwards"
+            )
+    if slab.angles and slab.channels == 1:
+        raise GeometryError("angles is given for one channel, which runs in the middle; leave it out")
+    if slab.angles and slab.channels % 2 and slab.angles[0] != 0.0:
+        raise GeometryError(
+            f"angles[1] is {_degrees(slab.angles[0])}; of {slab.channels} channels the first runs in the middle, at 0 deg"
+        )
+    for number, angle in enumerate(slab.angles, 1):
+        least = slab.angles[number - 2] if number > 1 else 0.0
+        if angle <= least and (number > 1 or slab.channels % 2 == 0):
+            raise GeometryError(
+                f"angles[{number}] is {_degrees(angle)}; it must be larger than {_degrees(least)}: channels are given from "
+                "the middle outwards"
+            )
+    arc = math.degrees(spread(slab))
+    if not NARROWEST * (1 - 1e-9) <= arc <= WIDEST * (1 + 1e-9):
+        given = f"angles[{count}] is {_degrees(0.5 * arc)}" if slab.angles else f"spread is {_degrees(arc)}"
+        low, high = (0.5 * NARROWEST, 0.5 * WIDEST) if slab.angles else (NARROWEST, WIDEST)
+        raise GeometryError(f"{given}; it must lie between {low:g} and {high:g} deg")
+
+
+def _bores(slab: SeminarActuator) -> list[tuple[float, str]]:
+    """Every radius of the channels that was given, and the name it was given by."""
+    pairs = (("bores", "channel_bore"), ("end_bores", "end_bore"))
+    found = {
+        name: bore
+        for number in range(half_count(slab), 0, -1)
+        for bore, name in (own(slab, *pair, number) for pair in pairs)
+    }
+    found |= {f"middle_bores[{number}]": bore for number, bore in enumerate(slab.middle_bores, 1)}
+    return [(bore, name) for name, bore in found.items()]
+
+
+def _check_heights(slab: SeminarActuator) -> None:
+    """Solid above and below every part of the network."""
+    for bore, name in ((slab.manifold_bore, "manifold_bore"), *_bores(slab)):
+        left = 0.5 * slab.thickness - abs(slab.offset) - bore
+        given = f"{name} is {_mm(bore)}; with offset {_mm(slab.offset)} in thickness {_mm(slab.thickness)} it"
+        _check_wall(slab, left, given, f"the {'top' if slab.offset > 0.0 else 'bottom'} face")
+
+
+def _check_manifold(slab: SeminarActuator) -> None:
+    bore, radius = slab.manifold_bore, slab.manifold_radius
+    for number in range(1, half_count(slab) + 1):
+        mouth, name = own(slab, "bores", "channel_bore", number)
+        if mouth > LARGEST_BORE_RATIO * bore:
+            raise GeometryError(
+                f"{name} is {_mm(mouth)}; it must not pass {LARGEST_BORE_RATIO:g} times manifold_bore, {_mm(bore)}"
+            )
+    if radius < 2.0 * bore:
+        raise GeometryError(
+            f"manifold_radius is {_mm(radius)}; it must be at least twice manifold_bore, {_mm(bore)}, for an arc"
+        )
+    gap = radius * math.cos(0.5 * spread(slab)) - bore
+    given = f"manifold_bore is {_mm(bore)}; with manifold_radius {_mm(radius)} and {_fan(slab)} the"
+    _check_wall(slab, gap, f"{given} manifold", "the base")
+
+
+def _check_channel(slab: SeminarActuator, number: int, found: Channel | None) -> Channel:
+    """The channel, unless it is so short that nothing of it is left outside the manifold."""
+    end_bore, name = own(slab, "end_bores", "end_bore", number)
+    if found is None or found.end - found.start < slab.manifold_bore + end_bore:
+        far = f"reaches[{number}] {_mm(slab.reaches[number - 1])}" if slab.reaches else f"edge {_mm(slab.edge)}"
+        raise GeometryError(
+            f"manifold_radius is {_mm(slab.manifold_radius)}; with {far} and {name} "
+            f"{_mm(end_bore)} no length is left for channel {number}, at {math.degrees(half_angles(slab)[number - 1]):.3g} deg"
+        )
+    return found
+
+
+def _check_sides(slab: SeminarActuator, found: list[Channel]) -> None:
+    """Solid between the network and the slab's sides, along every centre line."""
+    if slab.edge < slab.least_wall:
+        raise GeometryError(f"edge is {_mm(slab.edge)}; least_wall asks for {_mm(slab.least_wall)}")
+    arc = [0.5 * spread(slab) * k / SAMPLES for k in range(SAMPLES + 1)]
+    bore = slab.manifold_bore
+    given = f"manifold_bore is {_mm(bore)}; with manifold_radius {_mm(slab.manifold_radius)} and {_fan(slab)} it"
+    _check_wall(slab, min(_wall(slab, slab.manifold_radius, angle, bore) for angle in arc), given, "the slab's side")
+    for number, line in enumerate(found, 1):
+        end_bore, name = own(slab, "end_bores", "end_bore", number)
+        given = f"{name} is {_mm(end_bore)}; with manifold_radius {_mm(slab.manifold_radius)} and {_fan(slab)} channel {number}"
+        walls = [_wall(slab, line.centre, line.angle, line.cap)]
+        for k in range(SAMPLES + 1):
+            along = line.start + (line.end - line.start) * k / SAMPLES
+            radius = line.radius(along)
+            walls += [_wall(slab, along, line.angle, radius), along * math.cos(line.angle) - radius]
+        if slab.reaches:
+            given = (
+                f"reaches[{number}] is {_mm(slab.reaches[number - 1])}; with {name} {_mm(end_bore)} channel {number}"
+            )
+        _check_wall(slab, min(walls), given, "the slab's side")
+
+
+def _wall(slab: SeminarActuator, along: float, angle: float, radius: float) -> float:
+    return edge_distance(slab, along * math.cos(angle), along * math.sin(angle)) - radius
+
+
+def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
+    """Solid between neighbouring channels, outside of the manifold that joins them."""
+    begin = slab.manifold_radius + slab.manifold_bore
+    for first, second, one, other, pitch in pairs(found):
+        end = min(one.end, other.end)
+        for k in range(SAMPLES + 1):
+            along = begin + (end - begin) * k / SAMPLES
+            left = 2.0 * along * math.sin(0.5 * pitch) - one.radius(along) - other.radius(along)
+            if left < slab.least_wall * (1 - 1e-9):
+                mouth, name = own(slab, "bores", "channel_bore", second)
+                raise GeometryError(
+                    f"channels is {slab.channels}; with {_fan(slab)}, manifold_radius {_mm(slab.manifold_radius)} and "
+                    f"{name} {_mm(mouth)} neighbours (channels {first} and {second}) "
+                    + ("break into each other" if left <= 0.0 else f"are {_mm(left)} apart")
+                    + f", and least_wall asks for {_mm(slab.least_wall)}"
+                )
+
+
+def _check_fillet(slab: SeminarActuator, found: list[Channel]) -> None:
+    """The rounding must fit on the bores, and two of them between neighbouring channels."""
+    limits = [(line.bore, number) for number, line in enumerate(found, 1)]
+    for _, second, one, other, pitch in pairs(found):
+        # Two roundings side by side on the manifold's wall, with a fifth of one to spare.
+        room = slab.manifold_radius * math.sin(0.5 * pitch) - 0.5 * (one.bore + other.bore)
+        limits.append((room / 1.1, second))
+    limit, number = min(limits)
+    if slab.fillet > limit:
+        mouth, name = own(slab, "bores", "channel_bore", number)
+        raise GeometryError(
+            f"fillet is {_mm(slab.fillet)}; with {name} {_mm(mouth)} and {slab.channels} channels this slab takes at most "
+            f"{_mm(max(limit, 0.0))}"
+        )
+
+
+def _check_cells(slab: SeminarActuator) -> None:
+    if not 3.0 <= slab.around <= 64.0:
+        raise GeometryError(f"around is {slab.around:g}; it must lie between 3 and 64 cells around a channel")
+    if slab.cell_size > slab.thickness:
+        raise GeometryError(f"cell_size is {_mm(slab.cell_size)}; it must not pass thickness, {_mm(slab.thickness)}")
+    check_cell_count(slab.cell_size, expected_cells(slab), MOST_CELLS, f" with around {slab.around:g}")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The dimensions of a seminar actuator that have a least value: walls, widths of channels, and room that its parts need.
+#
+# Walls and widths are what a workshop puts a least value to. Room that only the shape needs may come down to nothing; it is
+# counted on top of least_wall, so that one least value suits all. Each is a smooth function of the parameters: where a wall's
+# thickness changes linearly along it, both ends stand for it.
+
+
+PLACES = {
+    "at the manifold": ("bores", "channel_bore"),
+    "half way": ("middle_bores", ""),
+    "at the end": ("end_bores", "end_bore"),
+}
+"""Where a channel's radius is given, the list that gives it and what is common to all without it."""
+
+
+def clearances(slab: SeminarActuator) -> dict[str, float]:
+    """Dimensions in m that have a least value; see `geometries.Actuator.clearances`.
+
+    Where all are least_wall or more, the slab can be made.
+    """
+    lines = [line for line in half_fan(slab) if line is not None]
+    return {
+        **_sections(slab, len(lines)),
+        **_sides(slab, lines),
+        **_neighbours(slab, lines),
+        **{f"least_wall and {name}": slab.least_wall + room for name, room in _rooms(slab, lines).items()},
+    }
+
+
+def _sections(slab: SeminarActuator, count: int) -> dict[str, float]:
+    """Widths of the manifold and the channels, and the solid above and below them."""
+    bores = {"the manifold": slab.manifold_bore}
+    for place, (several, common) in PLACES.items():
+        if getattr(slab, several):
+            bores |= {f"channel {k} {place}": own(slab, several, common, k)[0] for k in range(1, count + 1)}
+        elif common:
+            bores[f"the channels {place}"] = getattr(slab, common)
+    found = {f"width of {name}": 2.0 * bore for name, bore in bores.items()}
+    for face, sign in (("top", 1.0), ("bottom", -1.0)):
+        found |= {
+            f"solid between {name} and the {face}": 0.5 * slab.thickness - sign * slab.offset - bore
+            for name, bore in bores.items()
+        }
+    return found
+
+
+def _sides(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
+    """Solid between the network and the slab's base, sides and tip."""
+    radius, bore, half = slab.manifold_radius, slab.manifold_bore, 0.5 * spread(slab)
+    normal, _ = side(slab)
+    nearest = min(math.atan2(normal[1], normal[0]), half)  # there the arc's distance is flat, so this is smooth
+    found = {
+        "solid between the manifold and the base": radius * math.cos(half) - bore,
+        "solid between the manifold and the side": edge_distance(
+            slab, radius * math.cos(nearest), radius * math.sin(nearest)
+        )
+        - bore,
+        f"solid between the end of channel {len(lines)} and the base": lines[-1].centre * math.cos(half)
+        - lines[-1].cap,
+    }
+    if not slab.reaches:
+        found["solid between the channels' ends and the side"] = slab.edge
+    for number, line in enumerate(lines, 1):
+        if slab.reaches:
+            found[f"solid between the end of channel {number} and the side"] = _to_side(
+                slab, line, line.centre, line.cap
+            )
+        if slab.middle_bores:
+            middle = line.cones[0].end
+            wall = _to_side(slab, line, middle, line.radius(middle))
+            found[f"solid between the middle of channel {number} and the side"] = wall
+    return found
+
+
+def _to_side(slab: SeminarActuator, line: Channel, along: float, radius: float) -> float:
+    return edge_distance(slab, along * math.cos(line.angle), along * math.sin(line.angle)) - radius
+
+
+def _neighbours(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
+    """Solid between neighbouring channels, at the manifold and wherever a cone of either ends."""
+    found = {}
+    for first, second, one, other, pitch in pairs(lines):
+        places = {"at the manifold": (slab.manifold_radius + slab.manifold_bore, 0)}
+        for number, line in {first: one, second: other}.items():
+            places |= {
+                f"{'at the end' if k == len(line.cones) - 1 else 'half way'} of channel {number}": (cone.end, k)
+                for k, cone in enumerate(line.cones)
+            }
+        for place, (along, k) in places.items():
+            radii = [cone.bore + cone.slope * (along - cone.start) for cone in (one.cones[k], other.cones[k])]
+            found[f"solid between channels {first} and {second} {place}"] = 2.0 * along * math.sin(0.5 * pitch) - sum(
+                radii
+            )
+    return found
+
+
+def _rooms(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
+    """What the shape needs beyond walls: 0 is enough."""
+    radius, bore, fillet = slab.manifold_radius, slab.manifold_bore, slab.fillet
+    half, shorter = 0.5 * spread(slab), {"length": slab.length, "width": slab.base_width}
+    found = {f"room for the thickness in the {name}": 0.5 * size - slab.thickness for name, size in shorter.items()}
+    found |= {
+        "room for a cell in the thickness": slab.thickness - slab.cell_size,
+        "room for the manifold's bore in its radius": radius - 2.0 * bore,
+        "room for a wider fan": radius * (math.radians(0.5 * WIDEST) - half),
+        "room for a narrower fan": radius * (half - math.radians(0.5 * NARROWEST)),
+    }
+    if slab.tip_radius:
+        found |= {f"room for tip_radius in the {name}": 0.4 * size - slab.tip_radius for name, size in shorter.items()}
+    for number, line in enumerate(lines, 1):
+        found[f"straight length of channel {number}"] = (
+            line.end - line.start - bore - own(slab, "end_bores", "end_bore", number)[0]
+        )
+    for number, line in enumerate(lines if slab.bores else lines[:1], 1):
+        name = f"channel {number}" if slab.bores else "the channels"
+        found[f"room for {name} in the manifold's bore"] = LARGEST_BORE_RATIO * bore - line.bore
+        if fillet:
+            found[f"room for the fillet in {name}"] = line.bore - fillet
+    for first, second, one, other, pitch in pairs(lines) if fillet else ():
+        room = 2.0 * radius * math.sin(0.5 * pitch) - one.bore - other.bore
+        found[f"room for two fillets between channels {first} and {second}"] = room - 2.2 * fillet
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The seminar actuator in Gmsh: half a slab, or its upper half where it is symmetric, with the channels cut out of it.
+#
+# The model is in mm and the mesh is written in m: the CAD kernel rounds edges with fixed tolerances that suit mm.
+
+
+Entity = tuple[int, int]
+
+MM = 1e3
+"""Model lengths in one metre."""
+
+SHARP = math.radians(5.0)
+"""Angle between the normals of two walls of the air above which they meet in a crease."""
+
+
+def build_slab(slab: SeminarActuator) -> None:
+    """Fill the current Gmsh model (mm) with the slab, its roles and its cell sizes; the mesh is saved in m."""
+    import gmsh  # type: ignore[import-untyped]
+
+    solids = half_slab(slab)
+    gmsh.model.occ.synchronize()
+    _name_roles(slab, solids)
+    size = size_function(slab)
+    gmsh.option.setNumber("Mesh.ScalingFactor", 1.0 / MM)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: MM * size(x / MM, y / MM, z / MM))
+
+
+@functools.lru_cache(maxsize=64)
+def measured_volume(slab: SeminarActuator) -> float:
+    """Volume in m3 of half the slab without its channels, by the CAD kernel."""
+    import gmsh
+
+    from geometries.meshing import private_model
+
+    with private_model():
+        volume = float(sum(gmsh.model.occ.getMass(*entity) for entity in half_slab(slab)))
+    return volume / MM**3 * (2.0 if slab.level else 1.0)
+
+
+def build_both_halves(slab: SeminarActuator) -> None:
+    """Fill the current Gmsh model (mm) with the whole slab, one solid.
+
+    Both halves are drawn: the CAD kernel mirrors planes and cones into splines, which it is slow with and less exact.
+    """
+    import gmsh
+
+    occ = gmsh.model.occ
+    lines = [line for line in fan(slab) if line is not None]
+    begin = -0.5 * spread(slab)
+    air = _rounded(slab, [*_manifold(slab, begin), _cap(slab, begin), *(_air(slab, line) for line in lines)])
+    solids, _ = occ.cut([_whole_prism(slab)], air)
+    if [dimension for dimension, _ in solids] != [3]:
+        raise MeshingError(
+            f"the CAD kernel made {len(solids)} solids of one slab; change manifold_bore or channel_bore a little"
+        )
+    occ.synchronize()
+
+
+def _whole_prism(slab: SeminarActuator) -> Entity:
+    """The whole slab without channels."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    length, half, radius = MM * slab.length, 0.5 * MM * slab.base_width, MM * slab.tip_radius
+    bottom = -0.5 * MM * slab.thickness
+    x, y = (MM * at for at in side(slab)[1])
+    right, left = occ.addPoint(0, -half, bottom), occ.addPoint(0, half, bottom)
+    if radius > 0.0:
+        ends = [occ.addPoint(x, -y, bottom), occ.addPoint(x, y, bottom)]
+        centre = occ.addPoint(length - radius, 0, bottom)
+        front = [occ.addCircleArc(ends[0], centre, ends[1])]
+        occ.remove([(0, centre)])
+    else:
+        ends, front = [occ.addPoint(length, 0, bottom)], []
+    sides = [occ.addLine(right, ends[0]), *front, occ.addLine(ends[-1], left), occ.addLine(left, right)]
+    swept = occ.extrude([(2, occ.addPlaneSurface([occ.addCurveLoop(sides)]))], 0, 0, MM * slab.thickness)
+    return next(entity for entity in swept if entity[0] == 3)
+
+
+def half_slab(slab: SeminarActuator) -> list[Entity]:
+    """Add the half at y > 0 with the channels cut out, of a `SeminarActuator.level` slab what is above the middle.
+
+    Nothing is synchronised but the channels.
+
+    Raises:
+        MeshingError: The CAD kernel made something else than one solid.
+    """
+    import gmsh
+
+    occ = gmsh.model.occ
+    # The network may reach over the mirror plane: only what lies in the half is cut away.
+    solids, _ = occ.cut([_prism(slab)], _network(slab))
+    if [dimension for dimension, _ in solids] != [3]:
+        raise MeshingError(
+            f"the CAD kernel made {len(solids)} solids of one slab; change manifold_bore or channel_bore a little"
+        )
+    return solids
+
+
+def _prism(slab: SeminarActuator) -> Entity:
+    """Half the slab without channels."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    bottom, height = (
+        (0.0, 0.5 * MM * slab.thickness) if slab.level else (-0.5 * MM * slab.thickness, MM * slab.thickness)
+    )
+    length, half, radius = MM * slab.length, 0.5 * MM * slab.base_width, MM * slab.tip_radius
+    x, y = (MM * at for at in side(slab)[1])
+    base, corner = occ.addPoint(0, 0, bottom), occ.addPoint(0, half, bottom)
+    tip = occ.addPoint(length, 0, bottom)
+    if radius > 0.0:
+        turn, centre = occ.addPoint(x, y, bottom), occ.addPoint(length - radius, 0, bottom)
+        flank = [occ.addCircleArc(tip, centre, turn), occ.addLine(turn, corner)]
+        occ.remove([(0, centre)])  # a point on its own would become a node of no cell
+    else:
+        flank = [occ.addLine(tip, corner)]
+    loop = occ.addCurveLoop([occ.addLine(base, tip), *flank, occ.addLine(corner, base)])
+    swept = occ.extrude([(2, occ.addPlaneSurface([loop]))], 0, 0, height)
+    return next(entity for entity in swept if entity[0] == 3)
+
+
+def _network(slab: SeminarActuator) -> list[Entity]:
+    """The air of all channels that reach into the half at y > 0, in one piece, its creases rounded."""
+    lines = [line for line in half_fan(slab) if line is not None]
+    # Across the mirror plane, past the middle channel and its rounding, so that the cut there is clean.
+    begin = -2.0 * (lines[0].bore + 2.0 * slab.fillet) / slab.manifold_radius
+    return _rounded(slab, [*_manifold(slab, begin), *(_air(slab, line) for line in lines)])
+
+
+def _rounded(slab: SeminarActuator, parts: list[Entity]) -> list[Entity]:
+    """Manifold and channels in one piece, its creases rounded."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    air = list(occ.fuse(parts[:1], parts[1:])[0])
+    if slab.fillet == 0.0:
+        return air
+    occ.synchronize()
+    edges = _creases(slab, air)
+    try:
+        return list(occ.fillet([tag for _, tag in air], edges, [MM * slab.fillet]))
+    except Exception:  # bare
+        raise MeshingError(
+            f"the CAD kernel could not round {len(edges)} creases with fillet {MM * slab.fillet:g} mm; "
+            "take a smaller one, or --fillet 0mm for sharp creases"
+        ) from None
+
+
+def _creases(slab: SeminarActuator, air: list[Entity]) -> list[int]:
+    """Curves on the manifold where two curved walls of the air meet at an angle."""
+    import gmsh
+
+    model = gmsh.model
+    half, radius = 0.5 * spread(slab), MM * slab.manifold_radius
+    walls = [tag for _, tag in model.getBoundary(air, oriented=False) if model.getType(2, tag) != "Plane"]
+    owners: dict[int, list[int]] = defaultdict(list)
+    for wall in walls:
+        for _, curve in model.getBoundary([(2, wall)], combined=False, oriented=False):
+            owners[curve].append(wall)
+    found = []
+    for curve, pair in owners.items():
+        if len(set(pair)) != 2:
+            continue  # a seam of one wall, or the rim of the cut
+        low, high = (bound[0] for bound in model.getParametrizationBounds(1, curve))
+        at = model.getValue(1, curve, [0.5 * (low + high)])
+        one, other = (np.array(model.getNormal(wall, model.getParametrization(2, wall, at))) for wall in pair)
+        turn = max(-half, min(math.atan2(at[1], at[0]), half))
+        away = math.dist(at, (radius * math.cos(turn), radius * math.sin(turn), MM * slab.offset))
+        # Two cones of one channel meet at an angle too, which stays.
+        if away < 1.001 * MM * slab.manifold_bore and math.acos(min(1.0, abs(float(one @ other)))) > SHARP:
+            found.append(curve)
+    return sorted(found)
+
+
+def _manifold(slab: SeminarActuator, begin: float) -> list[Entity]:
+    """The arc from an angle (rad) to its end at y > 0, and the round cap there."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    half = 0.5 * spread(slab)
+    radius, bore, level = MM * slab.manifold_radius, MM * slab.manifold_bore, MM * slab.offset
+    c, s = math.cos(begin), math.sin(begin)
+    # The section's seam is on the inside, where no channel leaves.
+    section = occ.addDisk(radius * c, radius * s, level, bore, bore, zAxis=[-s, c, 0], xAxis=[-c, -s, 0])
+    arc = occ.revolve([(2, section)], 0, 0, 0, 0, 0, 1, half - begin)
+    return [next(entity for entity in arc if entity[0] == 3), _cap(slab, half)]
+
+
+def _cap(slab: SeminarActuator, angle: float) -> Entity:
+    """The round cap where the manifold ends at an angle in radians."""
+    import gmsh
+
+    radius = MM * slab.manifold_radius
+    x, y = radius * math.cos(angle), radius * math.sin(angle)
+    return (3, int(gmsh.model.occ.addSphere(x, y, MM * slab.offset, MM * slab.manifold_bore)))
+
+
+def _air(slab: SeminarActuator, line: Channel) -> Entity:
+    """A channel: its half profile turned around its ray."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    c, s = math.cos(line.angle), math.sin(line.angle)
+
+    def corner(along: float, up: float) -> int:
+        return int(occ.addPoint(MM * along * c, MM * along * s, MM * (slab.offset + up)))
+
+    begin = corner(line.start, 0.0)
+    rims = [corner(line.start, line.bore), *(corner(cone.end, line.radius(cone.end)) for cone in line.cones)]
+    centre, end = corner(line.centre, 0.0), corner(line.centre + line.cap, 0.0)
+    curves = [
+        occ.addLine(begin, rims[0]),
+        *(occ.addLine(*pair) for pair in itertools.pairwise(rims)),
+        occ.addCircleArc(rims[-1], centre, end),
+        occ.addLine(end, begin),
+    ]
+    occ.remove([(0, centre)])
+    face = occ.addPlaneSurface([occ.addCurveLoop(curves)])
+    turned = occ.revolve([(2, face)], 0, 0, MM * slab.offset, c, s, 0, 2.0 * math.pi)
+    occ.remove([(2, face)], recursive=True)
+    return next(entity for entity in turned if entity[0] == 3)
+
+
+def _name_roles(slab: SeminarActuator, solids: list[Entity]) -> None:
+    """Give every face on the boundary of the solid one role; "middle" is where a level slab is mirrored."""
+    import gmsh
+
+    gmsh.model.addPhysicalGroup(3, [tag for _, tag in solids], name="solid")
+    roles: dict[str, list[int]] = defaultdict(list)
+    for _, tag in gmsh.model.getBoundary(solids, combined=True, oriented=False):
+        roles[_role(slab, tag)].append(tag)
+    wanted = {"cavity", "support", "top", "outer", "plane0", "middle" if slab.level else "bottom"}
+    for role in sorted(wanted - roles.keys()):
+        raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
+    for role, tags in roles.items():
+        gmsh.model.addPhysicalGroup(2, tags, name=role)
+
+
+def _role(slab: SeminarActuator, tag: int) -> str:
+    """Return the role of a face from points on it."""
+    import gmsh
+
+    low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, tag))
+    # Points of the face's surface, which may lie beside the face itself: enough to know which surface it is.
+    grid = np.array([low + (high - low) * (a, b) for a in (0.1, 0.45, 0.8) for b in (0.15, 0.5, 0.9)])
+    x, y, z = np.array(gmsh.model.getValue(2, tag, grid.ravel())).reshape(-1, 3).T / MM
+    near = 1e-6 * slab.thickness
+    half = 0.5 * slab.thickness
+    normal, (tx, ty) = side(slab)
+    for role, gap in (
+        ("support", x),
+        ("plane0", y),
+        ("top", z - half),
+        ("bottom", z + half),
+        ("middle", z if slab.level else z + 1.0),
+        ("tip", np.hypot(x - slab.length + slab.tip_radius, y) - slab.tip_radius if slab.tip_radius else z + 1.0),
+        ("outer", (x - tx) * normal[0] + (np.abs(y) - ty) * normal[1]),
+    ):
+        if np.abs(gap).max() < near:
+            return role
+    return "cavity"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Angles along the manifold of a seminar actuator and where they lie on another's.
+#
+# Around a channel the arc moves with it, stretched as the channel's mouth is; between two channels a cubic joins both motions.
+
+
+MOUTH = 0.6
+"""Largest part of the way to the middle between two channels that moves with either."""
+
+ARC_SAMPLES = np.linspace(0.0, 1.0, 9)
+
+LEAST = 0.02
+"""Least stretch of an arc between two channels that is followed."""
+
+
+def arc_map(
+    slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[Channel, Channel]]
+) -> Callable[[Array], Array]:
+    """Return a smooth, rising function from angles along one arc to those along another, in radians.
+
+    Args:
+        slab: The device.
+        other: Where its arc goes.
+        lines: Channels with y >= 0 from the middle outwards, on both.
+
+    Raises:
+        GeometryError: The solid between two channels shrinks to next to nothing.
+    """
+    angles, wide, slopes, goals = (np.array(values) for values in zip(*_knots(slab, other, lines), strict=True))
+    mouths = np.minimum(wide, MOUTH * _gaps(angles).min(axis=0))
+    starts, ends = angles[:-1] + mouths[:-1], angles[1:] - mouths[1:]
+    low, high = goals[:-1] + slopes[:-1] * mouths[:-1], goals[1:] - slopes[1:] * mouths[1:]
+    rise, span = high - low, ends - starts
+    first, last = slopes[:-1] * span, slopes[1:] * span
+    for share in ARC_SAMPLES:
+        rates = (
+            6.0 * share * (1.0 - share) * rise
+            + (1.0 - share) * (1.0 - 3.0 * share) * first
+            + share * (3.0 * share - 2.0) * last
+        )
+        if (rates < LEAST * span).any():
+            raise GeometryError(
+                "the channels' mouths on the manifold come so much closer or grow so much that the mesh between them cannot "
+                "follow; make a new mesh"
+            )
+
+    def carry(turn: Array) -> Array:
+        piece = np.clip(np.searchsorted(0.5 * (angles[:-1] + angles[1:]), turn), 0, len(angles) - 1)
+        found = goals[piece] + slopes[piece] * (turn - angles[piece])
+        gap = np.clip(np.searchsorted(angles, turn, side="right") - 1, 0, len(angles) - 2)
+        share = (turn - starts[gap]) / span[gap]
+        between = (share > 0.0) & (share < 1.0)
+        s = np.clip(share, 0.0, 1.0)
+        cubic = (
+            low[gap]
+            + rise[gap] * s**2 * (3.0 - 2.0 * s)
+            + first[gap] * s * (1.0 - s) ** 2
+            - last[gap] * s**2 * (1.0 - s)
+        )
+        return np.where(between, cubic, found)
+
+    return carry
+
+
+def _gaps(angles: Array) -> Array:
+    """Half the angle to the knots before and after each, shape (2, n)."""
+    half = 0.5 * np.diff(angles)
+    return np.array([np.append(np.inf, half), np.append(half, np.inf)])
+
+
+def _knots(
+    slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[Channel, Channel]]
+) -> list[tuple[float, float, float, float]]:
+    """Channels, and the arc's ends where there are none: angle, half the mouth's, its stretch, and angle on the other."""
+    half = []
+    for line, its_line in lines:
+        wide, its_wide = (
+            (part.bore + device.fillet) / device.manifold_radius for part, device in ((line, slab), (its_line, other))
+        )
+        half.append((line.angle, wide, its_wide / wide, its_line.angle))
+    if len(half) == 1 and half[0][0] == 0.0:
+        end, its_end = 0.5 * spread(slab), 0.5 * spread(other)
+        half.append((end, 0.0, its_end / end, its_end))
+    mirrored = [(-angle, wide, stretch, -goal) for angle, wide, stretch, goal in half if angle > 0.0]
+    return [*reversed(mirrored), *half]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where a channel of the seminar actuator leaves its manifold: levels of the two walls, and the rounding between them.
+#
+# A level is a distance to a wall, positive in the solid. The rounding is what a ball of the fillet's radius leaves that rolls
+# in the solid along both walls; its centres form the curve `Junction.rim`, which is the crease itself where there is no
+# fillet. A device has mirror images at y < 0; everything here is for y >= 0.
+
+
+NEAR = 1.5
+"""Distance from the ball's centre, in its radii, up to which a place may belong to the rounding."""
+
+STEPS, CLOSE = 8, 1e-9
+"""Most of Newton's steps, and the share of the manifold's radius below which the last was: the next would be its square."""
+
+TURN, LARGEST_TURN = 1e-4, 0.3
+"""Step in radians of the differences with which the nearest centre is found, and the largest by which it is looked for."""
+
+SEARCH, FLATTEST = 40, 0.1
+"""Most steps of that search, and the least curvature it takes the squared distance to have, in that of a straight rim's."""
+
+
+def dot(one: Array, other: Array) -> Array:
+    """Products of rows, shape (n,)."""
+    return np.asarray((one * other).sum(axis=1))
+
+
+def unit(vectors: Array) -> tuple[Array, Array]:
+    """Rows of length 1, shape (n, 3), and the lengths, shape (n,); the first axis where the length is 0."""
+    lengths = np.sqrt(dot(vectors, vectors))
+    if lengths.all():
+        return vectors / lengths[:, None], lengths
+    none = lengths == 0.0
+    found = vectors / np.where(none, 1.0, lengths)[:, None]
+    found[none, 0] = 1.0
+    return found, lengths
+
+
+def tube_level(slab: SeminarActuator, points: Array) -> tuple[Array, Array]:
+    """Level of the manifold's wall with its round ends, shape (n,), and its gradient, shape (n, 3)."""
+    half = 0.5 * spread(slab)
+    turn = np.clip(np.arctan2(points[:, 1], points[:, 0]), -half, half)
+    foot = np.column_stack(
+        [slab.manifold_radius * np.cos(turn), slab.manifold_radius * np.sin(turn), np.full(len(turn), slab.offset)]
+    )
+    normal, away = unit(points - foot)
+    return away - slab.manifold_bore, normal
+
+
+@dataclasses.dataclass(frozen=True)
+class Junction:
+    """The manifold and the first cone of one channel.
+
+    Attributes:
+        slab: The device.
+        line: The channel.
+    """
+
+    slab: SeminarActuator
+    line: Channel
+
+    @functools.cached_property
+    def axes(self) -> Array:
+        """Unit vectors along the channel, across it in its plane, and up; rows, shape (3, 3)."""
+        c, s = math.cos(self.line.angle), math.sin(self.line.angle)
+        return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def local(self, points: Array) -> tuple[Array, Array, Array]:
+        """Distance along the ray and from it, shape (n,), and the unit direction from it across and up, shape (n, 2)."""
+        turned = (points - [0.0, 0.0, self.slab.offset]) @ self.axes.T
+        direction, radius = unit(turned[:, 1:])
+        return turned[:, 0], radius, direction
+
+    def place(self, along: Array, radius: Array, direction: Array) -> Array:
+        """Inverse of `local`."""
+        return np.column_stack([along, radius[:, None] * direction]) @ self.axes + [0.0, 0.0, self.slab.offset]
+
+    def cone_level(self, points: Array) -> tuple[Array, Array]:
+        """Level of the first cone, prolonged at both ends, shape (n,), and its gradient, shape (n, 3)."""
+        cone = self.line.cones[0]
+        along, radius, direction = self.local(points)
+        cosine = 1.0 / math.hypot(1.0, cone.slope)
+        level = cosine * (radius - cone.bore - cone.slope * (along - cone.start))
+        normal = cosine * np.column_stack([np.full(len(along), -cone.slope), direction]) @ self.axes
+        return level, normal
+
+    def rim(self, direction: Array, start: Array | None = None) -> tuple[Array, Array]:
+        """Centres of the ball that rolls along both walls.
+
+        Args:
+            direction: From the ray, across and up, shape (n, 2).
+            start: Distances along the ray close to the centres', shape (n,).
+
+        Returns:
+            The centres, shape (n, 3), and their distance along the ray, shape (n,).
+        """
+        cone, fillet = self.line.cones[0], self.slab.fillet
+        out = fillet * math.hypot(1.0, cone.slope)
+        step = np.column_stack([np.ones(len(direction)), cone.slope * direction]) @ self.axes
+        along = self._guess(direction) if start is None else start
+        for _ in range(STEPS):
+            points = self.place(along, cone.bore + cone.slope * (along - cone.start) + out, direction)
+            level, normal = tube_level(self.slab, points)
+            change = (level - fillet) / dot(normal, step)
+            along = along - change
+            if np.abs(change).max(initial=0.0) < CLOSE * cone.start:
+                break
+        return self.place(along, cone.bore + cone.slope * (along - cone.start) + out, direction), along
+
+    def _guess(self, direction: Array) -> Array:
+        """Where along the ray the centres lie if the channel were a cylinder."""
+        slab, line = self.slab, self.line
+        across, up = (line.bore + slab.fillet) * direction.T
+        out = slab.manifold_bore + slab.fillet
+        ring = slab.manifold_radius + np.sqrt(out**2 - up**2)
+        beyond = (line.angle > 0.5 * spread(slab) - 1e-9) & (across > 0.0)
+        ball = slab.manifold_radius + np.sqrt(out**2 - up**2 - across**2)
+        return np.where(beyond, ball, np.sqrt(ring**2 - across**2))
+
+    def _lever(self, points: Array, turn: Array, start: Array) -> tuple[Array, Array, Array]:
+        """How the distance to the rim falls with its polar angle.
+
+        Args:
+            points: Places, shape (n, 3).
+            turn: Polar angles of centres on the rim, shape (n,).
+            start: See `rim`.
+
+        Returns:
+            Half the derivative of the squared distance, its sign changed; the square of how far the centre moves per radian;
+            and where along the ray it is; shapes (n,).
+        """
+        direction = np.column_stack([np.cos(turn), np.sin(turn)])
+        centre, along = self.rim(direction, start)
+        cone = self.line.cones[0]
+        step = np.column_stack([np.ones(len(turn)), cone.slope * direction]) @ self.axes
+        _, radius, _ = self.local(centre)
+        around = self.place(np.zeros(len(turn)), radius, np.column_stack([-direction[:, 1], direction[:, 0]]))
+        around = around - [0.0, 0.0, self.slab.offset]
+        _, normal = tube_level(self.slab, centre)
+        tangent = around - step * (dot(normal, around) / dot(normal, step))[:, None]
+        return dot(points - centre, tangent), dot(tangent, tangent), along
+
+    def nearest(self, points: Array) -> Array:
+        """Centres on the rim closest to points near the rounding, shape (n, 3).
+
+        Newton's method on the squared distance, with a least curvature and a largest step: about where the rim's centres of
+        curvature lie several of its centres are equally near.
+        """
+        _, _, direction = self.local(points)
+        turn = np.arctan2(direction[:, 1], direction[:, 0])
+        _, along = self.rim(direction)
+        left = np.arange(len(points))
+        for _ in range(SEARCH):
+            here, at, start = points[left], turn[left], along[left]
+            more, less = (self._lever(here, at + by, start)[0] for by in (TURN, -TURN))
+            now, size, along[left] = self._lever(here, at, start)
+            change = now / np.maximum((less - more) / (2.0 * TURN), FLATTEST * size)
+            change = np.clip(change, -LARGEST_TURN, LARGEST_TURN)
+            turn[left] += change
+            left = left[np.abs(change) >= 1e-9]  # the next would be its square
+            if not len(left):
+                break
+        direction = np.column_stack([np.cos(turn), np.sin(turn)])
+        return self.rim(direction, along)[0]
+
+    def level(self, points: Array) -> tuple[Array, Array]:
+        """Level of the wall with its rounding, shape (n,), and its gradient, shape (n, 3)."""
+        first, one = tube_level(self.slab, points)
+        second, other = self.cone_level(points)
+        along, _, direction = self.local(points)
+        # Behind the arc's centre line the prolonged cone is no wall.
+        nearer = (first < second) | (along < self.line.start)
+        level, normal = np.where(nearer, first, second), np.where(nearer[:, None], one, other)
+        fillet = self.slab.fillet
+        if fillet == 0.0:
+            return level, normal
+        close = np.flatnonzero(np.sqrt(((points - self.rim(direction)[0]) ** 2).sum(axis=1)) < NEAR * fillet)
+        if not len(close):
+            return level, normal
+        centre = self.nearest(points[close])
+        by_tube, by_cone = self.shares(centre, points[close] - centre)[:, :2].T
+        first, second, one, other = first[close], second[close], one[close], other[close]
+        inwards, away = unit(centre - points[close])
+        # Beyond a touching line the wall itself is nearest, beyond both the nearer one.
+        on_tube = (by_cone < 0.0) & ((by_tube >= 0.0) | (first < second))
+        on_cone = (by_tube < 0.0) & ~on_tube
+        level[close] = np.where(on_tube, first, np.where(on_cone, second, fillet - away))
+        normal[close] = np.where(on_tube[:, None], one, np.where(on_cone[:, None], other, inwards))
+        return level, normal
+
+    def frame(self, centre: Array) -> Array:
+        """Outward from the solid at both walls' gradients and along the rim: columns, shape (n, 3, 3)."""
+        _, one = tube_level(self.slab, centre)
+        _, other = self.cone_level(centre)
+        return np.stack([-one, -other, unit(np.cross(one, other))[0]], axis=2)
+
+    def shares(self, centre: Array, vectors: Array) -> Array:
+        """Components of vectors in the `frame` at places on the rim, shape (n, 3)."""
+        return np.linalg.solve(self.frame(centre), vectors[:, :, None])[:, :, 0]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where the walls of a seminar actuator's air lie on another one: each wall by its own coordinates.
+#
+# The manifold, the channels and their round ends have coordinates of their own, which carry each wall to the other's. Between a
+# channel and the manifold, at the crease or its rounding, a frame that rolls along it carries both; what that leaves is taken
+# away along the wall's gradient.
+
+
+REACH = 1.5
+"""Bores of the manifold over which the crease's motion passes into that of the walls."""
+
+
+def smooth(share: Array) -> Array:
+    """From 0 to 1 as a share does, with two derivatives that vanish at both ends."""
+    share = np.clip(share, 0.0, 1.0)
+    return share**3 * (10.0 + share * (6.0 * share - 15.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Pair:
+    """One channel on both devices, and how far its junction's motion reaches.
+
+    Attributes:
+        one: On the slab that is carried.
+        two: On the other.
+        inner: Distance from the crease within which all moves with it.
+        outer: Distance from the crease from which on nothing does.
+    """
+
+    one: Junction
+    two: Junction
+    inner: float
+    outer: float
+
+
+def _pairs(slab: SeminarActuator, other: SeminarActuator) -> list[_Pair]:
+    lines, its_lines = half_fan(slab), half_fan(other)
+    found: list[_Pair] = []
+    for number, (line, its_line) in enumerate(zip(lines, its_lines, strict=True)):
+        assert line is not None and its_line is not None  # the constructor has refused it
+        gaps = [
+            0.5 * (slab.manifold_radius * abs(line.angle - next_angle) - line.bore - bore)
+            for next_angle, bore in _adjacent_walls(lines, number)
+        ]
+        room = line.cones[0].end - slab.manifold_radius - slab.manifold_bore - slab.fillet
+        gap = min([*gaps, math.inf])
+        inner = min(1.05 * slab.fillet or 0.3 * line.bore, 0.4 * gap, max(0.5 * room, 0.1 * line.bore))
+        outer = inner + min(REACH * slab.manifold_bore, 0.95 * gap - inner, max(0.5 * room, 0.1 * line.bore))
+        found.append(_Pair(Junction(slab, line), Junction(other, its_line), inner, outer))
+    return found
+
+
+def _adjacent_walls(lines: list[Channel | None], number: int) -> list[tuple[float, float]]:
+    """Angles and bores of the channels beside one, the image of the first included."""
+    known = [line for line in lines if line is not None]
+    beside = [(line.angle, line.bore) for line in (known[number - 1 : number] + known[number + 1 : number + 2])]
+    return [*beside, (-known[0].angle, known[0].bore)] if number == 0 and known[0].angle > 0.0 else beside
+
+
+def carry_network(slab: SeminarActuator, other: SeminarActuator, points: Array) -> tuple[Array, Array]:
+    """Distance of points from the air, shape (n,), and where the network's motion takes them, shape (n, 3)."""
+    pairs = _pairs(slab, other)
+    first, _ = tube_level(slab, points)
+    tube = _tube_map(slab, other, [(pair.one.line, pair.two.line) for pair in pairs])(points)
+    levels = np.array([_channel_level(pair.one, points) for pair in pairs])
+    nearest = levels.argmin(axis=0)
+    near, found = np.minimum(first, levels.min(axis=0)), tube.copy()
+    for number, pair in enumerate(pairs):
+        mine = np.flatnonzero(nearest == number)
+        if len(mine):
+            found[mine], near[mine] = _beside(pair, points[mine], tube[mine], first[mine], levels[number, mine])
+    return near, found
+
+
+def _beside(pair: _Pair, points: Array, tube: Array, first: Array, second: Array) -> tuple[Array, Array]:
+    """Where points nearest to one channel go, and their distance from the air.
+
+    Args:
+        pair: The channel.
+        points: Places in m, shape (n, 3).
+        tube: Where the manifold's motion takes them, shape (n, 3).
+        first: Levels of the manifold, shape (n,).
+        second: Levels of the channel, shape (n,).
+    """
+    slab = pair.one.slab
+    one, two = np.maximum(first, 0.0) ** 2, np.maximum(second, 0.0) ** 2
+    by_tube = np.where(one + two > 0.0, two / np.maximum(one + two, 1e-300), 0.5)[:, None]
+    # Inside one's air the other's wall is the boundary.
+    by_tube = np.where((first < 0.0)[:, None] & (first < second)[:, None], 1.0, by_tube)
+    by_tube = np.where((second < 0.0)[:, None] & (second <= first)[:, None], 0.0, by_tube)
+    found = by_tube * tube + (1.0 - by_tube) * _channel_map(pair, points)
+    near = np.minimum(first, second)
+    along, _, _ = pair.one.local(points)
+    crease = np.hypot(np.maximum(first, 0.0), np.maximum(second, 0.0))
+    # The channel's wall, prolonged, leaves the manifold at its back too, where there is no crease.
+    front = smooth((along - slab.manifold_radius + 0.5 * slab.manifold_bore) / (0.8 * slab.manifold_bore))
+    weight = front * (1.0 - smooth((crease - pair.inner) / (pair.outer - pair.inner)))
+    zone = np.flatnonzero(weight > 0.0)
+    if len(zone):
+        some = points[zone]
+        moved = weight[zone, None] * _crease_map(pair, some) + (1.0 - weight[zone, None]) * found[zone]
+        target, _ = pair.one.level(some)
+        if slab.fillet == 0.0:
+            moved = _onto_wall(pair, moved, first[zone], second[zone])
+        else:
+            fade = 1.0 - smooth(1.5 * np.abs(target) / slab.manifold_bore - 0.5)
+            moved += fade[:, None] * (_onto_rounding(pair, moved, target) - moved)
+        if (pair.two.local(moved)[0] > pair.two.line.cones[0].end).any():
+            raise GeometryError(
+                f"the channel at {math.degrees(pair.two.line.angle):.3g} deg becomes so short that its end meets the crease at "
+                "the manifold, where the mesh cannot follow; make a new mesh"
+            )
+        found[zone], near[zone] = moved, target
+    return found, near
+
+
+def _onto_rounding(pair: _Pair, points: Array, target: Array) -> Array:
+    """Points moved along the gradient until the rounded wall's level is what it was."""
+    for _ in range(3):  # levels are distances: one step does nearly all
+        level, normal = pair.two.level(points)
+        gap = level - target
+        points = points - gap[:, None] * normal
+        if np.abs(gap).max(initial=0.0) < 1e-7 * pair.two.slab.manifold_bore:
+            break  # the next would be its square
+    return points
+
+
+def _onto_wall(pair: _Pair, points: Array, first: Array, second: Array) -> Array:
+    """Points moved until the level of the nearer of two walls that meet in a sharp crease is what it was."""
+    nearer = first < second
+    for _ in range(4):
+        (one, normal), (two, its_normal) = tube_level(pair.two.slab, points), pair.two.cone_level(points)
+        gap = np.where(nearer, one - first, two - second)
+        points = points - gap[:, None] * np.where(nearer[:, None], normal, its_normal)
+    return points
+
+
+def _crease_map(pair: _Pair, points: Array) -> Array:
+    """Motion with the crease: components in the frame that rolls along both walls stay, in radii of the rounding."""
+    _, _, direction = pair.one.local(points)
+    centre, its_centre = pair.one.rim(direction)[0], pair.two.rim(direction)[0]
+    size = pair.two.slab.fillet / pair.one.slab.fillet if pair.one.slab.fillet else 1.0
+    shares = size * pair.one.shares(centre, points - centre)
+    return its_centre + np.einsum("nij,nj->ni", pair.two.frame(its_centre), shares)
+
+
+def _channel_level(junction: Junction, points: Array) -> Array:
+    """Level of a whole channel, a ball of its bore at the beginning and its cap included."""
+    line = junction.line
+    along, radius, _ = junction.local(points)
+    level = np.hypot(along - line.start, radius) - line.bore
+    for cone in line.cones:
+        wall = (radius - cone.bore - cone.slope * (along - cone.start)) / math.hypot(1.0, cone.slope)
+        level = np.where(along > cone.start, wall, level)
+    return np.where(along > line.end, np.hypot(along - line.centre, radius) - line.cap, level)
+
+
+def _stretched(along: Array, length: Array, its_length: Array, *, rigid: bool) -> Array:
+    """Places along a length on another length, which rise; with slope 1 at the beginning if that is rigid.
+
+    A rational function of second degree (Gregory and Delbourgo, IMA J. Numer. Anal. 2, 1982, doi:10.1093/imanum/2.2.123).
+    """
+    share, ratio = along / length, its_length / length
+    first = 1.0 if rigid else ratio
+    inner = np.where((share > 0.0) & (share < 1.0), share * (1.0 - share), 0.0)
+    found = its_length * (ratio * share**2 + first * inner) / (ratio + (first - ratio) * inner)
+    found = np.where(share < 0.0, first * along, found)
+    return np.where(share > 1.0, its_length + ratio * (along - length), found)
+
+
+def _channel_map(pair: _Pair, points: Array) -> Array:
+    """A channel onto the other's: shares of each cone's length from the crease on, angles and heights over the wall."""
+    line, its_line = pair.one.line, pair.two.line
+    along, radius, direction = pair.one.local(points)
+    begin, its_begin = pair.one.rim(direction)[1], pair.two.rim(direction)[1]
+    to = np.zeros_like(along)
+    height = np.zeros_like(along)
+    for number, (cone, its_cone) in enumerate(zip(line.cones, its_line.cones, strict=True)):
+        mine = along >= cone.start if number else np.full(len(along), True)
+        start, its_start = (np.array(cone.start), np.array(its_cone.start)) if number else (begin, its_begin)
+        at = its_start + _stretched(along - start, cone.end - start, its_cone.end - its_start, rigid=not number)
+        wall, its_wall = (part.bore + part.slope * (s - part.start) for part, s in ((cone, along), (its_cone, at)))
+        to, height = np.where(mine, at, to), np.where(mine, its_wall + radius - wall, height)
+    # The cap, by the angle from its pole.
+    turn, its_turn = (0.5 * math.pi + math.atan(part.cones[-1].slope) for part in (line, its_line))
+    angle = np.arctan2(radius, along - line.centre) * (its_turn / turn)
+    size = its_line.cap + np.hypot(along - line.centre, radius) - line.cap
+    cap = along > line.end
+    to, height = np.where(cap, its_line.centre + size * np.cos(angle), to), np.where(cap, size * np.sin(angle), height)
+    return pair.two.place(to, height, direction)
+
+
+def _tube_map(
+    slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[Channel, Channel]]
+) -> Callable[[Array], Array]:
+    """The manifold onto the other's: by angle along the arc, angle around it and height over its wall."""
+    turn_map = arc_map(slab, other, lines)
+    half, its_half = 0.5 * spread(slab), 0.5 * spread(other)
+
+    def carry(points: Array) -> Array:
+        turn = np.clip(np.arctan2(points[:, 1], points[:, 0]), -half, half)
+        its_turn = np.clip(turn_map(turn), -its_half, its_half)
+        c, s, its_c, its_s = np.cos(turn), np.sin(turn), np.cos(its_turn), np.sin(its_turn)
+        x, y = points[:, 0] - slab.manifold_radius * c, points[:, 1] - slab.manifold_radius * s
+        z = points[:, 2] - slab.offset
+        out, across = c * x + s * y, -s * x + c * y
+        away = np.sqrt(x**2 + y**2 + z**2)
+        # From the middle of the tube on, heights over the wall stay; inside, nothing lies.
+        size = (other.manifold_bore + away - slab.manifold_bore) / np.maximum(away, 1e-3 * slab.manifold_bore)
+        out, across, z = size * out + other.manifold_radius, size * across, size * z
+        return np.column_stack([its_c * out - its_s * across, its_s * out + its_c * across, z + other.offset])
+
+    return carry
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where the boundary of a seminar actuator lies on another one.
+#
+# The outer faces follow the outline, from corner to corner and from tangent point to tangent point, the walls of the air go
+# their own way (`geometries.seminar`). On the mirror plane, what lies between the air and the faces follows both, more
+# the nearer one.
+
+
+NEARLY = 0.95
+"""Part of a channel's length whose motion the faces above and below follow."""
+
+
+def movable(slab: SeminarActuator) -> tuple[str, ...]:
+    """Names of the parameters that `carried` follows; see `Actuator.movable`."""
+    from geometries.actuator import parameter_names
+
+    # A corner has no rounding's faces, and a slab symmetric about z = 0 stays so.
+    fixed = {name for name in ("tip_radius", "fillet", "offset") if getattr(slab, name) == 0.0}
+    if slab.channels % 2:
+        fixed.add("angles[1]")
+    return tuple(name for name in parameter_names(slab) if name not in fixed)
+
+
+def carried(slab: SeminarActuator, other: SeminarActuator, points: Array) -> Array:
+    """Where points on the boundary of a slab lie on another; see `Actuator.carried`."""
+    _check_alike(slab, other)
+    points = np.asarray(points, dtype=float)
+    if other == slab:
+        return points.copy()
+    folded = np.column_stack([points[:, 0], np.abs(points[:, 1]), points[:, 2]])
+    near, result = carry_network(slab, other, folded)
+    outer = _prism_outline(slab, other, folded)
+    away = _to_faces(slab, folded)
+    near = np.maximum(near, 0.0)
+    # On a face nothing of the network's motion is left, on a wall nothing of the faces'.
+    share = near / np.maximum(near + away, 1e-300)
+    share = (share**2 * (3.0 - 2.0 * share))[:, None]
+    found = (1.0 - share) * result + share * outer
+    found[:, 1] = np.where(np.abs(points[:, 1]) < 1e-10 * slab.length, 0.0, np.copysign(found[:, 1], points[:, 1]))
+    return found
+
+
+def _check_alike(slab: SeminarActuator, other: SeminarActuator) -> None:
+    """Refuse another kind of device, other choices, and a list, a rounding or a level that only one of them has."""
+    if type(other) is not type(slab):
+        raise GeometryError(f"the mesh of a {type(slab).__name__} cannot follow a {type(other).__name__}")
+    for name in ("channels", "part", "tip", "order"):
+        if getattr(slab, name) != getattr(other, name):
+            raise GeometryError(
+                f"{name} is {getattr(slab, name)} and {getattr(other, name)}; a mesh cannot follow that, make a new one"
+            )
+    for name in ("tip_radius", "fillet", "middle_bores"):
+        if bool(getattr(slab, name)) != bool(getattr(other, name)):
+            raise GeometryError(f"only one of two slabs has {name}; a mesh cannot follow that, make a new one")
+
+
+def _lengths(slab: SeminarActuator, other: SeminarActuator) -> Callable[[Array], Array]:
+    """A smooth, rising function from places along one slab's straight sides to those along the other's.
+
+    The faces move along with the network below them: with the manifold and with the end of the channel that reaches farthest.
+    """
+    knots = []
+    for device in (slab, other):
+        far = max((line.centre + line.cap) * math.cos(line.angle) for line in half_fan(device) if line)
+        start = device.manifold_radius
+        knots.append([0.0, start, start + NEARLY * (far - start), side(device)[1][0]])
+    if knots[0][2] > NEARLY * knots[0][3]:  # the channels reach into the tip
+        knots = [[low, start, end] for low, start, _, end in knots]
+    if min(np.diff(knots[1])) <= 0.0:
+        raise GeometryError(
+            "the channels reach so much farther into the tip that the mesh cannot follow; make a new mesh"
+        )
+    carry = scipy.interpolate.PchipInterpolator(*knots)
+    return lambda x: np.asarray(carry(np.clip(x, 0.0, knots[0][-1])))
+
+
+def _prism_outline(slab: SeminarActuator, other: SeminarActuator, points: Array) -> Array:
+    """The slab without channels onto the other's."""
+    x, y, z = points.T
+    (_, (corner, edge)), (_, (its_corner, its_edge)) = side(slab), side(other)
+    wide, its_wide = 0.5 * slab.base_width, 0.5 * other.base_width
+    to = _lengths(slab, other)(x)
+    width, its_width = wide + (edge - wide) * (x / corner), its_wide + (its_edge - its_wide) * (to / its_corner)
+    found = np.column_stack([to, y * its_width / np.maximum(width, 1e-300), z * (other.thickness / slab.thickness)])
+    if slab.tip_radius:
+        middle, its_middle = slab.length - slab.tip_radius, other.length - other.tip_radius
+        bend = math.atan2(its_edge, its_corner - its_middle) / math.atan2(edge, corner - middle)
+        turn = np.arccos(np.clip((x - middle) / slab.tip_radius, -1.0, 1.0))
+        growth = other.tip_radius / slab.tip_radius
+        ratio = growth * np.where(turn > 1e-7, np.sin(bend * turn) / np.sin(np.maximum(turn, 1e-7)), bend)
+        round_ = (x > corner)[:, None]
+        found = np.where(
+            round_,
+            np.column_stack([its_middle + other.tip_radius * np.cos(bend * turn), y * ratio, found[:, 2]]),
+            found,
+        )
+    return found
+
+
+def _to_faces(slab: SeminarActuator, points: Array) -> Array:
+    """A smooth distance from all outer faces: 0 on each, below the least of the distances inside."""
+    x, y, z = points.T
+    normal, (corner, edge) = side(slab)
+    middle = slab.length - slab.tip_radius
+    straight = (corner - x) * normal[0] + (edge - y) * normal[1]
+    along = (x - corner) * normal[1] - (y - edge) * normal[0]
+    flank = np.where(along > 0.0, slab.tip_radius - np.hypot(x - middle, y), straight)
+    half, least = 0.5 * slab.thickness, 1e-9 * slab.thickness  # nearer is on it: the flank's distance is rounded
+    gaps = [np.where(gap > least, gap, 1e-30) for gap in (half - z, half + z, x, flank)]
+    return 1.0 / np.sum([1.0 / gap for gap in gaps], axis=0)
 
 
 @register
@@ -178,13 +1704,11 @@ class SeminarActuator(MirroredHalf, HeldTip):
     @property
     def solid_volume(self) -> float:
         """Volume in m3 of the whole slab without its channels, measured by the CAD kernel."""
-        from geometries.seminar_shape import measured_volume
 
         return 2.0 * measured_volume(self)
 
     @property
     def movable(self) -> tuple[str, ...]:
-        from geometries.seminar_carry import movable
 
         return movable(self)
 
@@ -193,13 +1717,11 @@ class SeminarActuator(MirroredHalf, HeldTip):
 
         Roundings of the network's creases are followed too, and the two slabs may give their channels by lists or in common.
         """
-        from geometries.seminar_carry import carried
 
         return carried(self, other, points)
 
     @property
     def clearances(self) -> dict[str, float]:
-        from geometries.seminar_clearances import clearances
 
         return clearances(self)
 
@@ -217,11 +1739,9 @@ class SeminarActuator(MirroredHalf, HeldTip):
         )  # fmt: skip
 
     def build_whole(self) -> None:
-        from geometries.seminar_shape import build_both_halves
 
         build_both_halves(self)
 
     def build(self) -> None:
-        from geometries.seminar_shape import build_slab
 
         build_slab(self)

@@ -13,24 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from measurement.lazy_names import lazy_names
-
-_PLACES = {
-    "measurement.camera.camera": ("Camera", "CameraError"),
-    "measurement.outline.outline": ("Outline", "OutlineError"),
-    "measurement.screen.calibration": ("calibrate",),
-    "measurement.screen.grid": ("GridError",),
-    "measurement.screen.setup": ("Setup", "SetupError"),
-    "measurement.screen.seen": ("setup_from_grid",),
-    "measurement.series.column": ("Column", "ColumnError"),
-    "measurement.series.measurement": ("Measurement", "outlines"),
-    "measurement.series.measuring": ("NoZero", "Result"),
-    "measurement.series.photo": ("Refusal",),
-    "measurement.series.photo_list": ("Photograph", "PhotoListError", "read_photos"),
-}
-_NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)
-
-__all__ = [*_NAMES]
+from softmodels.common.calls import lazy_names
 
 if TYPE_CHECKING:
     from measurement.camera.camera import Camera as Camera
@@ -42,13 +25,47 @@ if TYPE_CHECKING:
     from measurement.screen.seen import setup_from_grid as setup_from_grid
     from measurement.screen.setup import Setup as Setup
     from measurement.screen.setup import SetupError as SetupError
-    from measurement.series.column import Column as Column
-    from measurement.series.column import ColumnError as ColumnError
-    from measurement.series.measurement import Measurement as Measurement
-    from measurement.series.measurement import outlines as outlines
-    from measurement.series.measuring import NoZero as NoZero
-    from measurement.series.measuring import Result as Result
+    from measurement.series.measuring import (
+        Measurement as Measurement,
+    )
+    from measurement.series.measuring import (
+        NoZero as NoZero,
+    )
+    from measurement.series.measuring import (
+        Result as Result,
+    )
+    from measurement.series.measuring import (
+        outlines as outlines,
+    )
     from measurement.series.photo import Refusal as Refusal
-    from measurement.series.photo_list import Photograph as Photograph
-    from measurement.series.photo_list import PhotoListError as PhotoListError
-    from measurement.series.photo_list import read_photos as read_photos
+    from measurement.series.photo_list import (
+        Column as Column,
+    )
+    from measurement.series.photo_list import (
+        ColumnError as ColumnError,
+    )
+    from measurement.series.photo_list import (
+        Photograph as Photograph,
+    )
+    from measurement.series.photo_list import (
+        PhotoListError as PhotoListError,
+    )
+    from measurement.series.photo_list import (
+        read_photos as read_photos,
+    )
+
+
+_PLACES = {
+    "measurement.camera.camera": ("Camera", "CameraError"),
+    "measurement.outline.outline": ("Outline", "OutlineError"),
+    "measurement.screen.calibration": ("calibrate",),
+    "measurement.screen.grid": ("GridError",),
+    "measurement.screen.setup": ("Setup", "SetupError"),
+    "measurement.screen.seen": ("setup_from_grid",),
+    "measurement.series.photo_list": ("Column", "ColumnError", "Photograph", "PhotoListError", "read_photos"),
+    "measurement.series.measuring": ("Measurement", "outlines", "NoZero", "Result"),
+    "measurement.series.photo": ("Refusal",),
+}
+_NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)
+
+__all__ = [*_NAMES]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from measurement.ending import stoppable
+from softmodels.common.commands import stoppable
 
 with stoppable("measurement"):
     import click
 
-    from measurement.running import CommandGroup, run_command
+    from softmodels.common.commands import CommandGroup, run_command
 
 COMMANDS = {
     "calibrate": "measurement.cli.calibrate",

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from softmodels.common.arrays import Array
 
 FAR = 2.0
 """Distance from the fit in its scatter from which a value counts less (Huber's weights)."""

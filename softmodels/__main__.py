@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from measurement.ending import stoppable
+from softmodels.common.commands import stoppable
 from softmodels.mechanics.mpi import speaks
 
 with stoppable("softmodels", speaks):
@@ -12,49 +12,49 @@ with stoppable("softmodels", speaks):
 
     from softmodels import __version__
     from softmodels.cli import options as commandline
-    from softmodels.cli.lazy_group import LazyGroup, Place
+    from softmodels.cli.options import CommandPlace, LazyGroup
 
 PLACES = {
-    "curve": Place(
+    "curve": CommandPlace(
         "softmodels.cli.curve_command", "curve",
         "Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.",
     ),
-    "demo": Place(
+    "demo": CommandPlace(
         "softmodels.cli.demo", "demo",
         "Go once around: simulate a known silicone, photograph it, measure the photographs, fit, and compare.",
     ),
-    "design": Place(
+    "design": CommandPlace(
         "softmodels.cli.design", "design", "Find the device that does best what a problem FILE asks for, within its limits."
     ),
-    "examples": Place(
+    "examples": CommandPlace(
         "softmodels.cli.examples", "examples",
         "Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.",
     ),
-    "export": Place(
+    "export": CommandPlace(
         "softmodels.cli.export", "command",
         "Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.",
     ),
-    "fit": Place(
+    "fit": CommandPlace(
         "softmodels.cli.fit_command", "fit_material",
         "Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.",
     ),
-    "limit": Place(
+    "limit": CommandPlace(
         "softmodels.cli.limit_command", "command",
         "Tell the largest pressure a device can bear, and where it is strained most there.",
     ),
-    "mould": Place(
+    "mould": CommandPlace(
         "softmodels.cli.mould", "command",
         "Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.",
     ),
-    "run": Place(
+    "run": CommandPlace(
         "softmodels.cli.run_command", "run",
         "Run a case FILE, such as the case.toml in a folder of results, or a device by its options.",
     ),
-    "score": Place(
+    "score": CommandPlace(
         "softmodels.cli.score_command", "score",
         "Score materials against held-out tensile curves, or against outlines of a device.",
     ),
-    "silicones": Place(
+    "silicones": CommandPlace(
         "softmodels.cli.silicone_command", "silicones",
         "List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.",
     ),

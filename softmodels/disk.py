@@ -1,6 +1,6 @@
 """``python -m softmodels.disk``: the hollow disk of the thesis, inflated."""
 
-from measurement.ending import stoppable
+from softmodels.common.commands import stoppable
 from softmodels.mechanics.mpi import speaks
 
 with stoppable("softmodels", speaks):

@@ -1,6 +1,6 @@
 """``python -m softmodels.seminar``: the slab with air channels of the thesis' second half, inflated."""
 
-from measurement.ending import stoppable
+from softmodels.common.commands import stoppable
 from softmodels.mechanics.mpi import speaks
 
 with stoppable("softmodels", speaks):

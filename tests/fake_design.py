@@ -14,11 +14,11 @@ from typing import ClassVar
 import numpy as np
 
 from geometries import GeometryError, HollowDisk, register
-from geometries.fields import length_field
-from geometries.parameters import changed
-from softmodels.design import evaluator, problem
-from softmodels.design.evaluation import DesignFailure
-from softmodels.design.loads import Load
+from geometries.actuator import changed
+from softmodels.common.schema import length_field
+from softmodels.design import model, problem
+from softmodels.design.loads import JudgedLoad
+from softmodels.design.trials import DesignFailure
 
 DENSITY = 1070.0
 
@@ -55,7 +55,7 @@ class FakeQuantity:
 
     @property
     def key(self):
-        return self.title if self.at is None else f"{self.title} at {Load.of(self.at).value / 1e3:.6g} kPa"
+        return self.title if self.at is None else f"{self.title} at {JudgedLoad.of(self.at).value / 1e3:.6g} kPa"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,7 @@ class FakeRise(FakeQuantity):
     of: str = ""
 
     def value(self, device, mu, _):
-        q = Load.of(self.at).value / limit(device, mu)
+        q = JudgedLoad.of(self.at).value / limit(device, mu)
         return 0.6 * device.cavity_radius * q ** (1 / 3) * (1 + 0.5 * q**4)
 
 
@@ -116,7 +116,9 @@ class FakeModel:
 
     def __init__(self, case, names, quantities, comm=None):
         self.case, self.names, self.quantities, self.calls = case, names, quantities, []
-        self.working = max((Load.of(one.at).value for one in quantities if one.at is not None), default=case.goals[-1])
+        self.working = max(
+            (JudgedLoad.of(one.at).value for one in quantities if one.at is not None), default=case.goals[-1]
+        )
 
     def values(self, theta, mu=None):
         device = changed(self.case.actuator, dict(zip(self.names, theta, strict=True)))
@@ -156,9 +158,7 @@ class FakeModel:
 def install(setattr_=setattr):
     """Put the fake in the place of finite elements."""
     setattr_(problem, "_registry", lambda: REGISTRY)
-    setattr_(
-        evaluator, "_model", lambda asked, comm, report: FakeModel(asked.case, asked.names, asked.quantities, comm)
-    )
+    setattr_(model, "_model", lambda asked, comm, report: FakeModel(asked.case, asked.names, asked.quantities, comm))
 
 
 if os.environ.get("FAKE_DESIGN"):

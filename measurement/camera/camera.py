@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from measurement.toml_file import numbers
-from measurement.units import brief, number
+from softmodels.common.toml_file import numbers
+from softmodels.common.units import brief, number
 
 Points = NDArray[np.float64]
 

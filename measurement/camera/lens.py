@@ -16,13 +16,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import ExifTags
 
-from measurement.camera.camera import Camera, CameraError, Points, beyond_projection, frame_points
-from measurement.camera.picture_file import PictureError, opened
-from measurement.reasons import reason
-from measurement.user_file import read_text
+from measurement.camera.camera import (
+    Camera,
+    CameraError,
+    Points,
+    beyond_projection,
+    frame_points,
+)
+from measurement.camera.pictures import PictureError, opened
+from softmodels.common.errors import reason
+from softmodels.common.files import read_text
 
 if TYPE_CHECKING:
     import lensfunpy
+
 
 DIAGONAL = math.hypot(36.0, 24.0)
 """Diagonal in mm of the frame that a crop factor of one means."""

@@ -9,16 +9,22 @@ import click
 import tomli_w
 
 from measurement.camera.camera import CameraError
-from measurement.cli import option_texts as texts
-from measurement.cli.exits import DONE, FAILED, SOME_REFUSED, check_place, stop, write_text
-from measurement.cli.progress import bar
-from measurement.output_file import check_output_file, has_table
-from measurement.own_folder import OwnFolderError
+from measurement.cli import shared as texts
+from measurement.cli.shared import (
+    DONE,
+    SOME_REFUSED,
+    bar,
+    check_place,
+    stop,
+    write_text,
+)
 from measurement.screen.calibration import STEPS, Calibration
 from measurement.screen.calibration import calibrate as calibrated
 from measurement.screen.setup import SetupError
-from measurement.terminal import say
-from measurement.units import UnitError
+from softmodels.common.commands import FAILED
+from softmodels.common.folders import OwnFolderError, check_output_file, has_table
+from softmodels.common.terminal import say
+from softmodels.common.units import UnitError
 
 REACHED = 0.9
 """Share of the way to the frame's corners that the boards of a good calibration reach."""

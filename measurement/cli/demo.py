@@ -7,12 +7,16 @@ from pathlib import Path
 
 import click
 
-from measurement.cli.exits import stop
-from measurement.ending import stoppable
-from measurement.output_option import FolderType, open_folder, open_place
-from measurement.output_place import status_of
-from measurement.own_folder import OwnFolderError
-from measurement.reasons import reason
+from measurement.cli.shared import stop
+from softmodels.common.commands import (
+    FolderType,
+    open_folder,
+    open_place,
+    status_of,
+    stoppable,
+)
+from softmodels.common.errors import reason
+from softmodels.common.folders import OwnFolderError
 
 WRITTEN = ("photographs/", "setup.toml", "setup.png", "outlines/")
 """What the demonstration writes into its folder."""
@@ -28,7 +32,7 @@ def demo(output: Path | None, jobs: int | None, quiet: bool) -> None:
     with stoppable("measurement"):
         from measurement.cli.photos import photos
         from measurement.cli.setup import setup
-        from measurement.synthetic.demo import make_photographs
+        from measurement.synthetic.photographer import make_photographs
 
     try:
         place = open_place(output, Path("demo"), "demonstration of the measurement", WRITTEN)

@@ -11,31 +11,52 @@ from typing import Any
 import click
 import numpy as np
 
-from measurement.camera.pixels import TONES, Unmeasurable, read_photograph
-from measurement.cli.exits import DONE, FAILED, SOME_REFUSED, UNUSABLE, stop
-from measurement.cli.option_texts import length, with_error
-from measurement.cli.progress import bar
-from measurement.cores import cores
+from measurement.camera.pictures import TONES, Unmeasurable, read_photograph
+from measurement.cli.shared import (
+    DONE,
+    SOME_REFUSED,
+    bar,
+    length,
+    stop,
+    with_error,
+)
 from measurement.edge.tracing import AUTO
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
-from measurement.output_option import FolderType, open_folder
-from measurement.output_place import status_of
-from measurement.own_folder import OwnFolderError
-from measurement.reasons import reason
-from measurement.result_folder import ResultFolder
 from measurement.screen.setup import Setup, SetupError
-from measurement.series.column import DENSITY_ERROR, READING_ERROR, Column, ColumnError
-from measurement.series.measurement import Measurement, with_zero
-from measurement.series.measuring import NoZero, Result, measure_all
+from measurement.series.measuring import (
+    Measurement,
+    NoZero,
+    Result,
+    measure_all,
+    with_zero,
+)
 from measurement.series.photo import Refusal
-from measurement.series.photo_list import Photograph, PhotoListError, read_photos
-from measurement.terminal import say
-from measurement.units import WATER_DENSITY, UnitError, quantity
+from measurement.series.photo_list import (
+    DENSITY_ERROR,
+    READING_ERROR,
+    Column,
+    ColumnError,
+    Photograph,
+    PhotoListError,
+    read_photos,
+)
+from softmodels.common.commands import (
+    FAILED,
+    UNUSABLE,
+    FolderType,
+    open_folder,
+    status_of,
+)
+from softmodels.common.errors import reason
+from softmodels.common.folders import OwnFolderError, ResultFolder
+from softmodels.common.processes import cores
+from softmodels.common.terminal import say
+from softmodels.common.units import WATER_DENSITY, UnitError, quantity
 
 
 @dataclasses.dataclass(frozen=True)
-class Options:
+class PhotoOptions:
     """How the photographs are measured and shown.
 
     Attributes:
@@ -55,7 +76,7 @@ class Options:
     quiet: bool
 
     @classmethod
-    def of(cls, given: dict[str, Any]) -> Options:
+    def of(cls, given: dict[str, Any]) -> PhotoOptions:
         """Those that the command's values mean.
 
         Raises:
@@ -101,7 +122,7 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
     Exit status: 0 all measured; 3 some refused, each with its reason; 2 the input cannot be used; 1 nothing measured.
     """
     try:
-        options = Options.of(given)
+        options = PhotoOptions.of(given)
         listed = read_photos(listing, options.column)
         setup = Setup.from_file(setup_file)
     except (ColumnError, PhotoListError, SetupError, UnitError) as error:
@@ -138,7 +159,7 @@ def _stamp(file: Path) -> tuple[int, int]:
 
 
 def _measured(
-    listed: Sequence[Photograph], setup: Setup, zero: ZeroLine, folder: ResultFolder, options: Options
+    listed: Sequence[Photograph], setup: Setup, zero: ZeroLine, folder: ResultFolder, options: PhotoOptions
 ) -> Measurement:
     """Measure all and write the results."""
     try:
@@ -206,7 +227,7 @@ def _line(result: Result) -> str:
 def _draw(output: Path, made: Measurement, tone: str) -> None:
     from measurement.edge.tracing import trace_image
     from measurement.series.overview import animate, draw_heights, draw_profiles, write_overview
-    from measurement.series.photo_pictures import draw_steps
+    from measurement.series.pictures import draw_steps
 
     outlines = sorted(made.outlines, key=lambda outline: outline.pressure)
     if outlines:

@@ -8,23 +8,193 @@ from typing import Any
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from measurement.camera.camera import Camera, CameraError, frame_points
-from measurement.cli import option_texts as texts
-from measurement.cli.exits import UNUSABLE, check_place, stop, write_text
-from measurement.cli.lens_options import LensOptions
-from measurement.cli.plane_options import PlaneOptions
-from measurement.output_file import check_output_file, has_table, is_drawn
-from measurement.output_place import status_of
-from measurement.own_files import is_same
-from measurement.own_folder import OwnFolderError
-from measurement.reasons import reason
-from measurement.screen.grid_error import GridError
-from measurement.screen.overlay import draw_points, read_picture
-from measurement.screen.plane import Plane, PlaneError
-from measurement.screen.setup import Setup, SetupError
-from measurement.terminal import say
-from measurement.units import UnitError
+from measurement.camera.lens import Exif, lens_profile, read_exif
+from measurement.cli import shared as texts
+from measurement.cli.shared import check_place, stop, write_text
+from measurement.screen.calibration import find_charuco, find_chessboard
+from measurement.screen.grid import GridError, counted_from, find_grid
+from measurement.screen.plane import (
+    Plane,
+    PlaneError,
+    plane_of_points,
+    plane_of_scale,
+)
+from measurement.screen.seen import draw_points, read_picture
+from measurement.screen.setup import PITCH_ERROR, Setup, SetupError
+from softmodels.common.commands import UNUSABLE, status_of
+from softmodels.common.errors import reason
+from softmodels.common.files import is_same
+from softmodels.common.folders import (
+    OwnFolderError,
+    check_output_file,
+    has_table,
+    is_drawn,
+)
+from softmodels.common.terminal import say
+from softmodels.common.toml_file import TomlError, read_toml
+from softmodels.common.units import UnitError, number
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The camera that the options ``--lens``, ``--camera`` and ``--focal`` of the setup command mean.
+
+
+@dataclasses.dataclass(frozen=True)
+class LensOptions:
+    """The options' texts.
+
+    Attributes:
+        lens: ``auto``, ``none``, a lens' name, a camera file or a profile.
+        body: Name of the camera; None for what EXIF names.
+        focal: Focal length with its unit; None for what EXIF tells.
+    """
+
+    lens: str
+    body: str | None
+    focal: str | None
+
+    def camera(self, photograph: Path, width: int, height: int) -> Camera:
+        """The camera of a photograph of this size in px.
+
+        Raises:
+            CameraError, UnitError: There is no such camera.
+        """
+        length = None if self.focal is None else texts.length(self.focal) * 1e3
+        if self.lens == "none":
+            return Camera.ideal(width, height)
+        if self.lens.endswith(".toml"):
+            camera = _camera_file(Path(self.lens))
+            if (camera.width, camera.height) != (width, height):
+                raise CameraError(
+                    f"{self.lens} is for pictures of {camera.width} x {camera.height} px, {photograph} has {width} x "
+                    f"{height}; calibrate with the same settings"
+                )
+            return camera
+        names = self._names(photograph)
+        if self.lens.endswith(".xml"):
+            return lens_profile(names, width, height, focal_mm=length, database=Path(self.lens))
+        return lens_profile(names, width, height, lens=None if self.lens == "auto" else self.lens, focal_mm=length)
+
+    def _names(self, photograph: Path) -> Exif:
+        try:
+            seen = read_exif(photograph)
+        except CameraError as error:
+            if self.body is None:
+                raise CameraError(f"{error}, or use --lens none") from None
+            return Exif("", self.body, "")
+        return seen if self.body is None else Exif("", self.body, seen.lens, seen.focal_mm)
+
+
+def _camera_file(path: Path) -> Camera:
+    try:
+        table = read_toml(path)
+    except TomlError as error:
+        raise CameraError(f"the camera {path} {error}") from None
+    if not isinstance(table.get("camera"), dict):
+        raise CameraError(f"{path} holds no camera; make it with python -m measurement calibrate")
+    return Camera.from_table(table["camera"])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The screen's plane as the options of the setup command ask for it: by the grid, a board, known points or a scale.
+
+
+LARGEST = 0.5
+"""Largest pitch in m of a printed grid or board; beyond it somebody wrote m for mm."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PlaneOptions:
+    """The options' texts.
+
+    Attributes:
+        target: What lies in the plane: ``grid``, ``chessboard`` or ``charuco``.
+        grid_pitch: Distance of the grid's lines, or side of a board's square.
+        pattern: Inner corners of the board.
+        dictionary: OpenCV's name of the ChArUco markers.
+        marker_share: Side of such a marker over that of a square.
+        points: Known points in place of a target.
+        scale: Pixels per length in place of a target; None without.
+        origin: Pixel near the origin; None for the middle.
+    """
+
+    target: str
+    grid_pitch: str
+    pattern: str
+    dictionary: str
+    marker_share: str
+    points: tuple[str, ...]
+    scale: str | None
+    origin: str | None
+
+    @property
+    def shows_grid(self) -> bool:
+        """Whether the photograph shows the printed grid."""
+        return self.target == "grid" and self.scale is None and not self.points
+
+    @property
+    def known(self) -> str | None:
+        """What the plane is fitted to, in the plural; None for a scale, which fits nothing."""
+        if self.scale is not None:
+            return None
+        return "known points" if self.points else "crossings" if self.target == "grid" else "corners"
+
+    def pitch(self) -> float:
+        """The pitch in m.
+
+        Raises:
+            SetupError, UnitError: It is none.
+        """
+        return self._pitch()[0]
+
+    def pitch_error(self) -> float:
+        """Standard error of the pitch as a share of it: as given, else `PITCH_ERROR`; 0 where no pitch is used.
+
+        Raises:
+            SetupError, UnitError: It is none.
+        """
+        if self.points or self.scale is not None:
+            return 0.0
+        pitch, error = self._pitch()
+        return error / pitch if "+-" in self.grid_pitch.replace("±", "+-") else PITCH_ERROR
+
+    def _pitch(self) -> tuple[float, float]:
+        pitch, error = texts.with_error(self.grid_pitch, texts.length)
+        if not pitch > 0.0:
+            raise SetupError(f"--grid-pitch must be a positive length, not {self.grid_pitch}")
+        if pitch > LARGEST:
+            raise SetupError(f"--grid-pitch {self.grid_pitch} is no grid of this kind; write mm for millimetres")
+        if not 0.0 <= error < pitch:
+            raise SetupError(f"the error in --grid-pitch {self.grid_pitch} must not be negative, and below the pitch")
+        return pitch, error
+
+    def plane(self, picture: NDArray[np.uint8], camera: Camera) -> Plane:
+        """The plane in a photograph (h, w, 3).
+
+        Raises:
+            GridError, PlaneError, SetupError, UnitError: It is not to be found, or not asked for as it can be.
+        """
+        pitch = self.pitch()
+        place = None if self.origin is None else texts.numbers(self.origin, 2, "--origin")
+        origin = (place[0], place[1]) if place else None
+        if self.scale is not None:
+            if self.points:
+                raise SetupError("give --point or --scale, not both")
+            return plane_of_scale(camera, *texts.with_error(self.scale, texts.per_metre), origin)
+        if self.points:
+            px, metres = zip(*map(texts.known_point, self.points), strict=True)
+            return plane_of_points(camera, np.array(px), np.array(metres))
+        if self.target == "grid":
+            return find_grid(picture, camera, pitch, origin).plane(camera)
+        columns, rows = texts.pattern(self.pattern)
+        if self.target == "chessboard":
+            board = find_chessboard(picture, (columns, rows), camera)
+        else:
+            squares = (columns + 1, rows + 1)
+            board = find_charuco(picture, squares, number(self.marker_share), self.dictionary, camera)
+        return counted_from(board, camera, pitch, origin).plane(camera)
 
 
 @click.command()

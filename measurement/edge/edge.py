@@ -15,15 +15,28 @@ import dataclasses
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import binary_propagation
+from scipy.ndimage import binary_dilation, binary_propagation
+from scipy.optimize import least_squares
+from scipy.signal import savgol_filter
 from skimage.measure import find_contours
+from skmisc.loess import loess
 
-from measurement.camera.pixels import Unmeasurable
-from measurement.edge.edge_shape import EdgeShape, Stored, common_shape, gaussian
-from measurement.edge.profile_fit import ProfileFit, fit_profiles
-from measurement.edge.profiles import Profiles, Shading, stations
-
-Array = npt.NDArray[np.float64]
+from measurement.camera.pictures import Unmeasurable
+from measurement.edge.profiles import (
+    EdgeShape,
+    ProfileFit,
+    Profiles,
+    Shading,
+    StoredLight,
+    common_shape,
+    fit_profiles,
+    gaussian,
+    stations,
+)
+from measurement.edge.shadow import ShadowColour
+from measurement.robust import deviation, deviations
+from measurement.screen.look import View
+from softmodels.common.arrays import Array
 
 MOST_STATIONS = 1200
 """Stations along an edge; at 10 um per pixel they lie some 50 um apart."""
@@ -169,10 +182,10 @@ def _clear(profiles: Profiles, fit: ProfileFit, error: Array) -> npt.NDArray[np.
     )  # fmt: skip
 
 
-def _stored(shading: Shading, fit: ProfileFit, good: npt.NDArray[np.bool_]) -> Stored:
+def _stored(shading: Shading, fit: ProfileFit, good: npt.NDArray[np.bool_]) -> StoredLight:
     colour = shading.colour
     low, high = float(colour.shadow.mean()), float(colour.lit.mean())
-    return Stored(shading.light.astype(np.float64), low, high, float(np.median(fit.width[good])))
+    return StoredLight(shading.light.astype(np.float64), low, high, float(np.median(fit.width[good])))
 
 
 def _spoilt(variance: Array, width: Array, good: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
@@ -188,3 +201,394 @@ def _local_median(value: Array, window: int = 31) -> Array:
         return np.full_like(value, np.median(value))
     padded = np.pad(value, window // 2, mode="reflect")
     return np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=1)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Robust loess: local quadratics with weights that ignore what lies far off, as MATLAB's ``smooth(…, 'rloess')`` does.
+#
+# The regression is Cleveland's own (``skmisc.loess``), asked for what the thesis used: degree 2, symmetric family, a span
+# counted in points. Only the cutting into pieces is ours.
+#
+# Sources: W. S. Cleveland, "Robust locally weighted regression and smoothing scatterplots", J. Am. Stat. Assoc. 74 (1979)
+# 829, doi 10.1080/01621459.1979.10481038; W. S. Cleveland, S. J. Devlin, J. Am. Stat. Assoc. 83 (1988) 596,
+# doi 10.1080/01621459.1988.10478639.
+
+
+SPAN = 20
+"""Points in one local fit; the thesis' value."""
+
+CHUNK = 100
+"""Points per call: the direct fit and its standard errors cost the square of the number of points."""
+
+ITERATIONS = 5
+"""Rounds of reweighting; MATLAB takes five as well."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Smoothed:
+    """A smoothed curve.
+
+    Attributes:
+        value: Fitted value at each place, shape (n,).
+        error: Standard error of each fitted value from the scatter about the curve, shape (n,).
+        scatter: Residual standard error of the points about the curve near each place, shape (n,).
+    """
+
+    value: Array
+    error: Array
+    scatter: Array
+
+
+def robust_loess(place: Array, value: Array, span: int = SPAN) -> Smoothed:
+    """Smooth values along a line by robust local quadratics.
+
+    Args:
+        place: Rising places, shape (n,); at least 4 different ones in every span.
+        value: Measured values, shape (n,).
+        span: Number of points in one local fit, at least 5; fewer points than that are one span.
+
+    Returns:
+        Fitted values with their standard errors. Each piece of the curve is fitted together with a whole span of its
+        neighbours on both sides, so the pieces' ends are no ends.
+
+    Raises:
+        ValueError: Too few points, or arrays that do not fit.
+    """
+    place, value = np.asarray(place, dtype=np.float64), np.asarray(value, dtype=np.float64)
+    if place.ndim != 1 or place.shape != value.shape:
+        raise ValueError("smoothing needs as many values as places, in one row each")
+    if span < 5 or len(place) < 5:
+        raise ValueError("smoothing with local quadratics needs at least 5 points and a span of at least 5")
+    if (np.diff(place) < 0.0).any():
+        raise ValueError("smoothing needs its places in rising order")
+    fitted, error, scatter = np.empty_like(value), np.empty_like(value), np.empty_like(value)
+    for start in range(0, len(place), CHUNK):
+        stop = min(start + CHUNK, len(place))
+        first, last = max(0, start - span), min(len(place), stop + span)
+        piece = _smooth_piece(place[first:last], value[first:last], span)
+        inner = slice(start - first, stop - first)
+        fitted[start:stop], error[start:stop] = piece.value[inner], piece.error[inner]
+        scatter[start:stop] = piece.scatter[inner]
+    return Smoothed(fitted, error, scatter)
+
+
+def _smooth_piece(place: Array, value: Array, span: int) -> Smoothed:
+    # Loess solves its local fits in the units it is given; metres squared would sit at the rounding limit.
+    origin, width = place[0], (place[-1] - place[0]) or 1.0
+    offset, scale = float(np.median(value)), float(np.ptp(value)) or 1.0
+    at, target = (place - origin) / width, (value - offset) / scale
+    for family in ("symmetric", "gaussian"):
+        # Values that lie on a curve but for rounding leave robust weights nothing to tell apart; plain ones serve then.
+        model = loess(
+            at, target, span=min(1.0, span / len(place)), degree=2, family=family,
+            surface="direct", statistics="exact", iterations=ITERATIONS,
+        )  # fmt: skip
+        try:
+            model.fit()
+            fitted = np.array(model.outputs.fitted_values)
+            error = np.array(model.predict(at, stderror=True).stderr, dtype=np.float64)
+        except ValueError:
+            continue
+        if np.isfinite(fitted).all() and np.isfinite(error).all():
+            scatter = max(float(model.outputs.residual_scale) * scale, np.finfo(float).tiny)
+            return Smoothed(fitted * scale + offset, error * scale, np.full(len(place), scatter))
+    raise ValueError("the values cannot be smoothed: several of them lie at one place")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The edge smoothed along its own length where it was measured, and bridged where it was not.
+#
+# Dust, a glint or a drop of water on the lens hide pieces of an edge. Smoothing over such a gap would draw the points beside it
+# into it and call them as good as the others, so each measured stretch is smoothed by itself. Between two of them a cubic goes
+# on from both ends in their directions. How far the true edge may lie off it grows with the gap's square: over a gap of the
+# length g a curvature that is wrong by k moves the edge by k t (1 - t) g^2 / 2 at the share t of the way.
+
+
+Mask = npt.NDArray[np.bool_]
+
+MISSING = 6.0
+"""Distance of neighbouring points, over the usual one, from which something is missing between them.
+
+Over fewer a smoothed span of points goes on safely: a speck that takes them has been left out with all that it touches.
+"""
+
+DROPPED_BESIDE_GAP = 2
+"""Points on each side of a gap that what made it has touched as well."""
+
+SHORTEST = 12
+"""Points of a stretch that can be smoothed by itself; shorter ones belong to the gap."""
+
+BENDS = 0.5
+"""Share of the outline's greatest curvature by which a bridge's curvature may be wrong."""
+
+TURNS = 0.5
+"""Cosine of the greatest angle between two ends that a bridge joins."""
+
+REPEATED = 1.5
+"""Neighbouring stations share noise (JPEG's blocks, dust), so a smoothed point is this much worse than if they did not."""
+
+SHARPEST, BENT_ERROR = 0.08, 0.3
+"""Curvature times width from which an edge has a corner and not a circle's penumbra; error of the shift as a share of it."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class BridgedLine:
+    """A smoothed edge.
+
+    Attributes:
+        px: Its points in order along it, shape (n, 2).
+        normal: Unit vectors across it, from shadow to light, shape (n, 2).
+        error: Standard error of each point across the edge in px, shape (n,).
+        bridged: Which points lie in a gap, where nothing was measured, shape (n,).
+    """
+
+    px: Array
+    normal: Array
+    error: Array
+    bridged: Mask
+
+
+def smoothed(edge: Edge, longest: float) -> BridgedLine:
+    """The edge as robust loess sees it, gaps bridged.
+
+    Args:
+        edge: The edge as it was found.
+        longest: Length in px of the longest gap that is bridged; a longer one stays open.
+    """
+    step = np.linalg.norm(np.diff(edge.px, axis=0), axis=1)
+    usual = float(np.median(step))
+    parts = _stretches(step, usual)
+    lines = [_stretch(edge, part) for part in parts]
+    bend = _curvature(lines)
+    joined: list[BridgedLine] = []
+    for line in lines:
+        if joined:
+            bridge = _bridge(joined[-1], line, usual, bend, longest)
+            joined += [] if bridge is None else [bridge]
+        joined.append(line)
+    return BridgedLine(
+        *(np.concatenate([getattr(line, name) for line in joined]) for name in ("px", "normal", "error", "bridged"))
+    )
+
+
+def _stretches(step: Array, usual: float) -> list[slice]:
+    """The pieces without a gap; one that is too short to be smoothed belongs to the gap."""
+    breaks = np.flatnonzero(step > MISSING * usual) + 1
+    firsts, lasts = np.r_[0, breaks], np.r_[breaks, len(step) + 1]
+    parts = [
+        slice(first + (DROPPED_BESIDE_GAP if first else 0), last - (DROPPED_BESIDE_GAP if last <= len(step) else 0))
+        for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True)
+    ]
+    long = [part for part in parts if part.stop - part.start >= SHORTEST]
+    return long or [slice(0, len(step) + 1)]
+
+
+def _stretch(edge: Edge, part: slice) -> BridgedLine:
+    px = edge.px[part]
+    arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(px, axis=0), axis=1))]
+    arc = arc + np.arange(len(arc)) * 1e-9  # strictly rising even where two points coincide
+    # Loess sees distances across a plain local quadratic through the points: along the edge there is nothing to smooth,
+    # and an edge that runs along the pixels would leave it nothing but rounding errors.
+    guide = savgol_filter(px, min(21, (len(arc) - 1) // 2 * 2 + 1), 2, axis=0)
+    turn = np.gradient(guide, axis=0)
+    across = np.column_stack([turn[:, 1], -turn[:, 0]]) / np.maximum(np.linalg.norm(turn, axis=1), 1e-12)[:, None]
+    offset = np.einsum("ni,ni->n", px - guide, across)
+    smooth = robust_loess(arc, offset)
+    off = np.abs(offset - smooth.value)
+    window = min(61, len(off) // 2 * 2 - 1)
+    padded = np.pad(off, window // 2, mode="reflect")
+    # A local median of what the curve leaves is the scatter that is really there, whatever its cause.
+    local = deviations(np.lib.stride_tricks.sliding_window_view(padded, window), 1)
+    gain = smooth.error / smooth.scatter
+    gain = np.maximum(gain, float(np.median(gain)))  # the ends of a stretch have neighbours on one side only
+    # What values between pixels lose of their scatter is in `REPEATED` already.
+    error = REPEATED * gain * np.maximum(edge.error[part] / np.sqrt(BETWEEN), local)
+    line, normal = guide + smooth.value[:, None] * across, edge.normal[part]
+    bent = _bent(line, normal, edge.width[part])
+    return BridgedLine(
+        line + bent[:, None] * normal, normal, np.hypot(error, BENT_ERROR * bent), np.zeros(len(px), dtype=bool)
+    )
+
+
+def _bent(px: Array, normal: Array, width: Array) -> Array:
+    """How far (n,) in px towards the light the edge lies from where half of the light is.
+
+    A photograph is the silhouette under a blur, by the lamp's own shape and by the lens. On an edge of the curvature k a blur
+    of the standard deviation s shifts half of the light by k s^2 / 2 towards the centre of curvature: more than half of the
+    surroundings of a convex shadow are lit.
+    """
+    reach = SPAN // 2
+    if len(px) < 4 * reach:
+        return np.zeros(len(px))
+    near, here, far = px[: -2 * reach], px[reach:-reach], px[2 * reach :]
+    sagitta = np.einsum("ni,ni->n", here - 0.5 * (near + far), normal[reach:-reach])
+    bend = np.pad(8.0 * sagitta / np.maximum(np.sum((far - near) ** 2, axis=1), 1e-9), reach, mode="edge")
+    # Chords that reach over a corner do not show the curvature beside it.
+    corner = binary_dilation(np.abs(bend) * width > SHARPEST, np.ones(2 * reach + 1))
+    return np.where(corner, 0.0, 0.5 * bend * width**2)
+
+
+def _curvature(lines: list[BridgedLine]) -> float:
+    """The greatest curvature of the smoothed edge in 1/px, but for single corners."""
+    found = [np.zeros(1)]
+    for line in lines:
+        if len(line.px) > 4 * SPAN:
+            # Over two spans of points noise bends nothing any more.
+            near, here, far = line.px[: -2 * SPAN], line.px[SPAN:-SPAN], line.px[2 * SPAN :]
+            chord = far - near
+            length = np.maximum(np.linalg.norm(chord, axis=1), 1e-9)
+            sagitta = np.abs(chord[:, 0] * (here - near)[:, 1] - chord[:, 1] * (here - near)[:, 0]) / length
+            found.append(8.0 * sagitta / length**2)
+    return float(np.percentile(np.concatenate(found), 90))
+
+
+def _bridge(before: BridgedLine, after: BridgedLine, usual: float, bend: float, longest: float) -> BridgedLine | None:
+    """A cubic over the gap between two stretches; None where it would be a guess."""
+    start, end = before.px[-1], after.px[0]
+    gap = float(np.linalg.norm(end - start))
+    count = round(gap / usual) - 1
+    leave, arrive = _direction(before.px[::-1]) * -1.0, _direction(after.px)
+    way = (end - start) / max(gap, 1e-9)
+    if count < 1 or gap > longest or min(leave @ way, arrive @ way) < TURNS:
+        return None
+    t = (np.arange(1, count + 1) / (count + 1))[:, None]
+    px = (
+        (1 + 2 * t) * (1 - t) ** 2 * start + t * (1 - t) ** 2 * gap * leave
+        + t**2 * (3 - 2 * t) * end - t**2 * (1 - t) * gap * arrive
+    )  # fmt: skip
+    normal = (1 - t) * before.normal[-1] + t * after.normal[0]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    share = t[:, 0]
+    ends = (1 - share) * before.error[-1] + share * after.error[0]
+    # The direction at an end is known from a span of points; it errs by their error over half of the span's length.
+    lean = (before.error[-1] + after.error[0]) / (0.5 * SPAN * usual) * gap * share * (1 - share)
+    error = np.sqrt(ends**2 + lean**2 + (0.5 * BENDS * bend * share * (1 - share) * gap**2) ** 2)
+    return BridgedLine(px, normal, error, np.ones(count, dtype=bool))
+
+
+def _direction(px: Array) -> Array:
+    """Unit vector (2,) along a stretch at its first point, from a quadratic through a span of points."""
+    part = px[:SPAN]
+    at = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(part, axis=0), axis=1))]
+    slope = np.polynomial.polynomial.polyfit(at, part, 2)[1]
+    return np.asarray(slope / np.linalg.norm(slope))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A patch of the edge that is more blurred than the rest: a drop of water or fat on the lens.
+#
+# Such a drop is a lens of its own. It moves the edge that is seen through it by up to some tenths of a millimetre, smoothly, so
+# that no corner or bump shows it at a low bulge. But what is seen through it is out of focus. The width of the edge by itself
+# changes only slowly: with the place (a lens' focus, the body's distance) and with the edge's direction (a lamp that is not
+# round).
+
+
+WINDOW, MIN_WINDOW_POINTS = 1.2e-3, 15
+"""Length in m and least number of points over which the width's median is taken: corners and dust are shorter."""
+
+LEAST, NOISES = 0.12, 8.0
+"""Logarithm of the width over its smooth course, and the same in its own scatter, from which a patch is blurred."""
+
+
+def check_blur(edge: Edge, scale: float) -> str | None:
+    """What speaks for a drop or fat on the lens before a part of the edge.
+
+    Args:
+        edge: The edge as it was found.
+        scale: Length in m of a pixel.
+    """
+    more, scatter = widest_patch(edge, scale)
+    if more <= max(LEAST, NOISES * scatter):
+        return None
+    return (
+        f"a part of the edge is {np.expm1(more):.0%} more blurred than the rest: a drop or fat on the lens, which moves it as "
+        "well, or something else than the body throws the shadow there"
+    )
+
+
+def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
+    """Logarithm of the most blurred patch's width over what the rest of the edge leads one to expect, and its scatter."""
+    if len(edge.px) < 6 * MIN_WINDOW_POINTS:
+        return 0.0, 0.0
+    place = (edge.px - edge.px.mean(axis=0)) / np.ptp(edge.px, axis=0).max()
+    x, z = place.T
+    # The normal's doubled angle: an oblong lamp blurs opposite sides alike.
+    turn = 2.0 * np.arctan2(edge.normal[:, 1], edge.normal[:, 0])
+    terms = np.column_stack([np.ones(len(x)), x, z, x**2, np.cos(turn), np.sin(turn)])
+    width = np.log(edge.width)
+    usual = deviation(width - np.median(width)) + 1e-3
+    start = np.r_[np.median(width), np.zeros(terms.shape[1] - 1)]
+    fit = least_squares(lambda c: (terms @ c - width) / usual, start, jac=lambda c: terms / usual, loss="cauchy").x
+    rest = width - terms @ fit
+    spacing = float(np.median(np.linalg.norm(np.diff(edge.px, axis=0), axis=1))) * scale
+    count = min(max(MIN_WINDOW_POINTS, round(WINDOW / spacing)), len(rest) // 3)
+    smooth = np.median(np.lib.stride_tricks.sliding_window_view(rest, count), axis=1)
+    return float(smooth.max()), deviation(smooth - np.median(smooth))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Is the edge one lamp's penumbra? Not if it is wide, if the screen beside it is white, or if the light falls in steps.
+
+
+WIDEST_EDGE = 300e-6
+"""Greatest standard deviation in m of penumbra and blur together; beyond, half of the light is no longer a place."""
+
+BLANK, MOST_BLANK = 0.985, 0.1
+"""Light of a channel from which it is taken as saturated, and share of the edge that may lie beside such light."""
+
+PART, MOST_PARTS = 0.7, 0.05
+"""Share of the shadow's depth by which light must fall over its edge, and share of the edge where it may fall less."""
+
+UNEVEN, PIECES, MIN_POINTS_PER_PIECE = 0.08, 12, 20
+"""Change of the shadow's depth along its edge that one lamp does not make, over means of so many pieces of the edge, each of
+so many points at least."""
+
+
+def check_light(edge: Edge, view: View) -> None:
+    """Refuse an edge that is blurred, or beside which the screen is white.
+
+    Raises:
+        Unmeasurable: With the reason.
+    """
+    slope = view.setup.jacobian(edge.px)
+    width = edge.width * np.linalg.norm(slope @ edge.normal[..., None], axis=(1, 2))
+    wide = float(np.percentile(width, 90))
+    if wide > WIDEST_EDGE:
+        raise Unmeasurable(
+            f"the edge is blurred over {wide * 1e6:.0f} um (standard deviation), more than {WIDEST_EDGE * 1e6:.0f} um; "
+            "focus on the screen, take a smaller lamp, or move it away and the body nearer to the screen"
+        )
+    beside = view.sample(edge.px + 3.0 * edge.width[:, None] * edge.normal)
+    blank = float(np.mean((beside > BLANK).any(axis=1)))
+    if blank > MOST_BLANK:
+        raise Unmeasurable(
+            f"it is overexposed: beside {blank:.0%} of the edge the screen is saturated, which moves the edge; expose "
+            "it for less time"
+        )
+
+
+def check_steps(edge: Edge, colour: ShadowColour) -> tuple[str, ...]:
+    """Doubts about an edge over which the light does not fall all the way from the screen's to the shadow's.
+
+    Raises:
+        Unmeasurable: The shadow has several edges.
+    """
+    whole = 1.0 / float(colour.direction @ colour.lit)
+    part = edge.contrast / whole
+    if np.median(part) < PART:
+        raise Unmeasurable(
+            f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has several "
+            "edges, from a second lamp, a reflection or a double exposure; leave one lamp on, cover what reflects, and "
+            "photograph it again"
+        )
+    count = max(MIN_POINTS_PER_PIECE, len(part) // PIECES)
+    level = np.convolve(part, np.ones(count) / count, "valid")
+    if len(part) >= 2 * count and np.ptp(level) > UNEVEN:
+        return (
+            f"the shadow's depth changes by {np.ptp(level):.0%} along its edge: a second lamp, a reflection or stray light "
+            "reaches a part of it",
+        )
+    share = float(np.mean(part < PART))
+    if share > MOST_PARTS:
+        return (f"along {share:.0%} of the edge the light falls only part of the way: a second shadow or a reflection",)
+    return ()

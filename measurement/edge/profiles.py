@@ -3,15 +3,120 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import least_squares
+from scipy.special import ndtr
 
-from measurement.camera.pixels import LIGHT, Pixels, Unmeasurable, sample_light
-from measurement.edge.ink import Drawn, Transmission
+from measurement.camera.pictures import (
+    LIGHT,
+    Pixels,
+    Unmeasurable,
+    sample_light,
+)
 from measurement.edge.shadow import ShadowColour
+from measurement.robust import deviation, deviations
+from measurement.screen.look import GridLook
+from measurement.screen.setup import Setup
+from softmodels.common.arrays import Array
 
-Array = npt.NDArray[np.float64]
+# ----------------------------------------------------------------------------------------------------------------------
+# The grid's ink under the profiles across an edge: the light it takes, and how far it draws a blurred edge to itself.
+
+
+CELLS = 64
+"""Cells per side of the table of places on the screen; a photograph is straight within each to a hundredth of a pixel."""
+
+INK_REACH = 4.0
+"""Blurs, beyond half of its width, from a line's middle up to which it draws an edge."""
+
+Transmission = Callable[[Array], Array]
+"""Share of light that the ink lets through at pixels (..., 2)."""
+
+Drawn = Callable[[Array, Array, Array], Array]
+"""What ink leaves in profiles: of pixels (n, k, 2), their distances (n, k) from the edge in its widths and these (n,) in px."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Ink:
+    """The ink at pixels of a photograph.
+
+    Attributes:
+        look: What the photograph shows of the grid.
+        roi: Region x0, y0, x1, y1 in px that was looked at.
+        table: Places on the screen in m at the nodes of a lattice over the region, shape (65, 65, 2).
+    """
+
+    look: GridLook
+    roi: tuple[int, int, int, int]
+    table: Array
+
+    @classmethod
+    def of(cls, look: GridLook, setup: Setup, roi: tuple[int, int, int, int]) -> Ink:
+        """The ink of a photograph; the map to the screen is taken straight within each cell of a table."""
+        x0, y0, x1, y1 = roi
+        columns, rows = np.linspace(x0, x1 - 1, CELLS + 1), np.linspace(y0, y1 - 1, CELLS + 1)
+        lattice = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+        places = setup.to_metres(lattice).reshape(CELLS + 1, CELLS + 1, 2) * setup.magnification
+        return cls(look, roi, np.ascontiguousarray(np.nan_to_num(places, nan=1.0), dtype=np.float64))
+
+    def __call__(self, points: Array) -> Array:
+        """Share of light (...) that the ink lets through at pixels (..., 2)."""
+        return self.look.transmission(self.places(points))
+
+    def places(self, points: Array) -> Array:
+        """Places (..., 2) on the screen in m that pixels (..., 2) show."""
+        x0, y0, x1, y1 = self.roi
+        flat = points.reshape(-1, 2)
+        return _bilinear(self.table, (flat - [x0, y0]) / [x1 - 1 - x0, y1 - 1 - y0] * float(CELLS)).reshape(
+            points.shape
+        )
+
+    def drawn(self, points: Array, z: Array, width: Array) -> Array:
+        """What the ink leaves in profiles across an edge after the light was divided by what it lets through.
+
+        Args:
+            points: Pixels (n, k, 2) of n profiles, from shadow to light.
+            z: Their distance (n, k) from the edge in its widths.
+            width: Standard deviation (n,) of penumbra and blur in px.
+
+        Returns:
+            The rest (n, k) as a share of the edge's rise.
+        """
+        places, rest = self.places(points), np.zeros(z.shape)
+        length = np.linalg.norm(points[:, -1] - points[:, 0], axis=1)
+        along = (points[:, -1] - points[:, 0]) / length[:, None]
+        # Directions across the edge and along it, in m per pixel.
+        ahead = (places[:, -1] - places[:, 0]) / length[:, None]
+        middle = points[:, z.shape[1] // 2]
+        turned = np.column_stack([-along[:, 1], along[:, 0]])
+        beside = 0.5 * (self.places(middle + turned) - self.places(middle - turned))
+        for axis, line in enumerate(self.look.lines):
+            if line is None:
+                continue
+            off = self.look.off_line(places[..., axis], axis)
+            near = (np.abs(off) < 0.5 * line.width + INK_REACH * line.blur).any(axis=1)
+            if not near.any():
+                continue
+            slope = np.hypot(ahead[near, axis], beside[near, axis])
+            correlation = line.blur * ahead[near, axis] / (slope**2 * width[near])
+            rest[near] += line.covariance(off[near], z[near], correlation[:, None])
+        return rest / self(points)
+
+
+def _bilinear(table: Array, at: Array) -> Array:
+    at = np.clip(at, 0.0, float(CELLS))
+    cell = np.minimum(at.astype(np.int64), CELLS - 1)
+    u, v = (at - cell).T
+    i, j = cell[:, 1], cell[:, 0]
+    return (
+        table[i, j] * ((1 - u) * (1 - v))[:, None] + table[i, j + 1] * (u * (1 - v))[:, None]
+        + table[i + 1, j] * ((1 - u) * v)[:, None] + table[i + 1, j + 1] * (u * v)[:, None]
+    )  # fmt: skip
+
 
 HALF = 30
 """Samples of a profile on each side of its middle."""
@@ -117,3 +222,332 @@ def stations(path: Array, spacing: float) -> tuple[Array, Array]:
     tangent = at(np.minimum(s + chord, arc[-1])) - at(np.maximum(s - chord, 0.0))
     tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-9)[:, None]
     return at(s), np.column_stack([tangent[:, 1], -tangent[:, 0]])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The shape that all light profiles across an edge have in common, and where in it half of the lamp is seen.
+#
+# A lamp's penumbra is symmetric about the place where half of the lamp is seen: the integral over the chords of a disc, a ramp
+# or trapezoid of a square, an error function of a frosted bulb, each blurred by the lens. What the camera does to the numbers
+# is not: a tone curve other than the assumed one, and sharpening of the stored numbers, draw the half light to one side. The
+# mean of hundreds of profiles shows all of it, so one model is fitted to it: a lamp under a Gaussian blur, x + e x (1 - x) in
+# place of the light x between shadow and screen, and an unsharp mask of the stored numbers. The lamp's shape moves the edge
+# nowhere; e and the mask do, and by how much is known as well as they are.
+#
+# The lamp's light over the distance t from its middle is (1 - t^2/R^2)^m: m = 1/2 is a uniform disc (the length of its
+# chords), m = 0 a square along its side, m = 3/2 stands for a turned square and for softer lamps.
+
+
+Mask = npt.NDArray[np.bool_]
+
+STEP, FAR = 0.05, 9.0
+"""Distance of the nodes of a tabulated shape, and the distance of the outermost from the edge, in its widths."""
+
+LAMPS = (0.5, 0.0, 1.5)
+"""Exponents m of the lamps that are tried."""
+
+BINS, PROFILE_REACH, MIN_SAMPLES_PER_BIN, KIN = 40, 4.0, 20, 4.0
+"""Bins of the mean profile, the widths to which they reach on either side, the least number of samples in one, and how many
+samples err together."""
+
+PARAMETERS = 6
+"""Parameters of the shape that have no prior of their own, or one that is wider than what the profile shows."""
+
+FLOOR, INKED = 6e-4, 3e-3
+"""Errors of the mean profile, as a share of the edge's rise, that no number of samples takes away: by the picture's compression
+(JPEG files bend profiles that much), and by the ink that is divided out, where every profile has some."""
+
+TONE, SHARPENING, MASK, MASK_SPREAD = 0.03, 0.5, 1.3, 0.6
+"""Usual sizes of e and of the mask's amount, and its radius in px with the usual deviation from that.
+
+An S curve that adds a fifth of the smooth step 3 v^2 - 2 v^3 to sRGB's has e = 0.04.
+"""
+
+UNKNOWN = 0.03
+"""Error of the half light's place in widths where the profiles do not show the edge's shape."""
+
+LEAST = 0.006
+"""Error of the half light's place in widths that no photograph's noise tells: edges of one camera differ by that much."""
+
+CAMERA, CAMERA_TONE = 0.012, 0.4
+"""Error of the half light's place in widths that the model leaves, as it is no camera's, and how it grows with e."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class EdgeShape:
+    """A symmetric or distorted step from 0 to 1 over the distance from the half light in widths.
+
+    Attributes:
+        values: The step at the nodes of `nodes`.
+        shift_error: Standard error of the half light's place in it, in widths, by the noise of this photograph.
+        model_error: The same by the model, which all photographs with one lamp and camera have in common.
+        tone: e, by which the light differs from what the assumed tone curve gives.
+        misfit: Root mean square of the mean profile's distance from it in its standard error, with the priors'.
+    """
+
+    values: Array
+    shift_error: float = 0.0
+    model_error: float = 0.0
+    tone: float = 0.0
+    misfit: float = np.nan
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of the squares of which ``misfit`` is the mean; infinite where no shape was fitted."""
+        return float("inf") if np.isnan(self.misfit) else (BINS - PARAMETERS) * self.misfit**2
+
+    def __call__(self, z: Array) -> Array:
+        """The step at distances z (...) in widths."""
+        return np.asarray(np.interp(z, nodes(), self.values))
+
+    def slope(self, z: Array) -> Array:
+        """Its derivative there."""
+        return np.asarray(np.interp(z, nodes(), self._slopes))
+
+    @functools.cached_property
+    def _slopes(self) -> Array:
+        return np.gradient(self.values, STEP)
+
+
+@functools.cache
+def nodes() -> Array:
+    """Distances from the edge in widths at which shapes are tabulated."""
+    return np.arange(-FAR, FAR + 0.5 * STEP, STEP)
+
+
+def gaussian(shift_error: float = 0.0) -> EdgeShape:
+    """An error function."""
+    return EdgeShape(ndtr(nodes()), shift_error, CAMERA)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class StoredLight:
+    """How light became numbers at an edge.
+
+    Attributes:
+        light: Light of every stored number by the assumed tone curve, shape (256,).
+        low: Light in the shadow.
+        high: Light of the lit screen.
+        width: Width of the edge in px.
+    """
+
+    light: Array
+    low: float
+    high: float
+    width: float
+
+    def seen(self, share: Array, amount: float, radius: float) -> Array:
+        """The light (n,) over light and shadow that a share (n,) of the lamp at `nodes` is taken for after sharpening."""
+        numbers = np.linspace(0.0, 1.0, len(self.light))
+        stored = np.interp(self.low + (self.high - self.low) * share, self.light, numbers)
+        sharp = stored + amount * (stored - _blurred(stored, radius / self.width))
+        # Beyond the last number the curve goes on, as a channel mixed of several does.
+        back = np.interp(sharp, numbers, self.light)
+        back += np.maximum(sharp - 1.0, 0.0) * (self.light[-1] - self.light[-2]) * (len(numbers) - 1.0)
+        return np.asarray((back - self.low) / (self.high - self.low))
+
+
+def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight) -> EdgeShape:
+    """The shape that profiles have in common, from what error functions leave of them.
+
+    Args:
+        z: Distance of the samples from the middle of each profile's error function in its widths, shape (n, k).
+        residual: What that leaves of the profile over its rise, shape (n, k).
+        clean: Samples that are clear of ink, shape (n, k).
+        stored: How light became numbers.
+    """
+    sides = (np.abs(z + 1.5) < 1.0, np.abs(z - 1.5) < 1.0)
+    # An edge that runs along a grid line, or just beside it, has hardly a sample off the ink on one side.
+    on_ink = any(clean[side].mean() < 0.5 for side in sides if side.any())
+    place, value, error = _mean_profile(z, residual, np.ones_like(clean) if on_ink else clean)
+    if len(place) < BINS // 2:
+        return gaussian(UNKNOWN)
+    # An edge far out of focus has a grid line in nearly all of its profiles, which leaves more there than e does.
+    inked = 1.0 - float(clean.all(axis=1).mean())
+    spread = np.hypot(error, np.hypot(FLOOR, INKED * inked))
+    fits = [_fitted(place, value, spread, lamp, stored) for lamp in LAMPS]
+    lamp, best = min(zip(LAMPS, fits, strict=True), key=lambda pair: float(pair[1].cost))
+    misfit = float(np.sqrt(2.0 * best.cost / (len(place) - PARAMETERS)))
+    # Neighbouring bins err together to an unknown extent; how far the profile lies off the shape shows how far each errs.
+    share = float(np.sqrt(np.sum(best.fun[: len(place)] ** 2) / (len(place) - PARAMETERS)))
+    data, priors = best.jac[: len(place)] / share, best.jac[len(place) :]
+    own = float(np.sqrt(np.linalg.pinv(data.T @ data + priors.T @ priors)[0, 0]))
+    # An asymmetry that is no camera's may be the penumbra's own, as of a deep body's level surface.
+    departure = abs(float(best.x[3]))
+    strange = 0.6 * max(0.0, departure - 3.0 * TONE)
+    model = float(np.hypot(CAMERA, CAMERA_TONE * departure))
+    return EdgeShape(
+        _shape(best.x, lamp, stored), float(np.linalg.norm([own, LEAST, strange])), model, float(best.x[3]), misfit
+    )
+
+
+def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array, Array]:
+    """Places (m,) in widths, the median profile there and its standard error."""
+    bins = np.floor((z + PROFILE_REACH) / (2.0 * PROFILE_REACH) * BINS).astype(np.int64)
+    found = []
+    for number in range(BINS):
+        chosen = clean & (bins == number)
+        if chosen.sum() < MIN_SAMPLES_PER_BIN:
+            chosen = bins == number
+        if chosen.sum() < MIN_SAMPLES_PER_BIN:
+            continue
+        own = residual[chosen]
+        middle, at = float(np.median(own)), float(z[chosen].mean())
+        # The median of n normal values errs by 1.25 sigma / sqrt(n).
+        found.append((at, ndtr(at) + middle, 1.25 * deviation(own - middle) / np.sqrt(len(own) / KIN)))
+    return tuple(np.array(found).reshape(-1, 3).T)  # type: ignore[return-value]
+
+
+def _fitted(place: Array, value: Array, spread: Array, lamp: float, stored: StoredLight):  # type: ignore[no-untyped-def]
+    """Parameters: place of the half light, logarithm of the width, the lamp's share of the variance, e, the mask's amount and
+    radius, and what the profiles' own levels and fall of light have taken."""
+
+    def missed(p: Array) -> Array:
+        step = np.interp(place - p[0], nodes(), _shape(p, lamp, stored))
+        model = p[6] + (1.0 + p[7] + p[8] * place) * step
+        usual = (p[3] / TONE, p[4] / SHARPENING, (p[5] - MASK) / MASK_SPREAD, p[6] / 0.05, p[7] / 0.05, p[8] / 0.02)
+        return np.r_[(model - value) / spread, usual]
+
+    start = [0.0, 0.0, 0.5, 0.0, 0.05, MASK, 0.0, 0.0, 0.0]
+    low, high = (
+        [-1.0, -1.0, 0.0, -1.0, 0.0, 0.4, -1.0, -1.0, -1.0],
+        [1.0, 1.0, 0.98, 1.0, 3.0, 4.0, 1.0, 1.0, 1.0],
+    )
+    scale = [0.01, 0.1, 0.3, 0.1, 0.3, 0.5, 0.01, 0.01, 0.01]
+    return least_squares(missed, start, bounds=(low, high), x_scale=scale, diff_step=1e-4, ftol=1e-4, max_nfev=40)
+
+
+def _shape(p: Array, lamp: float, stored: StoredLight) -> Array:
+    """The step at `nodes` for parameters of `_fitted`, its half light at 0."""
+    width, share = float(np.exp(p[1])), float(p[2])
+    bare = np.interp(nodes() / (width * np.sqrt(share) + 1e-3), *_lamp(lamp))
+    step = _blurred(bare, width * np.sqrt(1.0 - share))
+    return stored.seen(step + p[3] * step * (1.0 - step), float(p[4]), float(p[5]))
+
+
+@functools.cache
+def _lamp(exponent: float) -> tuple[Array, Array]:
+    """Nodes and the share of a lamp of unit variance that lies beyond them."""
+    at = np.linspace(-1.0, 1.0, 801)
+    light = np.maximum(1.0 - at * at, 0.0) ** exponent
+    share = np.r_[0.0, np.cumsum(0.5 * (light[1:] + light[:-1]))]
+    return at * np.sqrt(2.0 * exponent + 3.0), share / share[-1]
+
+
+def _blurred(values: Array, width: float) -> Array:
+    """Values at `nodes` under a Gaussian blur of a standard deviation in widths."""
+    if width < 0.2 * STEP:
+        return values
+    reach = min(int(np.ceil(4.5 * width / STEP)), len(values) - 1)
+    # Each tap holds the bell's integral over its step, so that narrow bells keep their weight.
+    bell = np.diff(ndtr((np.arange(-reach, reach + 2) - 0.5) * STEP / width))
+    padded = np.pad(values, reach, mode="edge")
+    return np.convolve(padded, bell / bell.sum(), "valid")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Steps of one shape through light profiles, by weighted least squares on all profiles at once.
+
+
+ROUNDS, REWEIGHTED = 14, (5, 9)
+"""Gauss-Newton steps, and those before which samples far off their curve are given less weight."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ProfileFit:
+    """Curves low + (rise + slope u) S((u - centre) / width) over the offset u, one for each of n profiles of k samples.
+
+    Attributes:
+        low: Light in the shadow, shape (n,).
+        rise: Light that the lit screen has more at u = 0, shape (n,).
+        slope: How that grows with u, per px, shape (n,).
+        centre: Middle of the edge in px, shape (n,).
+        width: Standard deviation of penumbra and blur in px, shape (n,).
+        z: Distance of the samples from the middle in widths, shape (n, k).
+        top: Rise at each sample, shape (n, k).
+        residual: What the curves leave of the profiles, shape (n, k).
+        weight: Weights of the samples, shape (n, k).
+        terms: Derivatives of the curves by the five parameters (the width's logarithm), times the weights, shape (n, k, 5).
+        matrix: Normal matrices, shape (n, 5, 5).
+    """
+
+    low: Array
+    rise: Array
+    slope: Array
+    centre: Array
+    width: Array
+    z: Array
+    top: Array
+    residual: Array
+    weight: Array
+    terms: Array
+    matrix: Array
+
+    @property
+    def variance(self) -> Array:
+        """Variance of each profile's samples about its curve, shape (n,)."""
+        freedom = np.maximum(self.weight.sum(axis=1) - 5.0, 1.0)
+        return (self.weight * self.residual**2).sum(axis=1) / freedom
+
+    def centre_error(self, variance: Array) -> Array:
+        """Standard errors (n,) of the middles in px for samples of these variances (n,)."""
+        return np.sqrt(np.maximum(np.linalg.inv(self.matrix)[:, 3, 3], 0.0) * variance)
+
+    def centre_shift(self, added: Array) -> Array:
+        """How far in px light (n, k) that is added to the profiles moves their middles, to first order, shape (n,)."""
+        pull = np.einsum("nki,nk->ni", self.terms, added)
+        return np.linalg.solve(self.matrix, pull[..., None])[:, 3, 0]
+
+
+def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape | None = None) -> ProfileFit:
+    """Fit a step to each profile, by Gauss-Newton steps.
+
+    Args:
+        offsets: Places of the samples in px, rising and symmetric about 0, shape (k,).
+        profile: Light there, shape (n, k).
+        weight: Weights of the samples, shape (n, k).
+        shape: The step's shape; None for an error function.
+    """
+    shape = gaussian() if shape is None else shape
+    u, reach = offsets[None, :], offsets[-1]
+    parameters = _first_guess(offsets, profile)
+    robust = np.ones_like(profile)
+    for turn in range(ROUNDS):
+        low, rise, slope, centre, width = parameters
+        z = (u - centre[:, None]) / width[:, None]
+        phi = shape(z)
+        bell = shape.slope(z)
+        top = rise[:, None] + slope[:, None] * u
+        residual = profile - low[:, None] - top * phi
+        terms = np.stack([np.ones_like(phi), phi, u * phi, -top * bell / width[:, None], -top * bell * z], axis=-1)
+        if turn in REWEIGHTED:
+            scatter = np.maximum(deviations(residual, 1), 1e-4)
+            robust = np.minimum(1.0, 2.5 * scatter[:, None] / np.maximum(np.abs(residual), 1e-12))
+        weighted = terms * (weight * robust)[..., None]
+        matrix = np.einsum("nki,nkj->nij", weighted, terms)
+        matrix = matrix + 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5)
+        step = np.linalg.solve(matrix, np.einsum("nki,nk->ni", weighted, residual)[..., None])[..., 0]
+        parameters = _stepped(parameters, np.where(np.isfinite(step), step, 0.0), reach)
+    low, rise, slope, centre, width = parameters
+    return ProfileFit(low, rise, slope, centre, width, z, top, residual, weight * robust, weighted, matrix)
+
+
+def _first_guess(offsets: Array, profile: Array) -> tuple[Array, ...]:
+    """Low, rise, slope, centre and width (n,) each: the levels at both ends, and the step between them of the same area."""
+    side, reach = len(offsets) // 5, offsets[-1]
+    low, high = profile[:, :side].mean(axis=1), profile[:, -side:].mean(axis=1)
+    above = (profile > 0.5 * (low + high)[:, None]).astype(float)
+    centre = reach - above.sum(axis=1) * (offsets[1] - offsets[0])
+    return low, high - low, np.zeros(len(profile)), centre, np.full(len(profile), 0.25 * reach)
+
+
+def _stepped(parameters: tuple[Array, ...], step: Array, reach: float) -> tuple[Array, ...]:
+    """The parameters after a step (n, 5), which is cut where it would leave the profile."""
+    low, rise, slope, centre, width = parameters
+    return (
+        low + step[:, 0],
+        rise + step[:, 1],
+        slope + step[:, 2],
+        np.clip(centre + np.clip(step[:, 3], -0.3 * reach, 0.3 * reach), -reach, reach),
+        np.clip(width * np.exp(np.clip(step[:, 4], -0.5, 0.5)), 0.15, reach),
+    )

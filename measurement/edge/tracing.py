@@ -9,22 +9,38 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from measurement.camera.pixels import TONES, Pixels, Unmeasurable, read_photograph
-from measurement.edge.blur import check_blur
-from measurement.edge.bridging import Line, smoothed
-from measurement.edge.edge import Edge, coarse_contour, refine_edge
-from measurement.edge.ink import Ink
-from measurement.edge.penumbra import check_light, check_steps
-from measurement.edge.profiles import Shading
-from measurement.edge.shadow import CoarseShadow, check_exposure, find_shadow
-from measurement.edge.threads import touched_by_thread
-from measurement.screen.flatness import flatness, pieces_of
-from measurement.screen.grid_look import look_at_grid
-from measurement.screen.movement import check_movement
+from measurement.camera.pictures import (
+    TONES,
+    Pixels,
+    Unmeasurable,
+    read_photograph,
+)
+from measurement.edge.edge import (
+    BridgedLine,
+    Edge,
+    check_blur,
+    check_light,
+    check_steps,
+    coarse_contour,
+    refine_edge,
+    smoothed,
+)
+from measurement.edge.profiles import Ink, Shading
+from measurement.edge.shadow import (
+    CoarseShadow,
+    check_exposure,
+    find_shadow,
+    touched_by_thread,
+)
+from measurement.screen.look import (
+    View,
+    check_movement,
+    flatness,
+    look_at_grid,
+    pieces_of,
+)
 from measurement.screen.setup import Setup
-from measurement.screen.view import View
-
-Array = npt.NDArray[np.float64]
+from softmodels.common.arrays import Array
 
 COARSE = 640
 """Longer side in px of the small version in which the shadow is found."""
@@ -233,7 +249,7 @@ def _well_inside(part: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     return np.asarray(cv2.erode(part.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)
 
 
-def _on_screen(line: Line, setup: Setup) -> tuple[Array, Array]:
+def _on_screen(line: BridgedLine, setup: Setup) -> tuple[Array, Array]:
     """Points (n, 2) of a smoothed edge in m, and unit vectors (n, 2) across it on the screen.
 
     Raises:

@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from measurement.reasons import reason
-from measurement.units import UnitError, brief, number
-from measurement.user_file import read_text
-
-Array = npt.NDArray[np.float64]
+from softmodels.common.arrays import Array
+from softmodels.common.errors import reason
+from softmodels.common.files import read_text
+from softmodels.common.units import UnitError, brief, number
 
 COLUMNS = "x_m,z_m,error_m,bridged"
 MEASURED_ONLY = "x_m,z_m,error_m"

@@ -10,12 +10,92 @@ import dataclasses
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import binary_erosion
 
-from measurement.camera.pixels import Unmeasurable
-from measurement.outline.sides import Sides
+from measurement.camera.pictures import Unmeasurable
+from measurement.edge.edge import SPAN
 from measurement.robust import deviation, robust_fit
+from softmodels.common.arrays import Array
 
-Array = npt.NDArray[np.float64]
+# ----------------------------------------------------------------------------------------------------------------------
+# The body's own width below its surface, where no pressure changes it: the scale of each photograph.
+#
+# A body that comes nearer to the lamp throws a larger shadow, and its bulge seems higher. Its sides tell: their distance is
+# measured over the lowest part that the picture shows, nearest to the support and farthest from the bulge.
+
+
+SIDE_NORMAL_COSINE = 0.35
+"""Cosine of the angle between an edge's normal and the surface's up to which the edge is a side of the body."""
+
+DEPTH, SIDE_BAND = 0.3e-3, 2e-3
+"""Depth in m below the surface from which a side counts, and the height in m of its lowest part that is taken."""
+
+MIN_SIDE_POINTS = 8
+"""Points of each side."""
+
+CORRELATED_SIDE_POINTS = 5.0
+"""Neighbouring points that err together."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Sides:
+    """Both sides of a body as straight lines x = place + lean (z - depth).
+
+    Attributes:
+        depth: z in m at which the width is taken; negative.
+        width: Distance of the sides there in m.
+        lean: How the width grows with z.
+        error: Standard error of the width in m.
+    """
+
+    depth: float
+    width: float
+    lean: float
+    error: float
+
+    def width_at(self, depth: float) -> float:
+        """Width in m at another depth nearby."""
+        return self.width + self.lean * (depth - self.depth)
+
+
+def sides_of(placed: Array, upwards: Array, error: Array) -> Sides | None:
+    """The body's sides in one photograph; None where it does not show both.
+
+    Args:
+        placed: Measured edge as x along the surface and z above it in m, shape (n, 2).
+        upwards: Cosine of the angle between the way to the light and the surface's normal, shape (n,).
+        error: Standard errors in m, shape (n,).
+    """
+    steep = (np.abs(upwards) < SIDE_NORMAL_COSINE) & (placed[:, 1] < -DEPTH)
+    if steep.sum() < 2 * MIN_SIDE_POINTS:
+        return None
+    # Smoothing rounds the corner between surface and side, over half a span of points on either side of it.
+    clear = steep & binary_erosion(np.abs(upwards) < SIDE_NORMAL_COSINE, np.ones(SPAN + 1), border_value=1)
+    steep = clear if clear.sum() >= 4 * MIN_SIDE_POINTS else steep
+    middle = 0.5 * (placed[steep, 0].min() + placed[steep, 0].max())
+    halves = [steep & (placed[:, 0] < middle), steep & (placed[:, 0] > middle)]
+    if min(half.sum() for half in halves) < MIN_SIDE_POINTS:
+        return None
+    bottom = max(float(placed[half, 1].min()) for half in halves)
+    top = min(bottom + SIDE_BAND, -DEPTH)
+    depth = 0.5 * (bottom + top)
+    lines, variance = [], 0.0
+    for half in halves:
+        part = half & (placed[:, 1] >= bottom) & (placed[:, 1] <= top)
+        if part.sum() < MIN_SIDE_POINTS:
+            return None
+        terms = np.column_stack([np.ones(int(part.sum())), placed[part, 1] - depth])
+        line = robust_fit(terms, placed[part, 0], 6)
+        variance += (
+            (deviation(line.rest) ** 2 + float(np.median(error[part])) ** 2)
+            * CORRELATED_SIDE_POINTS
+            / float(part.sum())
+        )
+        lines.append(line.coefficients)
+    width, lean = lines[1] - lines[0]
+    return Sides(depth, float(width), float(lean), float(np.sqrt(variance)))
+
+
 Mask = npt.NDArray[np.bool_]
 
 STEEPEST = 20.0
@@ -24,13 +104,13 @@ STEEPEST = 20.0
 STRAIGHT = 60e-6
 """Half width in m of the band in which a flat surface's edge must lie."""
 
-FEWEST = 30
+MIN_SURFACE_POINTS = 30
 
-STEEP, SMALLEST_PIECE = 0.35, 0.25
+SIDE_COSINE, SMALLEST_PIECE = 0.35, 0.25
 """Cosine of the angle between an edge's normal and the screen's vertical from which it is a side, and the share of all level
 points that the body's surface has at least."""
 
-BAND, CORNERS = 250e-6, 0.97
+SURFACE_BAND, CORNERS = 250e-6, 0.97
 """Distance in m from the line, and share of the body's radius, within which its edge is looked at for a bow."""
 
 BOWED, FINEST = 20e-6, 1e-6
@@ -40,7 +120,7 @@ HIDDEN, LEVEL = 2.0, 0.1
 """Where the body's sides are not in the picture: the true bow over the one that is seen, and the standard error in degrees by
 which the lamp may have been moved, for the body's radius that is seen at least."""
 
-KIN = 10.0
+CORRELATED_SURFACE_POINTS = 10.0
 """Neighbouring points that err together (dust, ripples of the skin), for the error of the line."""
 
 
@@ -104,7 +184,7 @@ class ZeroLine:
         """
         level = normals[:, 1] > np.cos(np.radians(STEEPEST))
         upper = _surface(points, normals, level)
-        if upper.sum() < FEWEST:
+        if upper.sum() < MIN_SURFACE_POINTS:
             raise Unmeasurable(
                 "the shadow has no level upper side from which heights could be counted; photograph the undeformed body "
                 "upright, or give two points of its surface to setup --zero"
@@ -136,7 +216,7 @@ class ZeroLine:
                 "with it"
             )
         along = points[straight] @ direction
-        count = max(2.0, straight.sum() / KIN)
+        count = max(2.0, straight.sum() / CORRELATED_SURFACE_POINTS)
         typical = float(np.hypot(scatter, np.median(errors)))
         error, slope = typical / np.sqrt(count), typical / (np.sqrt(count) * max(float(along.std()), 1e-6))
         origin = middle - (middle @ direction) * direction
@@ -164,13 +244,13 @@ def checked_level(line: ZeroLine, placed: Array, upwards: Array) -> ZeroLine:
         placed: Measured edge as x along the surface and z above it in m, shape (n, 2).
         upwards: Cosine of the angle between the way to the light and the surface's normal, shape (n,).
     """
-    mine = (np.abs(placed[:, 1]) < BAND) & (upwards > np.cos(np.radians(STEEPEST)))
+    mine = (np.abs(placed[:, 1]) < SURFACE_BAND) & (upwards > np.cos(np.radians(STEEPEST)))
     mine &= (placed[:, 0] >= line.extent[0]) & (placed[:, 0] <= line.extent[1])
     x, z = placed[mine].T
     middle, half = 0.5 * sum(line.extent), 0.5 * (line.extent[1] - line.extent[0])
     radius = half if line.sides is None else 0.5 * line.sides.width
     away = (x - middle) / radius
-    if len(x) < FEWEST:
+    if len(x) < MIN_SURFACE_POINTS:
         return line
     if line.sides is None:
         profile = 1.0 - away**2
@@ -182,7 +262,10 @@ def checked_level(line: ZeroLine, placed: Array, upwards: Array) -> ZeroLine:
     terms = np.column_stack([np.ones(len(x)), away, profile])
     fit = robust_fit(terms, z, 8)
     spread = float(np.linalg.inv(terms.T @ terms)[2, 2])
-    bow, error = float(fit.coefficients[2]), float(np.hypot(fit.scatter * np.sqrt(KIN * spread), FINEST))
+    bow, error = (
+        float(fit.coefficients[2]),
+        float(np.hypot(fit.scatter * np.sqrt(CORRELATED_SURFACE_POINTS * spread), FINEST)),
+    )
     left = float(np.hypot(max(bow, 0.0), error))
     level = left if line.sides is not None else float(np.hypot(HIDDEN * left, np.radians(LEVEL) * radius))
     doubts = line.doubts
@@ -208,10 +291,10 @@ def _surface(points: Array, normals: Array, level: Mask) -> Mask:
         normals: As of `ZeroLine.fit`.
         level: Which points lie on a level edge, shape (n,).
     """
-    steep = normals[:, 1] < STEEP
+    steep = normals[:, 1] < SIDE_COSINE
     piece = np.cumsum(np.r_[False, steep[1:] != steep[:-1]])
     sizes = np.bincount(piece[level], minlength=piece[-1] + 1)
-    long = np.flatnonzero(sizes >= max(FEWEST, SMALLEST_PIECE * level.sum()))
+    long = np.flatnonzero(sizes >= max(MIN_SURFACE_POINTS, SMALLEST_PIECE * level.sum()))
     if not len(long):
         return level
     heights = [float(np.median(points[level & (piece == number), 1])) for number in long]

@@ -7,20 +7,313 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+import hashlib
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.polynomial.polynomial import polyvander, polyvander2d
+from numpy.typing import ArrayLike, NDArray
 
 from measurement.camera.camera import Camera, CameraError, Points
-from measurement.camera.corners import straightened_corners
-from measurement.cores import cores
-from measurement.screen.board_views import BoardView, seen_boards
-from measurement.screen.boards import corner_reach
+from measurement.camera.pictures import PictureError, read_pixels
+from measurement.screen.grid import (
+    MIN_LINES,
+    GridError,
+    GridPoints,
+    checked,
+    gray_bytes,
+)
+from measurement.screen.plane import Plane, PlaneError
+from softmodels.common.processes import cores
 
-FEWEST = 3
+# ----------------------------------------------------------------------------------------------------------------------
+# Corners of a board measured again once the lens is known, so that its bending does not move them.
+#
+# Around a corner every edge points at it (Förstner and Gülch 1987), and cv2.cornerSubPix finds the point that the edges of
+# a window agree on. A lens bends the edges, the more the wider the window, and with them the corner: by a hundredth of a
+# pixel and more, alike in all photographs, which is enough to bend the calibration. Here the same equations are solved in
+# ideal pixels, where edges are straight (the idea of Datta, Kim and Kanade 2009, doi 10.1109/ICCVW.2009.5457474, but with
+# the gradients carried through the lens instead of a warped picture).
+
+
+DEGREE = 4
+"""Degree of the polynomial that stands for the lens within a window."""
+
+NODES = 7
+"""Places along each side of a window at which the lens is asked."""
+
+SETTLED = 1e-3
+"""Step in px below which corners are where they belong."""
+
+
+def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camera, reach: int) -> Points:
+    """Corners (n, 2) in px of the photograph, measured along edges that the lens does not bend.
+
+    Args:
+        gray: Photograph (h, w).
+        corners: The corners (n, 2) in px, right to a pixel.
+        camera: The camera, known well enough to straighten a window.
+        reach: Half width of the window around a corner in px.
+    """
+    light = gray.astype(np.float32)
+    slopes = [cv2.Scharr(light, cv2.CV_32F, *order) / 32.0 for order in ((1, 0), (0, 1))]
+    places = np.linspace(-1.0, 1.0, NODES)
+    nodes = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
+    # A lens is so smooth that a polynomial over a window stands for it, and spares sending every pixel through it.
+    fit = np.linalg.pinv(polyvander2d(nodes[:, 0], nodes[:, 1], [DEGREE, DEGREE]))
+    seen = corners.copy()
+    for _ in range(10):
+        # The window moves by whole pixels, so that nothing is taken between them; its weights move with the corner.
+        middles = np.rint(seen).astype(int)
+        ideal = camera.undistort((middles[:, None] + reach * nodes).reshape(-1, 2)).reshape(len(seen), -1, 2)
+        starts, steps = camera.undistort(seen), np.zeros_like(seen)
+        for number, (middle, lens) in enumerate(zip(middles, fit @ ideal, strict=True)):
+            steps[number] = _step(slopes, middle, seen[number], starts[number], lens, reach)
+        found = camera.distort(starts + steps)
+        found = np.where(np.isfinite(found), found, seen)
+        # A corner that runs away stays where it was: its window holds no corner.
+        found = np.where(np.linalg.norm(found - corners, axis=1)[:, None] < 0.5 * reach, found, seen)
+        moved = float(np.abs(found - seen).max())
+        seen = found
+        if moved < SETTLED:
+            break
+    return seen
+
+
+def _step(
+    slopes: list[Points], middle: NDArray[np.int64], seen: Points, start: Points, lens: Points, reach: int
+) -> Points:
+    """From a corner to the point that the edges of its window run through, in ideal pixels, shape (2,).
+
+    Args:
+        slopes: Slopes of the light along x and y (h, w).
+        middle: The pixel in the middle of the window.
+        seen: The corner in px of the photograph.
+        start: The same in ideal pixels.
+        lens: Coefficients ((DEGREE + 1)^2, 2) of the ideal place over that in the window.
+        reach: Half width of the window in px.
+    """
+    span = [
+        np.arange(max(at - reach, 1), min(at + reach, size - 2) + 1)
+        for at, size in zip(middle, slopes[0].shape[::-1], strict=True)
+    ]
+    if not all(map(len, span)):
+        return np.zeros(2)
+    powers, rises, weights = [], [], []
+    for pixels, at, exact in zip(span, middle, seen, strict=True):
+        power = polyvander((pixels - at) / reach, DEGREE)
+        powers.append(power)
+        rises.append(np.pad(power[:, :-1] * np.arange(1, DEGREE + 1), ((0, 0), (1, 0))) / reach)
+        weights.append(np.exp(-2.0 * (pixels - exact) ** 2 / reach**2))
+    weight = weights[1][:, None] * weights[0]
+    gx, gy = (slope[span[1][0] : span[1][-1] + 1, span[0][0] : span[0][-1] + 1].astype(float) for slope in slopes)
+    table = lens.reshape(DEGREE + 1, DEGREE + 1, 2)
+    (x, y), (x_x, y_x), (x_y, y_y) = (
+        # Not by matrix products: BLAS would start threads for each of them.
+        [np.einsum("yj,xj->yx", down, np.einsum("xi,ij->xj", across, table[..., axis])) for axis in (0, 1)]
+        for across, down in ((powers[0], powers[1]), (rises[0], powers[1]), (powers[0], rises[1]))
+    )
+    # The light's gradient carried into ideal pixels.
+    size = x_x * y_y - y_x * x_y
+    cx, cy = (gx * y_y - gy * y_x) / size, (gy * x_x - gx * x_y) / size
+    along = weight * (cx * (x - start[0]) + cy * (y - start[1]))
+    mixed = np.sum(weight * cx * cy)
+    normal = np.array([[np.sum(weight * cx**2), mixed], [mixed, np.sum(weight * cy**2)]])
+    try:
+        return np.linalg.solve(normal, np.array([np.sum(along * cx), np.sum(along * cy)]))
+    except np.linalg.LinAlgError:  # a window without any edge
+        return np.zeros(2)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Chessboards and ChArUco boards as known points, found by OpenCV.
+
+
+CORNER_ERROR = 0.1
+"""Standard error in px of a corner of a sharp board, for boards without enough corners to tell."""
+
+REACH = 0.4
+"""Half width of the window that fixes a corner, as a share of the way to the closest one: wider ones see its edges too."""
+
+SEARCHED = (900, 1800)
+"""Longer sides in px of the reduced pictures that a board is searched in, before the whole one."""
+LEAST_REDUCTION = 1.5
+"""Factor below which a reduced picture is not searched."""
+ENOUGH = 4
+"""Half width in px of a corner's window in a reduced picture from which its corners are taken."""
+
+
+def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera: Camera | None = None) -> GridPoints:
+    """Find the inner corners of a chessboard.
+
+    Args:
+        image: Photograph (h, w) or (h, w, 3).
+        pattern: Inner corners in a row and in a column.
+        camera: The camera, whose lens is taken out before the residual is judged; without it the residual is not.
+
+    Returns:
+        Corners in rows from the board's first corner; the second index counts down the board.
+
+    Raises:
+        GridError: No such board in the picture.
+    """
+    columns, rows = pattern
+    gray = gray_bytes(image)
+    if min(pattern) < 3:
+        raise GridError(f"a chessboard of {columns} x {rows} inner corners is too small; give at least 3 x 3")
+    corners = _searched(gray, pattern)
+    if corners is None:
+        raise GridError(
+            f"no chessboard with {columns} x {rows} inner corners was found; check the pattern and the picture"
+        )
+    reach = corner_reach(corners)
+    stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-5)
+    corners = cv2.cornerSubPix(gray, corners.astype(np.float32).reshape(-1, 1, 2), (reach, reach), (-1, -1), stop)
+    across, down = np.meshgrid(np.arange(columns), np.arange(rows))
+    indices = np.column_stack([across.ravel(), down.ravel()])
+    px = corners.reshape(-1, 2).astype(float)
+    return _points(px if camera is None else straightened_corners(gray, px, camera, reach), indices, camera)
+
+
+def _searched(gray: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.float64] | None:
+    """Corners (n, 2) of the board in px, right to about a pixel; None if it is not there.
+
+    The search begins with reduced pictures: its time grows faster than their pixels.
+    """
+    longest = max(gray.shape)
+    for side in (*SEARCHED, longest):
+        if side < longest / LEAST_REDUCTION or side == longest:
+            scale = longest / side
+            size = (round(gray.shape[1] / scale), round(gray.shape[0] / scale))
+            small = gray if side == longest else cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
+            found, corners = cv2.findChessboardCornersSB(
+                small, pattern, flags=cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
+            )
+            if found and (small is gray or corner_reach(corners.reshape(-1, 2)) >= ENOUGH):
+                scales = np.array(gray.shape[::-1]) / small.shape[::-1]
+                return np.asarray((corners.reshape(-1, 2).astype(float) + 0.5) * scales - 0.5)
+    known = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE + cv2.CALIB_CB_FAST_CHECK
+    found, corners = cv2.findChessboardCorners(gray, pattern, flags=known)
+    return corners.reshape(-1, 2).astype(float) if found else None
+
+
+def find_charuco(
+    image: ArrayLike, squares: tuple[int, int], marker_share: float = 0.75, dictionary: str = "DICT_4X4_50",
+    camera: Camera | None = None,
+) -> GridPoints:  # fmt: skip
+    """Find the inner corners of a ChArUco board, of which a part may be covered.
+
+    Args:
+        image: Photograph (h, w) or (h, w, 3).
+        squares: Squares in a row and in a column.
+        marker_share: Side of a marker as a share of a square's side.
+        dictionary: Name of OpenCV's predefined dictionary.
+        camera: As in `find_chessboard`.
+
+    Raises:
+        GridError: Unknown dictionary, or too few corners of this board in the picture.
+    """
+    try:
+        markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+        board = cv2.aruco.CharucoBoard(squares, 1.0, marker_share, markers)
+    except (AttributeError, cv2.error):
+        raise GridError(f"no ChArUco board of {squares} squares with the dictionary {dictionary} exists") from None
+    corners, names, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(gray_bytes(image))
+    if corners is None or names is None or len(names) < MIN_LINES:
+        count = 0 if names is None else len(names)
+        raise GridError(f"{count} corners of the ChArUco board were found; at least {MIN_LINES} are needed")
+    flat = np.ravel(names)
+    indices = np.column_stack([flat % (squares[0] - 1), flat // (squares[0] - 1)])
+    return _points(corners.reshape(-1, 2).astype(float), indices, camera)
+
+
+def corner_reach(corners: NDArray[np.float64]) -> int:
+    """Half width in px of the window in which a corner of the board at these places (n, 2) is measured."""
+    gaps = np.linalg.norm(corners[:, None] - corners[None], axis=2)
+    return max(2, int(REACH * float(np.min(gaps[gaps > 0.0]))))
+
+
+def _points(px: NDArray[np.float64], indices: NDArray[np.int64], camera: Camera | None) -> GridPoints:
+    if camera is None:
+        return GridPoints(px, indices, np.full(len(px), CORNER_ERROR), float("nan"))
+    try:
+        plane = Plane.fit(camera.undistort(px), indices.astype(float))
+    except PlaneError as error:
+        raise GridError(f"the board's corners fix no plane: {error}") from None
+    return checked(px, indices, np.full(len(px), CORNER_ERROR), plane)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Which of several photographs show a chessboard that a camera can be calibrated from.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class BoardView:
+    """A photograph of a board.
+
+    Attributes:
+        path: Its file.
+        gray: Its gray values, shape (h, w).
+        corners: The board's inner corners in px, shape (n, 2).
+    """
+
+    path: str
+    gray: NDArray[np.uint8]
+    corners: Points
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in px."""
+        return self.gray.shape[1], self.gray.shape[0]
+
+
+def seen_boards(
+    paths: Iterable[str], pattern: tuple[int, int], each: Callable[[], object] = lambda: None
+) -> tuple[list[BoardView], dict[str, str]]:
+    """The photographs that show the board, all of one size, and why the others do not count, by path.
+
+    Args:
+        paths: The photographs.
+        pattern: Inner corners of the board in a row and in a column.
+        each: Called after each photograph.
+    """
+    views: list[BoardView] = []
+    refused: dict[str, str] = {}
+    first: dict[bytes, str] = {}
+    searches: list[tuple[str, NDArray[np.uint8], Future[GridPoints]]] = []
+    with ThreadPoolExecutor(cores()) as pool:  # OpenCV lets other threads run
+        for path in paths:
+            try:
+                gray = np.asarray(cv2.cvtColor(read_pixels(Path(path)), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+            except PictureError as error:
+                refused[path] = str(error)
+                each()
+                continue
+            # One view that counts twice looks like a camera that is known better.
+            same = first.setdefault(hashlib.sha256(gray.tobytes()).digest(), path)
+            if same != path or any(path == other for other, _, _ in searches):
+                refused[path] = f"it is the same picture as {same}, and counts once"
+                each()
+                continue
+            searches.append((path, gray, pool.submit(find_chessboard, gray, pattern)))
+        for path, gray, search in searches:
+            if views and gray.shape != views[0].gray.shape:
+                width, height = views[0].size
+                refused[path] = f"it has {gray.shape[1]} x {gray.shape[0]} pixels, the others {width} x {height}"
+                search.cancel()
+            else:
+                try:
+                    views.append(BoardView(path, gray, search.result().px))
+                except GridError as error:
+                    refused[path] = str(error)
+            each()
+    return views, refused
+
+
+MIN_VIEWS = 3
 """Views of the board that fix the camera's matrix and its lens."""
 
 WORST = 1.0
@@ -83,10 +376,10 @@ def calibrate(
         CameraError: Too few usable photographs, or corners that fit no camera.
     """
     views, refused = seen_boards(map(str, paths), pattern, each)
-    if len(views) < FEWEST:
+    if len(views) < MIN_VIEWS:
         reasons = "; ".join(f"{path}: {reason}" for path, reason in refused.items())
         raise CameraError(
-            f"a calibration needs {FEWEST} or more photographs of the board, not {len(views)} ({reasons})"
+            f"a calibration needs {MIN_VIEWS} or more photographs of the board, not {len(views)} ({reasons})"
         )
     board, size = _board(pattern, pitch), views[0].size
     corners = [view.corners for view in views]
@@ -219,7 +512,7 @@ def _errors(
     variance = np.einsum("irk,ij,jrk->rk", slopes, covariance, slopes)
     count = len(views)
     spread = np.full(variance.shape, UNKNOWN**2)
-    if count > FEWEST:
+    if count > MIN_VIEWS:
         rest = (views[:left_out] + views[left_out + 1 :] for left_out in range(count))
         moved = [_moved(camera, _solve(some, board, size, use_k3).camera(size, ""), coverage) for some in rest]
         spread = (count - 1) / count * np.sum(np.square(moved), axis=0)

@@ -16,11 +16,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from measurement.outline.outline import Outline
-from measurement.page import image_uri, render
-from measurement.plain_text import plain
 from measurement.series.measuring import Result
 from measurement.series.photo import Refusal
 from measurement.series.witness import course_of
+from softmodels.common.page import image_uri, render
+from softmodels.common.terminal import plain
 
 FRAME = 640
 """Width in px of the animation."""

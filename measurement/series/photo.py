@@ -12,17 +12,33 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from measurement.camera.pixels import Unmeasurable
-from measurement.edge.smoothing import SPAN
-from measurement.edge.tracing import AUTO, FEWEST_POINTS, Traced, trace
+from measurement.camera.pictures import Unmeasurable
+from measurement.edge.edge import SPAN
+from measurement.edge.tracing import (
+    AUTO,
+    FEWEST_POINTS,
+    Traced,
+    trace,
+)
+from measurement.outline.checks import (
+    ON_SURFACE,
+    check_clear,
+    check_corners,
+    check_ripples,
+    check_top,
+    check_width,
+    displacement,
+    unsure,
+)
 from measurement.outline.outline import Outline, OutlineError
-from measurement.outline.ripples import check_ripples, unsure
-from measurement.outline.shape import ON_SURFACE, check_clear, check_corners, check_top, check_width, displacement
-from measurement.outline.sides import BAND, sides_of
-from measurement.outline.zero import ZeroLine, checked_level
+from measurement.outline.zero import (
+    SIDE_BAND,
+    ZeroLine,
+    checked_level,
+    sides_of,
+)
 from measurement.screen.setup import Setup
-
-Array = npt.NDArray[np.float64]
+from softmodels.common.arrays import Array
 
 BELOW = 4.0
 """Standard errors that a point may lie below the surface and still be on it."""
@@ -203,7 +219,7 @@ def _scale(
     """The body's width over that at zero pressure, NaN where it is not seen, and the heights' relative error by it."""
     seen = ~bridged
     sides = sides_of(placed[seen], upwards[seen], error[seen])
-    if sides is None or zero.sides is None or abs(sides.depth - zero.sides.depth) > BAND:
+    if sides is None or zero.sides is None or abs(sides.depth - zero.sides.depth) > SIDE_BAND:
         return np.nan, 0.0
     scale = sides.width_at(zero.sides.depth) / zero.sides.width
     own = np.hypot(sides.error, zero.sides.error) / zero.sides.width

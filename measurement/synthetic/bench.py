@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from measurement.synthetic.light import Array
 from measurement.synthetic.photographer import Scene, dome, dome_height
+from softmodels.common.arrays import Array
 
 
 @dataclasses.dataclass(frozen=True)

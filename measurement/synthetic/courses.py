@@ -10,13 +10,11 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from measurement.outline.outline import Outline
-from measurement.synthetic.demo import PA_PER_CM
-from measurement.synthetic.photographer import dome_height
+from measurement.synthetic.photographer import PA_PER_CM, dome_height
+from softmodels.common.arrays import Array
 
-Array = npt.NDArray[np.float64]
 Course = Callable[[Array], Array]
 
 READING, DENSITY = 0.07 * PA_PER_CM, 0.003

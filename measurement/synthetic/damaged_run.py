@@ -15,22 +15,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from measurement.camera.camera import Camera
-from measurement.camera.pixels import Unmeasurable
+from measurement.camera.pictures import Unmeasurable
 from measurement.edge.tracing import trace_image
+from measurement.outline.checks import with_known_body
 from measurement.outline.outline import Outline
-from measurement.outline.scaling import with_known_body
 from measurement.outline.zero import ZeroLine
-from measurement.screen.grid import find_grid
-from measurement.screen.grid_error import GridError
+from measurement.screen.grid import GridError, find_grid
 from measurement.screen.setup import Setup, SetupError
 from measurement.series.measuring import Result, judged
 from measurement.series.photo import Refusal, outline_of, zero_of
 from measurement.series.photo_list import Photograph
 from measurement.synthetic.bench import Bench
-from measurement.synthetic.damages import KINDS, NEEDS_SIDES, ONE, RAISED, SETUP
-from measurement.synthetic.demo import PA_PER_CM, column
+from measurement.synthetic.damages import (
+    KINDS,
+    NEEDS_SIDES,
+    ONE,
+    RAISED,
+    SETUP,
+)
 from measurement.synthetic.faults import Change, Target
-from measurement.synthetic.photographer import lens_of, photograph, truth_of
+from measurement.synthetic.photographer import (
+    PA_PER_CM,
+    column,
+    lens_of,
+    photograph,
+    truth_of,
+)
 from measurement.synthetic.verdict import Verdict, faults_of
 
 Pixels = NDArray[np.uint8]

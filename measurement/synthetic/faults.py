@@ -14,8 +14,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from measurement.synthetic.light import Array, Image, Rays, shadowed
-from measurement.synthetic.photographer import Fault, Truth
+from measurement.synthetic.photographer import (
+    Fault,
+    Image,
+    Rays,
+    Truth,
+    shadowed,
+)
+from softmodels.common.arrays import Array
 
 Shape = Callable[[Array], Array]
 Stored = Callable[[NDArray[np.uint8]], NDArray[np.uint8]]

@@ -8,6 +8,7 @@ the matrix and of k1, k2, p1, p2, k3), each with code of its own.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,21 +19,221 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import ExifTags
 from PIL import Image as Files
+from scipy.interpolate import RectBivariateSpline
+from scipy.spatial import cKDTree
+from scipy.special import erf, ndtr
 
-from measurement.synthetic.light import (
-    LAMPS,
-    Array,
-    Image,
-    Rays,
-    bent,
-    gridded,
-    lamp,
-    screen,
-    shadowed,
-    speck,
-    straightened,
-)
-from measurement.wording import known_are
+from softmodels.common.arrays import Array
+from softmodels.common.errors import known_are
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How much light each pixel of a synthetic photograph gets; formulas in the screen's plane, no picture is ever warped.
+
+
+Image = NDArray[np.float32]
+
+BLOCK = 16
+"""Pixels between the rays that are followed exactly; between them a spline is right to a thousandth of a pixel."""
+
+REACH = 5.0
+"""Standard deviations of the penumbra beyond which light is full or none to a part in a million."""
+
+
+def bent(u: Array, v: Array, k: Array) -> tuple[Array, Array]:
+    """Where a lens with k1, k2, p1, p2, k3 shows the direction (u, v): Brown's model as OpenCV's manual writes it."""
+    r2 = u * u + v * v
+    radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
+    return (
+        u * radial + 2.0 * k[2] * u * v + k[3] * (r2 + 2.0 * u * u),
+        v * radial + k[2] * (r2 + 2.0 * v * v) + 2.0 * k[3] * u * v,
+    )
+
+
+def straightened(u: Array, v: Array, k: Array) -> tuple[Array, Array]:
+    """The inverse of `bent`: each round moves the guess by what it misses."""
+    a, b = u.copy(), v.copy()
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond a lens' reach there is no answer
+        for _ in range(100):
+            c, d = bent(a, b, k)
+            a, b = a + (u - c), b + (v - d)
+            if max(np.abs(u - c).max(initial=0.0), np.abs(v - d).max(initial=0.0)) < 1e-12:
+                break
+    return a, b
+
+
+def screen(matrix: Array, k: Array, homography: Array, x: Array, y: Array) -> tuple[Array, Array]:
+    """Places (X, Z) on the screen in m that pixels (x, y) of the photograph show."""
+    u, v = straightened((x - matrix[0, 2]) / matrix[0, 0], (y - matrix[1, 2]) / matrix[1, 1], k)
+    ideal = np.stack([u * matrix[0, 0] + matrix[0, 2], v * matrix[1, 1] + matrix[1, 2], np.ones_like(u)])
+    place = np.tensordot(homography, ideal, axes=1)
+    return place[0] / place[2], place[1] / place[2]
+
+
+class Rays:
+    """The screen's place for every pixel, by splines through rays that were followed exactly."""
+
+    def __init__(self, matrix: Array, k: Array, homography: Array, width: int, height: int) -> None:
+        """Follow a ray every `BLOCK` pixels."""
+        # The rays go a little beyond the frame, so that no pixel lies at the splines' ends.
+        self.columns = np.arange(-BLOCK, width + 2 * BLOCK, BLOCK, dtype=float)
+        self.rows = np.arange(-BLOCK, height + 2 * BLOCK, BLOCK, dtype=float)
+        x, y = np.meshgrid(self.columns, self.rows)
+        self.size = (height, width)
+        self.splines = tuple(
+            RectBivariateSpline(self.rows, self.columns, place) for place in screen(matrix, k, homography, x, y)
+        )
+
+    def strip(self, first: int, last: int) -> tuple[Array, Array]:
+        """X and Z (last - first, width) in m of whole rows."""
+        rows, columns = np.arange(first, last, dtype=float), np.arange(self.size[1], dtype=float)
+        return self.splines[0](rows, columns), self.splines[1](rows, columns)
+
+    def footprints(self, row: float) -> tuple[Array, Array]:
+        """Extent in m of the pixels (width,) of a row along X and along Z."""
+        columns = np.arange(self.size[1], dtype=float)
+        extents = [np.hypot(spline(row, columns, dx=1)[0], spline(row, columns, dy=1)[0]) for spline in self.splines]
+        return extents[0], extents[1]
+
+    def at(self, rows: Array, columns: Array) -> Array:
+        """Places (n, 2) in m of single pixels."""
+        return np.column_stack([spline(rows, columns, grid=False) for spline in self.splines])
+
+
+def gridded(rays: Rays, pitch: float, line_width: float, grey: float) -> Image:
+    """Share of light (h, w) that the screen with its grid throws back, each pixel the mean over its own extent."""
+    height, width = rays.size
+    light = np.empty((height, width), dtype=np.float32)
+    for first in range(0, height, 64):
+        last = min(first + 64, height)
+        bare = np.ones((last - first, width))
+        places, extents = rays.strip(first, last), rays.footprints((first + last - 1) / 2)
+        for place, extent in zip(places, extents, strict=True):
+            off = place - pitch * np.rint(place / pitch)
+            half = line_width / 2
+            covered = (np.clip(off + extent / 2, -half, half) - np.clip(off - extent / 2, -half, half)) / extent
+            bare = bare * (1.0 - covered)
+        light[first:last] = 1.0 - grey * (1.0 - bare)
+    return light
+
+
+def lamp(width: int, height: int, unevenness: float) -> Image:
+    """Light (h, w) of a lamp that is brightest a little off the middle; the frame's far corner lacks the share given."""
+    x = (np.arange(width, dtype=np.float32) / width - 0.45) / 0.55
+    y = (np.arange(height, dtype=np.float32) / height - 0.45) / 0.55
+    return (1.0 - 0.5 * unevenness * (x[None, :] ** 2 + y[:, None] ** 2)).astype(np.float32)
+
+
+def _seen_of_gaussian(z: Array) -> Array:
+    return np.asarray(ndtr(z))
+
+
+def _seen_of_disc(z: Array) -> Array:
+    # What a chord at the distance t from a disc's middle cuts off; its standard deviation is half of its radius.
+    t = np.clip(0.5 * z, -1.0, 1.0)
+    return np.asarray(0.5 + (t * np.sqrt(1.0 - t * t) + np.arcsin(t)) / np.pi)
+
+
+def _seen_of_square(z: Array) -> Array:
+    return np.asarray(np.clip(0.5 + z / np.sqrt(12.0), 0.0, 1.0))
+
+
+LAMPS = {"gaussian": _seen_of_gaussian, "disc": _seen_of_disc, "square": _seen_of_square}
+"""Share of a lamp that is seen at distances from the shadow's edge in standard deviations of its penumbra."""
+
+
+def shadowed(rays: Rays, polygon: Array, penumbra: float, ambient: float, lamp: str = "gaussian") -> Image:
+    """Share of light (h, w) beside and in the shadow of a polygon (k, 2) on the screen in m; the lamp is one of `LAMPS`."""
+    height, width = rays.size
+    outline = Outline(polygon, spacing=penumbra / 2)
+    rows, columns = np.meshgrid(
+        np.arange(BLOCK / 2, height + BLOCK, BLOCK), np.arange(BLOCK / 2, width + BLOCK, BLOCK), indexing="ij"
+    )
+    middle = rays.at(np.minimum(rows, height).ravel(), np.minimum(columns, width).ravel()).reshape(*rows.shape, 2)
+    radius = BLOCK * max(float(extent.max()) for row in (0, height - 1) for extent in rays.footprints(row)) * 1.5
+    coarse = outline.distance(middle.reshape(-1, 2)).reshape(rows.shape)
+    share = np.repeat(np.repeat((coarse > 0.0).astype(np.float32), BLOCK, axis=0), BLOCK, axis=1)[:height, :width]
+    near = np.repeat(np.repeat(np.abs(coarse) < REACH * penumbra + radius, BLOCK, axis=0), BLOCK, axis=1)[
+        :height, :width
+    ]
+    y, x = np.nonzero(near)
+    for part in range(0, len(y), 500_000):
+        piece = slice(part, part + 500_000)
+        places = rays.at(y[piece].astype(float), x[piece].astype(float))
+        # The lamp's image blurs the silhouette: on a curved edge, half of the light shifts towards the centre of curvature.
+        shift = 0.5 * penumbra**2 * outline.curvature(places, penumbra)
+        share[y[piece], x[piece]] = LAMPS[lamp]((outline.distance(places) + shift) / penumbra)
+    return np.float32(ambient) + np.float32(1.0 - ambient) * share
+
+
+def speck(light: Image, rng: np.random.Generator) -> None:
+    """Darken one soft round spot of dust, somewhere."""
+    height, width = light.shape
+    radius, depth = rng.uniform(1.5, 6.0), rng.uniform(0.2, 0.7)
+    x, y = rng.uniform(0, width), rng.uniform(0, height)
+    reach = int(2 * radius) + 2
+    rows = slice(max(0, int(y) - reach), int(y) + reach)
+    columns = slice(max(0, int(x) - reach), int(x) + reach)
+    far = np.hypot(np.arange(height)[rows][:, None] - y, np.arange(width)[columns][None] - x)
+    light[rows, columns] *= 1.0 - depth * ndtr((radius - far) / 0.7)
+
+
+class Outline:
+    """Signed distance from a closed polygon, exact, by the densely placed points on its sides."""
+
+    def __init__(self, polygon: Array, spacing: float) -> None:
+        """Lay points on the polygon's sides, no farther apart than ``spacing`` in m."""
+        corners = polygon if not np.allclose(polygon[0], polygon[-1]) else polygon[:-1]
+        ends = np.roll(corners, -1, axis=0)
+        counts = np.maximum(1, np.ceil(np.linalg.norm(ends - corners, axis=1) / spacing)).astype(int)
+        shares = np.concatenate([np.arange(count) / count for count in counts])[:, None]
+        self.points = np.repeat(corners, counts, axis=0) * (1 - shares) + np.repeat(ends, counts, axis=0) * shares
+        self.sides = np.roll(self.points, -1, axis=0) - self.points
+        self.sides, keep = self.sides, np.linalg.norm(self.sides, axis=1) > 0.0
+        self.points, self.sides = self.points[keep], self.sides[keep]
+        area = np.sum(corners[:, 0] * ends[:, 1] - corners[:, 1] * ends[:, 0])
+        normals = np.column_stack([self.sides[:, 1], -self.sides[:, 0]]) * np.sign(area)
+        self.normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        self.tree = cKDTree(self.points)
+
+    def distance(self, places: Array) -> Array:
+        """Distance (n,) in m from the outline, negative inside."""
+        _, nearest = self.tree.query(places, workers=-1)
+        best = np.full(len(places), np.inf)
+        signed = np.empty(len(places))
+        # At a corner neither side alone tells inside from outside, but the sum of their normals does
+        # (Baerentzen and Aanaes 2005, doi 10.1109/TVCG.2005.49).
+        for side in (nearest - 1, nearest):
+            start, along = self.points[side], self.sides[side]
+            share = np.sum((places - start) * along, axis=1) / np.sum(along**2, axis=1)
+            off = places - start - np.clip(share, 0.0, 1.0)[:, None] * along
+            far = np.linalg.norm(off, axis=1)
+            corner = self.normals[nearest - 1] + self.normals[nearest]
+            within = ((share > 0.0) & (share < 1.0))[:, None]
+            outwards = np.sum(off * np.where(within, self.normals[side], corner), axis=1)
+            closer = far < best
+            best = np.where(closer, far, best)
+            signed = np.where(closer, np.copysign(far, outwards), signed)
+        return signed
+
+    def curvature(self, places: Array, width: float) -> Array:
+        """Curvature (n,) in 1/m of the nearest edge, positive where it is convex; 0 near corners, over ``width`` in m or less.
+
+        A circle's penumbra is no corner's; those have their own, which the distance alone gives well enough.
+        """
+        # Twice the area over the product of a triangle's sides, over some widths of the penumbra.
+        step = max(2, round(3.0 * width / float(np.median(np.linalg.norm(self.sides, axis=1)))))
+        if len(self.points) < 4 * step:
+            return np.zeros(len(places))
+        here = self.points
+        back, ahead = np.roll(here, step, axis=0) - here, np.roll(here, -step, axis=0) - here
+        lengths = np.linalg.norm(back, axis=1) * np.linalg.norm(ahead, axis=1) * np.linalg.norm(ahead - back, axis=1)
+        middle = self.normals + np.roll(self.normals, 1, axis=0)
+        area = np.abs(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0])
+        bend = -np.sign(np.sum((back + ahead) * middle, axis=1)) * 2.0 * area / np.maximum(lengths, 1e-30)
+        corner = np.abs(bend) * width > 0.2
+        near = np.convolve(np.r_[corner[-step:], corner, corner[:step]], np.ones(2 * step + 1), "valid") > 0.0
+        _, nearest = self.tree.query(places, workers=-1)
+        return np.where(near, 0.0, bend)[nearest]
 
 
 class SceneError(ValueError):
@@ -324,3 +525,112 @@ def save(path: Path | str, image: NDArray[np.uint8], exif: dict[str, object] | N
     )
     Files.fromarray(image).save(path, exif=tags, **options)
     return Path(path)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A bench's worth of synthetic photographs: the grid alone, and a disk that rises from 0 to 9 mm.
+
+
+SCENE = Scene(
+    width=2400, height=1600, focal_px=4200.0, pixel_size=20e-6, tilt=12.0, pan=-28.0, roll=1.0, target=(0.0, 0.001),
+    ambient=0.12, penumbra=70e-6, dust=12, jpeg_quality=93, srgb=True,
+)  # fmt: skip
+"""A camera that looks at the screen obliquely, as on the bench."""
+
+HEIGHTS = np.arange(10) * 1e-3
+"""Heights of the disk in m."""
+
+RADIUS, FLOOR = 0.0145, -0.0067
+"""Radius of the disk and Z of its undeformed surface in m: no grid line lies along it."""
+
+PA_PER_CM = 95.1
+"""Pressure in Pa of a centimetre of the column's water."""
+
+
+def column(height: float) -> float:
+    """Height in cm of the demo's water column for a rise in m: stiff at first, then softer, as a membrane is."""
+    return 16.0 * (1.0 - np.exp(-height / 0.006)) + 250.0 * height
+
+
+def make_photographs(folder: Path) -> None:
+    """Write ``IMG_0100.JPG`` (the grid), one photograph per height from ``IMG_0101.JPG`` on, and ``photos.csv``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    save(folder / "IMG_0100.JPG", photograph(SCENE, None, seed=100)[0])
+    rows = ["# levels of both tubes of the water column, read to half a millimetre", "file,left,right"]
+    for number, height in enumerate(HEIGHTS, 101):
+        picture = photograph(SCENE, dome(float(height), RADIUS, floor=FLOOR), seed=number)[0]
+        save(folder / f"IMG_{number:04d}.JPG", picture)
+        half = column(float(height)) / 2.0
+        rows.append(f"IMG_{number:04d}.JPG,{25.0 + half:.1f} cm,{25.0 - half:.1f} cm")
+    (folder / "photos.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Boards that the photographer of `measurement.synthetic.photographer` sees in place of the screen.
+
+
+Picture = NDArray[np.uint8]
+
+
+Light = NDArray[np.floating]
+
+
+def _board(light: Callable[[Scene, tuple[int, int], float, float], Light]) -> Callable[..., Picture]:
+    """A photographer of one kind of board, from the light (h, w) that reaches the pixels."""
+
+    @functools.wraps(light)
+    def photograph(
+        scene: Scene,
+        squares: tuple[int, int] = (10, 7),
+        side: float = 0.008,
+        blur: float = 0.8,
+        noise: float = 1.0,
+        seed: int = 0,
+    ) -> Picture:
+        clean = light(scene, squares, side, blur)
+        noisy = clean + noise * np.random.default_rng(seed).normal(size=clean.shape)
+        return np.repeat(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+
+    return photograph
+
+
+def _pixels(scene: Scene) -> NDArray[np.float64]:
+    """All pixels (h w, 2) of a scene's photograph, row by row."""
+    y, x = np.indices((scene.height, scene.width)).astype(float)
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+@_board
+def chessboard(scene: Scene, squares: tuple[int, int], side: float, blur: float) -> Light:
+    """A photograph (h, w, 3) of a chessboard about (0, 0).
+
+    The edges are error functions of the distance in pixels: sampling a drawing, even at 16 places in a pixel, moves the
+    corners by some hundredths of a pixel, which is more than they are measured to.
+    """
+    truth, px = truth_of(scene), _pixels(scene)
+    place = truth.to_screen(px) / side
+    beside = [truth.to_screen(px + step) / side - place for step in np.eye(2)]
+    waves, inside = [], np.ones(len(px))
+    for axis in (0, 1):
+        at = place[:, axis] + squares[axis] / 2
+        width = np.hypot(beside[0][:, axis], beside[1][:, axis]) * np.hypot(blur, 12**-0.5) * np.sqrt(2)
+        line = np.rint(at)
+        waves.append(erf((at - line) / width) * (1 - 2 * (line % 2)))
+        inside = inside * 0.5 * (erf(at / width) - erf((at - squares[axis]) / width))
+    light = 220.0 - inside * 90.0 * (1.0 + waves[0] * waves[1])
+    return np.asarray(light.reshape(scene.height, scene.width))
+
+
+@_board
+def charuco(scene: Scene, squares: tuple[int, int], side: float, blur: float) -> Light:
+    """A photograph (h, w, 3) of a ChArUco board about (0, 0)."""
+    fine = 120
+    markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    sheet = cv2.aruco.CharucoBoard(squares, 1.0, 0.75, markers).generateImage((squares[0] * fine, squares[1] * fine))
+    sheet = cv2.copyMakeBorder(
+        cv2.GaussianBlur(sheet, (0, 0), 1.5), fine, fine, fine, fine, cv2.BORDER_CONSTANT, value=[255]
+    )
+    place = truth_of(scene).to_screen(_pixels(scene)) / side * [1, -1] + np.array(squares) / 2 + 1
+    at = (place * fine - 0.5).reshape(scene.height, scene.width, 2).astype(np.float32)
+    light = cv2.remap(sheet, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) * 0.75 + 20.0
+    return np.asarray(cv2.GaussianBlur(light, (0, 0), blur))

@@ -4,43 +4,266 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import re
 import types
-from collections.abc import Mapping
+from collections.abc import (
+    Iterator,
+    Mapping,
+    MutableMapping,
+    Sequence,
+)
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 from geometries import Actuator
-from geometries.fields import About
-from geometries.foreign_meshes import FORMATS
-from geometries.kinds import Choice, Flag, Kind, Quantity
-from measurement import wording
-from measurement.arguments import checked, one_of, several
-from measurement.toml_file import TomlError, parse_toml, read_toml
-from measurement.units import WATER_DENSITY, brief, exact_text
-from measurement.wording import known_are, meant
-from softmodels.case import gauges as gauge_tables
-from softmodels.case.entries import MISSING, Entry, SeriesKind, Supply, Tables, Value, table_of
-from softmodels.case.entries import Part as PartEntry
-from softmodels.case.errors import PART_ERRORS, CaseError
-from softmodels.case.gauges import Gauges
-from softmodels.case.load import STIFFNESS_RANGE, Load
-from softmodels.case.load_request import LoadRequest, LoadRequestEntry
-from softmodels.case.material_check import check_materials
-from softmodels.case.material_errors import AnyBand, ErrorsEntry, MaterialErrors, SourceBand
-from softmodels.case.material_table import DEFAULT
-from softmodels.case.parts_entry import Parts, PartsEntry, check_parts, with_walls
-from softmodels.case.pressures_entry import Pressures
-from softmodels.case.whole_entries import DeviceEntry, GaugesEntry, MaterialEntry, NameEntry, ProgramEntry
-from softmodels.materials.laws import Material
+from geometries import registry as geometry_table
+from geometries.imported.mesh import FORMATS
+from softmodels.case import materials
+from softmodels.case import requests as gauge_tables
+from softmodels.case.components import (
+    Parts,
+    PartsEntry,
+    check_parts,
+    with_walls,
+)
+from softmodels.case.entries import (
+    MISSING,
+    PART_ERRORS,
+    CaseError,
+    Entry,
+    Missing,
+    Option,
+    SeriesError,
+    SeriesKind,
+    SupplyEntry,
+    Tables,
+    Value,
+    Written,
+    of_text,
+    one_of_text,
+    series,
+    table_of,
+)
+from softmodels.case.entries import (
+    ComponentEntry as PartEntry,
+)
+from softmodels.case.load import (
+    STIFFNESS_RANGE,
+    Load,
+    LoadRequest,
+    LoadRequestEntry,
+)
+from softmodels.case.materials import (
+    DEFAULT,
+    AnyBand,
+    ErrorsEntry,
+    MaterialErrors,
+    SourceBand,
+)
+from softmodels.case.requests import Probes
+from softmodels.common import errors
+from softmodels.common.calls import checked, one_of, several
+from softmodels.common.errors import FieldError, known_are, meant
+from softmodels.common.files import file_digest
+from softmodels.common.schema import (
+    About,
+    Choice,
+    Flag,
+    Kind,
+    Quantity,
+    Text,
+    Words,
+)
+from softmodels.common.toml_file import TomlError, parse_toml, read_toml
+from softmodels.common.units import (
+    WATER_DENSITY,
+    brief,
+    exact_text,
+    pascal_per_cm,
+)
+from softmodels.materials.laws import SOFTEST, Material
 from softmodels.materials.silicones import material_of
 from softmodels.materials.stability import check_rest
+from softmodels.mechanics.component import Component
 from softmodels.mechanics.contact import Obstacle
-from softmodels.mechanics.methods import METHODS
-from softmodels.mechanics.parts import Part
+from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.sheet import Sheet
-from softmodels.path.air_supply import AirSupply
-from softmodels.path.program import Program, Series
+from softmodels.mechanics.solver import METHODS
+from softmodels.path import program as programs
+from softmodels.path.program import LOAD_KEYS, Program, Series
+from softmodels.path.supply import AirSupply
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Entries of a case that fill tables of their own: its name, device, material, programs and gauges.
+
+
+class NameEntry(Entry[object]):
+    """The case's name, which stands outside of all tables; `Case` checks it."""
+
+    def read(self, tables: Tables) -> object:
+        return tables.get("name", MISSING)
+
+    def write(self, value: object, text: Text) -> Written:
+        return {}
+
+
+class DeviceEntry(Entry[Actuator]):
+    """The device."""
+
+    tables = ("geometry",)
+
+    def read(self, tables: Tables) -> Actuator:
+        return geometry_table.from_table(table_of(tables, "geometry"))
+
+    def write(self, value: Actuator, text: Text) -> Written:
+        return {"geometry": geometry_table.to_table(value, text)}
+
+
+class MaterialEntry(Entry[Material]):
+    """The silicone."""
+
+    tables = ("material",)
+
+    def read(self, tables: Tables) -> Material | Missing:
+        return materials.from_table(table_of(tables, "material")) if "material" in tables else MISSING
+
+    def write(self, value: Material, text: Text) -> Written:
+        return {"material": materials.to_table(value, text)}
+
+
+class ProgramEntry(Entry[Program]):
+    """A series for each cavity, and for dead loads: tables ``cavity1``, ``force`` and so on within the load."""
+
+    tables = ("load",)
+
+    def known(self, key: str) -> bool:
+        return key.startswith("cavity") or key in LOAD_KEYS
+
+    def read(self, tables: Tables) -> Program | Missing:
+        series = {key: value for key, value in table_of(tables, "load").items() if self.known(key)}
+        return programs.from_tables(series) if series else MISSING
+
+    def write(self, value: Program, text: Text) -> Written:
+        return {"load": programs.to_tables(value)} if value else {}
+
+
+class GaugesEntry(Entry[Probes]):
+    """Named points, angles and the profile's plane."""
+
+    tables = ("points", "angles", "profile")
+
+    def read(self, tables: Tables) -> Probes:
+        return gauge_tables.from_tables({name: table_of(tables, name) for name in self.tables})
+
+    def write(self, value: Probes, text: Text) -> Written:
+        return gauge_tables.to_tables(value)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Requested pressures as text: in cm of the column, or in any unit of pressure.
+
+
+WITH_UNIT = "pressure"
+"""Key and option of pressures that carry their unit."""
+DENSITY = "water_density"
+"""Key and option of the density of the column's liquid."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Pressures(Value):
+    """``pressure_cm``, heights of the column; or ``pressure`` with a unit, such as ``"0:4 kPa"``."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        return self.key, WITH_UNIT
+
+    def read(self, tables: Tables) -> object:
+        table = table_of(tables, self.table)
+        if WITH_UNIT not in table:
+            return super().read(tables)
+        return self._in_cm(table[WITH_UNIT], table.get(self.key), table.get(DENSITY, WATER_DENSITY))
+
+    def options(self) -> Iterator[Option]:
+        yield from super().options()
+        text = "pressures with their unit, in place of heights of a column: 0:4kPa or 0,1,2kPa"
+        yield Option(WITH_UNIT, About(Words(), text), metavar="SERIES")
+
+    def arguments(self, field: str) -> dict[str, str]:
+        return {**super().arguments(field), WITH_UNIT: f"{self.what}s"}
+
+    def take(self, options: MutableMapping[str, object]) -> object:
+        given, plain = options.pop(WITH_UNIT, None), options.get(self.key)
+        if given is None:
+            return super().take(options)
+        options.pop(self.key, None)
+        density = options.get(DENSITY)
+        return self._in_cm(given, plain, WATER_DENSITY if density is None else density)
+
+    def _in_cm(self, given: object, plain: object, density: object) -> tuple[float, ...]:
+        if plain is not None:
+            raise FieldError(f"pressures are requested twice, as {WITH_UNIT} and as {self.key}; leave one of them out")
+        cm = pascal_per_cm(density if isinstance(density, float) else Quantity("kg/m^3").read(DENSITY, density))
+        if isinstance(given, str):
+            return of_text("cm", given, self.what, cm)
+        if isinstance(given, list | tuple) and given and all(isinstance(one, str) for one in given):
+            return series([one_of_text("cm", str(one), self.what, cm) for one in given], self.what)
+        raise SeriesError(
+            f'{WITH_UNIT} {brief(given)} has no unit; write it like "0:4 kPa" or ["1 kPa", "2 kPa"], or give {self.key}'
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Materials that a case cannot be meant to have, or that its formulation cannot take.
+
+
+MODULI = (SOFTEST, 5e6)
+"""Shear moduli in Pa that a silicone can have, from the softest gels to the hardest rubbers, with room on both sides."""
+MOST_APART = 1e6
+"""Shear modulus of a region over the main one's up to which the equations are solved to their usual digits."""
+
+
+def check_materials(material: Material, parts: Sequence[Component], formulation: str) -> None:
+    """Refuse a material that the formulation cannot take, or whose numbers are of another unit.
+
+    Args:
+        material: The main one.
+        parts: What is added, regions in other materials among it.
+        formulation: ``mixed`` or ``displacement``.
+
+    Raises:
+        CaseError: Which, and why.
+    """
+    mu = material.shear_modulus_0
+    if not MODULI[0] <= mu <= MODULI[1]:
+        raise CaseError(
+            f"the material's shear modulus is {mu:.4g} Pa; silicones have 5 to 500 kPa, so check the units of its "
+            f"parameters ({MODULI[0] / 1e3:g} to {MODULI[1] / 1e3:g} kPa are taken)"
+        )
+    _check_volume("", material, formulation)
+    for part in parts:
+        if isinstance(part, RegionPart):
+            _check_volume(f"{part.where}: ", part.material, formulation)
+            apart = part.material.shear_modulus_0 / mu
+            if not 1 / MOST_APART <= apart <= MOST_APART:
+                raise CaseError(
+                    f"{part.where}: its shear modulus is {apart:.3g} times the main material's, and {1 / MOST_APART:g} to "
+                    f"{MOST_APART:g} times are solved; what is stiffer keeps its shape, and is better made a rigid part"
+                )
+
+
+def _check_volume(where: str, material: Material, formulation: str) -> None:
+    if formulation == "displacement" and math.isinf(material.bulk):
+        raise CaseError(
+            f"{where}poisson = 0.5 is incompressible and needs the mixed formulation; use --formulation mixed, or "
+            "--poisson 0.49"
+        )
+    if formulation == "mixed" and material.bulk <= 0.0:
+        raise CaseError(
+            f"{where}poisson = {material.poisson:g} leaves {material.name} no stiffness of volume, which the mixed "
+            "formulation divides by; use --formulation displacement"
+        )
+
 
 __all__ = ["CONTROLS", "FORMULATIONS", "STIFFNESS_RANGE", "Case", "CaseError", "entries"]
 
@@ -93,7 +316,7 @@ class Case:
         program: What each of several cavities goes through by itself, in place of one requested quantity; else empty.
         obstacle: A rigid plane that faces of the device come to rest on.
         gauges: Named points and angles that are told in every state, and a plane whose cut is drawn.
-        parts: What else is added to the device; see `softmodels.mechanics.parts`.
+        parts: What else is added to the device; see `softmodels.mechanics.component`.
         band: Errors of the material, whose 95 % band is computed at every state; or the sources of a silicone, each of which is
             solved too; None for neither.
         driven: Requested forces, or travels, of a dead load among these.
@@ -126,7 +349,7 @@ class Case:
         "stroke",
         "strokes of the supply, such as a syringe's piston, in ml, in place of pressures, such as 0:20",
     )
-    supply: AirSupply | None = dataclasses.field(default=None, metadata=_written(Supply()))
+    supply: AirSupply | None = dataclasses.field(default=None, metadata=_written(SupplyEntry()))
     cycle: bool = _value(
         "load", "cycle", Flag(),
         "lower the pressure again through the same values; at limit points the device jumps, as under a water column",
@@ -134,7 +357,7 @@ class Case:
     )  # fmt: skip
     program: Program = dataclasses.field(default=(), metadata=_written(ProgramEntry()))
     obstacle: Obstacle | None = dataclasses.field(default=None, metadata=_written(PartEntry(Obstacle)))
-    gauges: Gauges = dataclasses.field(default=gauge_tables.NONE, metadata=_written(GaugesEntry()))
+    gauges: Probes = dataclasses.field(default=gauge_tables.NONE, metadata=_written(GaugesEntry()))
     parts: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
     band: AnyBand | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
     driven: LoadRequest | None = dataclasses.field(default=None, metadata=_written(LoadRequestEntry()))
@@ -177,7 +400,7 @@ class Case:
                 object.__setattr__(self, name, entry.settled(getattr(self, name)))
         one_of("device", self.actuator, Actuator, "a device, such as sm.HollowDisk()")
         object.__setattr__(self, "material", material_of("material", self.material))
-        object.__setattr__(self, "parts", several("parts", self.parts, Part, "a part, such as sm.Gravity('-z')"))
+        object.__setattr__(self, "parts", several("parts", self.parts, Component, "a part, such as sm.Gravity('-z')"))
         object.__setattr__(self, "program", several("program", self.program, Series, "a series of a program"))
         for name, (kinds, wanted) in _KINDS.items():
             one_of(name, getattr(self, name), (*kinds, types.NoneType), wanted)
@@ -310,7 +533,7 @@ _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "sheet": ((Sheet,), "a sheet, such as sm.Sheet('top', '20 kN/m')"),
     "obstacle": ((Obstacle,), "an obstacle, such as sm.Obstacle('top', 'z = 9 mm')"),
     "supply": ((AirSupply,), "a supply of air, such as sm.Syringe()"),
-    "gauges": ((Gauges,), "gauges"),
+    "gauges": ((Probes,), "gauges"),
     "band": ((MaterialErrors, SourceBand), "errors of the material as a fit gives them, or the name of a silicone"),
     "driven": ((LoadRequest,), "requested values of a load"),
 }
@@ -324,7 +547,7 @@ def entries() -> dict[str, Entry[Any]]:
 
 for _name, _entry in entries().items():
     for _option, _argument in _entry.arguments(_name).items():
-        wording.call(_option.replace("_", "-"), _argument)
+        errors.call(_option.replace("_", "-"), _argument)
 
 
 def _with_files(table: Mapping[str, object], files: Mapping[str, str]) -> dict[str, object]:
@@ -380,3 +603,61 @@ def _found(tables: Tables, folder: Path | None) -> Tables:
         if isinstance(named := tables.get(name), Mapping):
             found[name] = {key: absolute(value, False) for key, value in named.items()}
     return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a run's numbers depend on, as texts by name: two runs with the same texts have the same numbers.
+#
+# Every field of a case counts but those of `MAY_GROW`, and of each field everything inside it, so that a field of tomorrow
+# cannot be forgotten. Files count by their content, wherever they lie.
+
+
+ALIKE = ("solver",)
+"""Fields of a case that decide how its numbers are found, and not which."""
+MAY_GROW = ("pressures_cm", "volumes_ml", "strokes_ml", "program")
+"""Fields of a case with the requested values: a run that is gone on with may be asked for more. They are checked apart."""
+
+
+def identity(case: Case) -> dict[str, str]:
+    """Everything that decides a case's numbers: texts by dotted names, such as ``"material.c1"``.
+
+    Raises:
+        CaseError: A file that the case names cannot be read.
+    """
+    texts = {name: text for name, text in _texts("", case) if name not in ALIKE}
+    for name, path in case.actuator.files.items():
+        texts[f"actuator.{name}"] = f"SHA-256 {file_digest(path)}"
+    return texts
+
+
+def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str | None:
+    """The first name under which two identities differ, requested values aside; None if there is none."""
+    for name in [*new, *(name for name in old if name not in new)]:
+        grows = name.split(".")[0] in MAY_GROW or name == "driven.values"
+        if not grows and old.get(name) != new.get(name):
+            return name
+    return None
+
+
+def _texts(name: str, value: object) -> Iterator[tuple[str, str]]:
+    if not dataclasses.is_dataclass(value):
+        yield name, _text(value)
+        return
+    if name:
+        yield name, type(value).__name__
+    for field in dataclasses.fields(value):
+        if not field.compare:
+            continue
+        yield from _texts(f"{name}.{field.name}" if name else field.name, getattr(value, field.name))
+
+
+def _text(value: object) -> str:
+    if isinstance(value, tuple | list):
+        return f"({', '.join(map(_text, value))})"
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return repr(float(value))  # 10 and 10.0 are one number
+    text = repr(value)
+    if isinstance(value, Component):
+        for path in value.files.values():
+            text = text.replace(repr(path), f"SHA-256 {file_digest(path)}")
+    return text

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
-from softmodels.mechanics.parts import Part
+from softmodels.mechanics.component import Component
 
 VARIABLE = "SOFTMODELS_MODULES"
 LIBRARY = ("softmodels", "geometries", "measurement")
@@ -56,7 +56,7 @@ def _within(value: object) -> Iterator[object]:
         yield value
         for field in dataclasses.fields(value):
             yield from _within(getattr(value, field.name))
-        if isinstance(value, Part):
+        if isinstance(value, Component):
             yield from value.looked_up
 
 

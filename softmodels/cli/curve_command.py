@@ -9,15 +9,8 @@ from typing import Unpack
 
 import click
 import numpy as np
-import numpy.typing as npt
 
-from geometries.options import QuantityType
-from measurement.output_option import FolderType, open_folder
-from measurement.output_place import status_of
-from measurement.own_folder import OwnFolderError
-from measurement.terminal import say
-from measurement.units import exact_text
-from softmodels.case.material_table import material_from
+from softmodels.case.materials import material_from
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import (
     CurveFiles,
@@ -27,14 +20,17 @@ from softmodels.cli.tensile_options import (
     stretch_range,
     tensile_option,
 )
+from softmodels.common.commands import FolderType, open_folder, status_of
+from softmodels.common.folders import OwnFolderError
+from softmodels.common.options import QuantityType
+from softmodels.common.terminal import say
+from softmodels.common.units import exact_text, with_prefix
 from softmodels.fitting.curves.curve import TensileError
-from softmodels.materials.curves import MaterialCurves
 from softmodels.materials.laws import Material, MaterialError
-from softmodels.materials.quantities import with_prefix
 from softmodels.materials.specimens import MODE_NAMES
+from softmodels.materials.stability import MaterialCurves
 from softmodels.mechanics.mpi import speaks
 
-Array = npt.NDArray[np.float64]
 POINTS = 201
 TABLE_POINTS = 11
 
@@ -104,7 +100,7 @@ def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Pa
         with folder.writing() as place:
             _write(place / "curves.csv", many, ratio)
             if not no_pictures:
-                from softmodels.pictures.curve_pictures import draw
+                from softmodels.pictures.fits import draw
 
                 (place / "curves.png").write_bytes(draw(many, measured, options["radius"], options["thickness"]))
     except OwnFolderError as error:

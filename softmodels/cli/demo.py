@@ -12,27 +12,35 @@ from typing import TYPE_CHECKING
 
 import click
 import numpy as np
-import numpy.typing as npt
 
 from geometries import HollowDisk
 from geometries.apart import interpreter
-from measurement.output_option import FolderType, open_folder, open_place
-from measurement.output_place import status_of
-from measurement.own_folder import OwnFolderError
-from measurement.synthetic.demo import FLOOR, SCENE
-from measurement.synthetic.photographer import Scene, photograph, save
-from measurement.units import pascal_per_cm
+from measurement.synthetic.photographer import (
+    FLOOR,
+    SCENE,
+    Scene,
+    photograph,
+    save,
+)
 from softmodels.case.case import Case
-from softmodels.case.material_table import DEFAULT
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.device_model import DeviceModel
+from softmodels.case.materials import DEFAULT
+from softmodels.common.arrays import Array
+from softmodels.common.commands import (
+    FolderType,
+    open_folder,
+    open_place,
+    status_of,
+)
+from softmodels.common.folders import OwnFolderError
+from softmodels.common.units import pascal_per_cm
+from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.simulated import half_outline, readings_of
-from softmodels.results.outcomes import DONE, FAILED
+from softmodels.fitting.problem import LawChoice
+from softmodels.runs.outcomes import DONE, FAILED
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-Array = npt.NDArray[np.float64]
 
 WRITTEN = ("case.toml", "photographs/", "setup.toml", "setup.png", "outlines/", "fit/", "compared.json")
 """What the demonstration writes into its folder."""
@@ -45,7 +53,7 @@ HALF_WIDTH = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
-class Truth:
+class DemoTruth:
     """What the bench does not know.
 
     Attributes:
@@ -63,7 +71,7 @@ class Truth:
     pressures: tuple[float, ...]
 
 
-TRUTH = Truth(
+TRUTH = DemoTruth(
     HollowDisk(section="axisymmetric"), "yeoh", {"c1": 14e3, "c2": 900.0, "c3": 0.0}, 0.49,
     tuple(cm * pascal_per_cm() for cm in np.linspace(20.0, 177.0, 9)),
 )  # fmt: skip
@@ -78,7 +86,7 @@ def scene_of(megapixels: float) -> Scene:
     )  # fmt: skip
 
 
-def inflated(truth: Truth, comm: MPI.Comm) -> tuple[DeviceModel, list[Array]]:
+def inflated(truth: DemoTruth, comm: MPI.Comm) -> tuple[DeviceModel, list[Array]]:
     """The device with its true material, and the right half of its outline in m at each pressure."""
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
@@ -102,7 +110,11 @@ def polygon(half: Array) -> Array:
 
 
 def take_photographs(
-    folder: Path, truth: Truth, halves: Sequence[Array], scene: Scene, tell: Callable[[str], None] = lambda text: None
+    folder: Path,
+    truth: DemoTruth,
+    halves: Sequence[Array],
+    scene: Scene,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> None:
     """Write the grid's photograph, one at rest, one per pressure, and ``photos.csv`` with the column's levels.
 
@@ -123,7 +135,7 @@ def take_photographs(
     (folder / "photos.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
-def commands(folder: Path, truth: Truth) -> list[tuple[str, list[str]]]:
+def commands(folder: Path, truth: DemoTruth) -> list[tuple[str, list[str]]]:
     """What a user types: module or program, and its words."""
     setup, outlines = folder / "setup.toml", folder / "outlines"
     photographs = folder / "photographs"
@@ -136,14 +148,14 @@ def commands(folder: Path, truth: Truth) -> list[tuple[str, list[str]]]:
     ]  # fmt: skip
 
 
-def write_case(folder: Path, truth: Truth) -> None:
+def write_case(folder: Path, truth: DemoTruth) -> None:
     """The case that a user would have: device and pressures, with a silicone that is not the true one."""
     heights = tuple(p / pascal_per_cm() for p in truth.pressures)
     text = Case("disk", truth.actuator, DEFAULT, pressures_cm=heights).to_toml()
     (folder / "case.toml").write_text(text, encoding="utf-8")
 
 
-def compared(folder: Path, truth: Truth) -> tuple[list[str], bool]:
+def compared(folder: Path, truth: DemoTruth) -> tuple[list[str], bool]:
     """Truth against fit, a line per number, and whether every 95 % interval holds its truth."""
     about = tomllib.loads((folder / "fit" / "fitted.toml").read_text())["fit"]
     known = {**{name: value for name, value in truth.values.items() if value}, "leak": LEAK}

@@ -9,31 +9,49 @@ from typing import TYPE_CHECKING, TypedDict, Unpack
 import click
 
 from geometries import MeshFileError, MeshingError
-from measurement.ending import STOPPED, asked_to_stop, stoppable
-from measurement.output_option import FolderType
-from measurement.own_folder import OwnFolderError
-from measurement.terminal import say
 from softmodels.cli.drawing import end, start_drawing, tell_not_drawn
 from softmodels.cli.options import fail
-from softmodels.design.errors import DesignError
+from softmodels.common.commands import (
+    STOPPED,
+    FolderType,
+    asked_to_stop,
+    stoppable,
+)
+from softmodels.common.folders import OwnFolderError
+from softmodels.common.terminal import say
+from softmodels.design.loads import DesignError
 from softmodels.design.problem import DesignProblem
-from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, speaks, start
-from softmodels.results.outcomes import DONE, FAILED, NO_EQUILIBRIUM, RunError, no_memory
-from softmodels.results.state_words import StateWords
-from softmodels.runs.progress import Progress
+from softmodels.mechanics.mpi import (
+    abort_on_error,
+    is_root,
+    on_root,
+    petsc_reason,
+    speaks,
+    start,
+)
+from softmodels.runs.columns import StateLabels
+from softmodels.runs.outcomes import (
+    DONE,
+    FAILED,
+    NO_EQUILIBRIUM,
+    RunError,
+    no_memory,
+)
+from softmodels.runs.recording import Progress
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from softmodels.design.folder import DesignFolder
-    from softmodels.design.how import How
+    from softmodels.design.problem import SearchOptions
     from softmodels.design.result import DesignResult
+
 
 FINER = 2.0
 """How many times smaller the cells of one level finer are."""
 
 
-class Given(TypedDict):
+class DesignArguments(TypedDict):
     """What the options give, by their names."""
 
     output: Path | None
@@ -62,7 +80,7 @@ class Given(TypedDict):
 )
 @click.option("--no-pictures", is_flag=True, help="Leave the runs before and after, the pictures and the report out.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-def design(file: Path, **options: Unpack[Given]) -> None:
+def design(file: Path, **options: Unpack[DesignArguments]) -> None:
     """Find the device that does best what a problem FILE asks for, within its limits.
 
     The file names a case, the parameters that may change with their bounds, what is to be made large or small (maximise,
@@ -90,7 +108,7 @@ def design(file: Path, **options: Unpack[Given]) -> None:
 
         comm = start()
     abort_on_error(comm)
-    how: How = {
+    how: SearchOptions = {
         "starts": options["starts"], "evaluations": options["evaluations"], "seed": options["seed"],
         "resume": options["resume"], "finer": FINER if options["confirm_finer"] else 1.0, "inputs": [file],
     }  # fmt: skip
@@ -106,14 +124,16 @@ def design(file: Path, **options: Unpack[Given]) -> None:
     sys.exit(status)
 
 
-def _design(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, how: How, options: Given) -> int:
+def _design(
+    problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, how: SearchOptions, options: DesignArguments
+) -> int:
     """Optimise, report, draw; the exit status."""
     from petsc4py import PETSc
 
     from softmodels.design.optimise import run_in
 
     quiet = options["quiet"] or not is_root(comm)
-    progress = Progress(1.0, "", StateWords(""), quiet)
+    progress = Progress(1.0, "", StateLabels(""), quiet)
     if folder is not None:
         progress.say(f"results go to {folder.path}")
     for note in problem.notes:
@@ -139,7 +159,7 @@ def _design(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm,
 
 def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool, no_pictures: bool) -> int:
     """Write the summary, run the device before and after, draw, and say how it ended."""
-    from softmodels.design.summary import FILE, notes, summary
+    from softmodels.design.result import FILE, notes, summary
 
     if folder is not None:
         folder.write({FILE: summary(result)})

@@ -137,13 +137,13 @@ def _cache() -> str:
 def _solve() -> str:
     """Inflate the default disk's section to about a third of its working pressure."""
     from geometries import HollowDisk
-    from softmodels.case.material_table import DEFAULT
+    from softmodels.case.materials import DEFAULT
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.mpi import start
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.results.fields import Fields
+    from softmodels.runs.fields import Fields
 
     comm = start()
     disk = HollowDisk(section="axisymmetric")

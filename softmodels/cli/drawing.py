@@ -13,11 +13,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from geometries.apart import interpreter
-from measurement.cores import cores
-from measurement.terminal import COLUMNS, columns, say
 from softmodels.case.case import Case
 from softmodels.case.own_modules import VARIABLE, own_modules
-from softmodels.results.store import Results
+from softmodels.common.processes import cores
+from softmodels.common.terminal import COLUMNS, columns, say
+from softmodels.runs.store import Results
 
 
 def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]:
@@ -72,7 +72,7 @@ def _counter(quiet: bool) -> Iterator[Callable[[str], None]]:
         yield lambda text: shown.update(task, description=text)
 
 
-class Drawing:
+class DrawingProcess:
     """Draws the pictures, the film and the report of a run in a process of its own, for VTK and DOLFINx each bring an HDF5.
 
     Loading what draws takes seconds, which the process spends while the path is being solved, if a core is free for that, and

@@ -180,3 +180,173 @@ base = "0.1 mm"
 """,
 }
 """Design problems, likewise."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# More case files of ``softmodels examples``: experiments as benches have them, one of each kind.
+
+
+_MATERIAL = """
+[material]                      # or file = "results/fit/fitted.toml", of softmodels fit; --band takes its errors along
+silicone = "dragon-skin-10-medium"
+"""
+
+_PLATE = """
+[rigid.plate]
+face = "plate"
+mass = "20 g"
+
+[gravity]
+direction = "-z"
+"""
+
+BENCH = {
+    "lifted.toml": f"""# a membrane in a clamp lifts a rigid plate of 20 g that is bonded on it
+name = "lifted"
+
+[geometry]
+device = "Membrane"
+radius = "20 mm"
+thickness = "1 mm"
+clamp_width = "5 mm"
+plate_radius = "8 mm"
+{_PLATE}
+[material]                      # or file = "results/fit/fitted.toml", of softmodels fit; --band takes its errors along
+silicone = "ecoflex-00-30"
+
+[load]
+volume_ml = "0:30:5"            # counted from the flat membrane; passes limit points, where pressure = "0:2 kPa" would end
+""",
+    "height.toml": f"""# the same plate held 8 mm high: the force that a load cell shows over the pressure, and where it is none
+name = "height"
+
+[geometry]
+device = "Membrane"
+clamp_width = "5 mm"
+plate_radius = "8 mm"
+{_PLATE}
+[force.cell]
+face = "plate"
+direction = "z"
+{_MATERIAL}
+[load]
+gravity = [0, 1, 1]             # its travel first, from the flat membrane on, then the weight, then the pressure
+force.cell.travel_mm = [8, 8, 8]
+cavity1.pressure_cm = [0, 0, 60]
+""",
+    "finger.toml": f"""# a short finger on a stiffer base with paper in it, under its weight; coarse
+name = "finger"
+
+[geometry]
+device = "PneuNet"
+chambers = 2
+base = "3 mm"
+paper = "0.2 mm"
+cell_size = "5 mm"
+
+[gravity]
+direction = "-z"                # z: upside down; -x: it stands on its root; y needs part = "full"
+{_MATERIAL}
+[region.base]
+silicone = "dragon-skin-30"
+
+[region.paper]
+law = "neo-hookean"
+young = "1 GPa"
+poisson = 0.3
+
+[load]
+pressure = "0:4 kPa"
+""",
+    "rod.toml": f"""# a spheroid on a neck, with a rod of the same silicone from the neck to the far pole
+name = "rod"
+
+[geometry]
+device = "Balloon"
+radius = "12 mm"
+polar_radius = "20 mm"
+wall = "1.5 mm"
+rod_radius = "1.5 mm"
+{_MATERIAL}
+[load]
+volume_ml = "0:20:5"
+""",
+    "sagging.toml": f"""# a strip clamped at one end, under its own weight
+name = "sagging"
+
+[geometry]
+device = "Beam"
+length = "80 mm"
+width = "20 mm"
+thickness = "5 mm"
+cell_size = "5 mm"
+
+[gravity]
+direction = "-z"
+{_MATERIAL}
+[load]
+share = "0:1"
+""",
+    "muscle.toml": f"""# a McKibben muscle that hangs by its fitting and lifts 200 g
+name = "muscle"
+
+[geometry]
+device = "Cylinder"
+
+[fibres.braid]
+on = "outer"
+angle = "30 deg"                # from the axis
+stiffness = "10 kN/m"
+slack = true
+
+[gravity]
+direction = "z"                 # the fitting is at z = 0, the load pulls away from it
+
+[mass.load]
+face = "end"
+amount = "200 g"
+{_MATERIAL}
+[load]
+pressure = "0:40 kPa"
+""",
+    "bent.toml": f"""# a short finger wound with thread, with a sheet along one side: it bends towards the sheet
+name = "bent"
+
+[geometry]
+device = "Cylinder"
+section = "half"
+strip = "120 deg"
+length = "20 mm"
+cell_size = "3 mm"
+
+[fibres.thread]
+on = "outer, strip"
+angle = "80 deg"
+stiffness = "1 kN/m"
+
+[sheet]
+face = "strip"
+stiffness = "2 kN/m"
+{_MATERIAL}
+[load]
+pressure = "0:10 kPa"
+""",
+    "cell.toml": f"""# a bellows presses on a load cell 3 mm above it, which gives way by 1 mm at 5 N
+name = "cell"
+
+[geometry]
+device = "Bellows"
+{_MATERIAL}
+[contact.cell]
+shape = "sphere"
+faces = "tip"
+at = ["0 mm", "0 mm", "85 mm"]  # its lowest point 3 mm above the plate's top, at 32 mm
+radius = "50 mm"
+guide = "z"
+spring = "5 N/mm"
+
+[load]
+pressure = "0:5 kPa"
+""",
+}
+"""Text by name of the file."""

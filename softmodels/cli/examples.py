@@ -14,14 +14,17 @@ from typing import Any
 import click
 import numpy as np
 
-from measurement.synthetic.boards import chessboard
-from measurement.synthetic.photographer import Scene, save
-from measurement.terminal import say
-from softmodels.cli.bench_cases import BENCH
-from softmodels.cli.demo import TRUTH, inflated, scene_of, take_photographs
-from softmodels.cli.example_cases import CASES, PROBLEMS
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.materials.homogeneous import nominal_stress
+from measurement.synthetic.photographer import Scene, chessboard, save
+from softmodels.cli.demo import (
+    TRUTH,
+    inflated,
+    scene_of,
+    take_photographs,
+)
+from softmodels.cli.example_cases import BENCH, CASES, PROBLEMS
+from softmodels.common.terminal import say
+from softmodels.fitting.problem import LawChoice
+from softmodels.materials.specimens import nominal_stress
 
 MEGAPIXELS = 3.8
 LENS = (-0.06, 0.02)
@@ -195,8 +198,8 @@ def examples(output: Path) -> None:
     Takes about a minute. What is in the folder already is left alone.
     Exit status: 0 written, 1 failed, 2 the folder cannot be written.
     """
-    from measurement.output_place import status_of, trouble
     from softmodels.cli.options import fail
+    from softmodels.common.commands import status_of, trouble
 
     if why := trouble(output):
         fail(f"the folder {output} cannot be written ({why})")

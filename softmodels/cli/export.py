@@ -6,16 +6,16 @@ from pathlib import Path
 
 import click
 
-from geometries.errors import MeshingError
-from measurement.output_place import status_of
-from measurement.terminal import say
-from softmodels.case.errors import INPUT_ERRORS
+from softmodels.case.entries import INPUT_ERRORS
 from softmodels.cli.options import fail
+from softmodels.common.commands import status_of
+from softmodels.common.errors import MeshingError
+from softmodels.common.terminal import say
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.compiling import CompilingError
 from softmodels.mechanics.mpi import launched, speaks, start
-from softmodels.results.outcomes import FAILED
-from softmodels.runs.exporting import export
+from softmodels.runs.api import export
+from softmodels.runs.outcomes import FAILED
 
 
 @click.command(name="export", context_settings={"help_option_names": ["-h", "--help"]})

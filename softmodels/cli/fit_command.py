@@ -11,32 +11,56 @@ from typing import Unpack
 
 import click
 
-from geometries.options import QuantityType
-from measurement.output_option import FolderType, open_folder
-from measurement.output_place import status_of
-from measurement.own_folder import OwnFolderError
-from measurement.result_folder import ResultFolder
-from measurement.terminal import say
-from measurement.units import UnitError
-from softmodels.case.case import Case, CaseError
-from softmodels.cli.fit_options import FitGiven, curve_changes, device_changes, fit_options, heights_from_option
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
 from softmodels.cli.options import fail
-from softmodels.cli.tensile_options import check_curves_given, read_curves, specimen_options, tensile_option
-from softmodels.fitting.curves.contradiction import separate_file
+from softmodels.cli.tensile_options import (
+    FitGiven,
+    check_curves_given,
+    curve_changes,
+    device_changes,
+    fit_options,
+    heights_from_option,
+    read_curves,
+    specimen_options,
+    tensile_option,
+)
+from softmodels.common.commands import FolderType, open_folder, status_of
+from softmodels.common.folders import OwnFolderError, ResultFolder
+from softmodels.common.options import QuantityType
+from softmodels.common.terminal import say
+from softmodels.common.units import UnitError
+from softmodels.fitting.comparison import FitReport, separate_file
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
-from softmodels.fitting.curves.fit_curves import fit_curves
-from softmodels.fitting.curves.stress_error import StressError
-from softmodels.fitting.files import name_of, retire, write_materials
-from softmodels.fitting.fit_report import FitReport
-from softmodels.fitting.law_parameters import known_laws, law_choices
-from softmodels.fitting.outlines.fit_device import device_names, fit, fit_heights
-from softmodels.fitting.outlines.reading import OutlineFitError
-from softmodels.fitting.problem import CannotEvaluate, FitError, UnsoundError
-from softmodels.fitting.tables import as_json, as_text, material_toml, write_curves
-from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start
-from softmodels.results.outcomes import DONE, FAILED
-from softmodels.results.state_words import StateWords
-from softmodels.runs.progress import Progress
+from softmodels.fitting.curves.fit import fit_curves
+from softmodels.fitting.curves.residuals import StressError
+from softmodels.fitting.outlines.fit import device_names, fit, fit_heights
+from softmodels.fitting.outlines.shapes import OutlineFitError
+from softmodels.fitting.problem import (
+    CannotEvaluate,
+    FitError,
+    UnsoundError,
+    known_laws,
+    law_choices,
+)
+from softmodels.fitting.tables import (
+    as_json,
+    as_text,
+    material_toml,
+    name_of,
+    retire,
+    write_curves,
+    write_materials,
+)
+from softmodels.mechanics.mpi import (
+    abort_on_error,
+    on_root,
+    speaks,
+    start,
+)
+from softmodels.runs.columns import StateLabels
+from softmodels.runs.outcomes import DONE, FAILED
+from softmodels.runs.recording import Progress
 
 
 @click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})
@@ -176,7 +200,7 @@ def _report(options: FitGiven) -> FitReport:
     choices = law_choices(options["laws"], options["poisson"])
     StressError.from_text(options["stress_error"])
     how = fit_options(options, curve_changes(options, choices))
-    progress = Progress(len(choices), "laws", StateWords(""), options["quiet"] or not speaks())
+    progress = Progress(len(choices), "laws", StateLabels(""), options["quiet"] or not speaks())
     return fit_curves(curves, options["laws"], how, progress=progress.say)
 
 
@@ -238,7 +262,7 @@ def write(report: FitReport, folder: Path, draw: bool) -> None:
     (folder / "fit.json").write_text(as_json(report), encoding="utf-8")
     write_curves(folder / "curves.csv", report.laws, report.curves)
     if draw:
-        from softmodels.pictures.fit_pictures import page, pictures
+        from softmodels.pictures.fits import page, pictures
 
         images = pictures(report)
         for name, data in images.items():

@@ -2,50 +2,226 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import io
+import json
+from collections.abc import (
+    Callable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
+import numpy.typing as npt
 
-from geometries import ACTUATORS, Actuator, GeometryError, HollowDisk, MeshingError
-from geometries.options import QuantityType, check_meaning, device_options, device_told
-from measurement.output_option import FolderType, open_folder
-from measurement.output_place import status_of
-from measurement.own_folder import OwnFolderError
-from measurement.result_folder import ResultFolder
-from measurement.terminal import say
-from measurement.units import WATER_DENSITY
-from softmodels.case.case import Case, CaseError
-from softmodels.case.material_table import material_from
-from softmodels.cli.case_options import Values, law_taken, material_options, taken
-from softmodels.cli.device_word import DEVICE, by_device
-from softmodels.cli.limit_texts import Column, Sampled, Scatter, scatter_text, sentence, write
-from softmodels.cli.options import fail
+from geometries import (
+    ACTUATORS,
+    Actuator,
+    GeometryError,
+    HollowDisk,
+    MeshingError,
+)
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.materials import material_from
+from softmodels.cli.options import (
+    DEVICE,
+    Values,
+    by_device,
+    fail,
+    law_taken,
+    material_options,
+    taken,
+)
+from softmodels.common.commands import FolderType, open_folder, status_of
+from softmodels.common.files import write_text
+from softmodels.common.folders import OwnFolderError, ResultFolder
+from softmodels.common.options import (
+    QuantityType,
+    check_meaning,
+    device_options,
+    device_told,
+)
+from softmodels.common.schema import shown
+from softmodels.common.terminal import say
+from softmodels.common.units import WATER_DENSITY
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import extrapolated
 from softmodels.materials.stability import check_rest, weakest, weakness
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.compiling import CompilingError
+from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.contact import ObstacleError
-from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, start
-from softmodels.mechanics.parts import PartError
-from softmodels.results.limit_band import band_texts, with_sources
-from softmodels.results.limits import Limit, Tolerance, find_limit, samples, scatter
-from softmodels.results.lost_path import NEAR
-from softmodels.results.outcomes import FAILED
-from softmodels.results.stability_report import unseen
-from softmodels.results.varied import check_varied
+from softmodels.mechanics.mpi import (
+    abort_on_error,
+    is_root,
+    on_root,
+    start,
+)
+from softmodels.runs.limits import (
+    LARGEST_STRETCH,
+    Limit,
+    Tolerance,
+    band_texts,
+    check_varied,
+    find_limit,
+    samples,
+    scatter,
+    with_sources,
+)
+from softmodels.runs.notes import NEAR_STRETCH_LIMIT, unseen
+from softmodels.runs.outcomes import FAILED
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What ``softmodels limit`` reports: sentences, tables and the picture of the scatter.
+
+
+PERCENTILES = (5, 25, 50, 75, 95)
+
+type Row = dict[str, str | float]
+"""A row of ``limit.csv``."""
+type Sampled = tuple[Mapping[str, float], Limit]
+"""A device within the tolerances: its parameters and its limit."""
+
+
+@dataclasses.dataclass(frozen=True)
+class LimitColumn:
+    """What pressures are counted in: Pa in one cm of the column, and the working pressure in cm, if there is one."""
+
+    cm: float
+    working: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Scatter:
+    """The devices within the tolerances."""
+
+    tolerances: Sequence[Tolerance]
+    sampled: Sequence[Sampled]
+
+    @property
+    def borne(self) -> tuple[str, list[Sampled]]:
+        """What they bear: their limits; where none has one, the pressures of the largest stretch."""
+        found = [one for one in self.sampled if one[1].found]
+        stretched = [one for one in self.sampled if one[1].kind == "none"]
+        if found or not stretched:
+            return "limit pressure", found
+        return f"pressure at a stretch of {LARGEST_STRETCH:g}", stretched
+
+
+def row_of(name: str, found: Limit, column: LimitColumn) -> Row:
+    """Row of a material's limit."""
+    row: Row = {
+        "material": name, "kind": found.kind, "limit_cm": found.pressure / column.cm, "limit_Pa": found.pressure,
+        "added_volume_ml": found.added_volume * 1e6, **{f"{k}_mm": v * 1e3 for k, v in found.rises.items()},
+        "max_stretch": found.stretch, **{f"{axis}_mm": x * 1e3 for axis, x in zip("xyz", found.place, strict=True)},
+    }  # fmt: skip
+    return row if column.working is None else {**row, "margin": found.pressure / column.cm / column.working}
+
+
+def sentence(name: str, found: Limit, column: LimitColumn) -> str:
+    """What a device bears in a material."""
+    radius, height = float(np.hypot(found.place[0], found.place[1])) * 1e3, found.place[2] * 1e3
+    place = f"largest stretch {found.stretch:.3g}, {radius:.3g} mm from the axis at height {height:.3g} mm"
+    rises = ", ".join(f"{name} {rise * 1e3:+.4g} mm" for name, rise in found.rises.items())
+    state = f"{rises}, {found.added_volume * 1e6:+.4g} ml; {place}"
+    at = f"{found.pressure / column.cm:.4g} cm ({found.pressure / 1e3:.4g} kPa)"
+    what = {
+        "limit": f"limit pressure {at}: {state}",
+        "bifurcation": f"leaves its shape (bifurcation) at {at}: {state}",
+        "none": f"no limit up to a stretch of {LARGEST_STRETCH:g}, which it reaches at {at}: {state}",
+        "lost": f"no limit up to {at}, where the path was lost ({found.why}): {state}",
+    }[found.kind]
+    text = f"{name}: {what}"
+    if column.working is not None:
+        margin = found.pressure / column.cm / column.working
+        text += f"; {margin:.2f} times the working pressure, {'above' if margin > 1 else 'BELOW'} it"
+    return text
+
+
+def scatter_text(scatter: Scatter, column: LimitColumn) -> str:
+    """How the limit scatters, and what moves it."""
+    what, counted = scatter.borne
+    count = len(scatter.sampled)
+    if not counted:
+        return f"none of the {count} devices within the tolerances has a limit"
+    pressures = np.array([found.pressure / column.cm for _, found in counted])
+    quantiles = np.percentile(pressures, PERCENTILES)
+    text = f"{count} devices within the tolerances: {what} " + ", ".join(
+        f"{q:.4g} cm ({p} %)" for p, q in zip(PERCENTILES, quantiles, strict=True)
+    )
+    text += f"; lowest {pressures.min():.4g} cm, highest {pressures.max():.4g} cm"
+    if without := count - len(counted):
+        text += f"; {without} have none or were not followed to it"
+    if len(pressures) > len(scatter.tolerances) + 1:
+        text += _effects(scatter.tolerances, counted, pressures, what)
+    if column.working is not None:
+        text += f"\n  {np.mean(pressures < column.working) * 100:.3g} % lie below the working pressure"
+    return text
+
+
+def _effects(
+    tolerances: Sequence[Tolerance], counted: Sequence[Sampled], pressures: npt.NDArray[np.float64], what: str
+) -> str:
+    """Effect of each parameter, from all at once: one alone would take the others' scatter for its own."""
+    values = [[_regressor(t, changes[t.name]) for t in tolerances] for changes, _ in counted]
+    slopes = np.linalg.lstsq(values - np.mean(values, axis=0), np.log(pressures / pressures.mean()), rcond=None)[0]
+    text = ""
+    for t, slope in zip(tolerances, slopes, strict=True):
+        more = shown(t.half, t.unit) if t.signed else "one percent"
+        effect = 100 * np.expm1(slope) if t.signed else slope
+        text += f"\n  {t.name.replace('_', ' ')}: {more} more changes the {what} by about {effect:+.2g} %"
+    return text
+
+
+def _regressor(tolerance: Tolerance, value: float) -> float:
+    return (value - tolerance.middle) / tolerance.half if tolerance.signed else float(np.log(value))
+
+
+def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: LimitColumn) -> None:
+    """Write ``limit.json`` and ``limit.csv``, and of a scatter its table and picture.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    table = [row_of(name, found, column) for name, found in limits.items()]
+    write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
+    _csv(folder / "limit.csv", table)
+    if not scatter.sampled:
+        return
+    _csv(folder / "scatter.csv", [{**changes, **row_of("", found, column)} for changes, found in scatter.sampled])
+    what, counted = scatter.borne
+    if counted:
+        from softmodels.pictures.limits import scatter_figure
+
+        pressures = [(changes, found.pressure / column.cm) for changes, found in counted]
+        nominal = next(iter(limits.values())).pressure / column.cm
+        figure = scatter_figure(pressures, scatter.tolerances, what, nominal, column.working)
+        figure.savefig(folder / "scatter.png")
+
+
+def _csv(path: Path, rows: Sequence[Row]) -> None:
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(path, text.getvalue())
+
 
 SAMPLES = 32
 
 
 @dataclasses.dataclass(frozen=True)
-class Given:
+class LimitArguments:
     """The command's options but those of devices and laws; see `_command`."""
 
     case_file: Path | None  # a device may have a file of its own
@@ -59,7 +235,7 @@ class Given:
 
 
 @dataclasses.dataclass(frozen=True)
-class Question:
+class LimitRequest:
     """What is asked.
 
     Attributes:
@@ -76,10 +252,10 @@ class Question:
     tolerances: Sequence[Tolerance]
     count: int
     normal: bool
-    column: Column
+    column: LimitColumn
 
     @classmethod
-    def from_options(cls, kind: type[Actuator], given: Given, values: Mapping[str, object]) -> Question:
+    def from_options(cls, kind: type[Actuator], given: LimitArguments, values: Mapping[str, object]) -> LimitRequest:
         """Read it off the command's options.
 
         Args:
@@ -102,7 +278,7 @@ class Question:
             raise CaseError("--samples and --normal are about tolerances; give one with --vary")
         around = _as_asked(case, device, materials, given.water_density)
         count = given.count or SAMPLES
-        return cls(around, materials, tolerances, count, given.normal, Column(around.cm, working))
+        return cls(around, materials, tolerances, count, given.normal, LimitColumn(around.cm, working))
 
 
 def limit(kind: type[Actuator], **values: object) -> None:
@@ -122,9 +298,9 @@ def limit(kind: type[Actuator], **values: object) -> None:
       softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary offset=0mm+-0.2mm
       softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
     """
-    given = taken(Given, values)
+    given = taken(LimitArguments, values)
     try:
-        question = Question.from_options(kind, given, values)
+        question = LimitRequest.from_options(kind, given, values)
     except (CaseError, GeometryError, MaterialError) as error:
         fail(str(error))
     comm = start()
@@ -146,7 +322,9 @@ def limit(kind: type[Actuator], **values: object) -> None:
         _save(folder, lambda place: write(place, limits, scattered, question.column))
 
 
-def _open(given: Given, values: Mapping[str, object], question: Question, comm: MPI.Comm) -> ResultFolder | None:
+def _open(
+    given: LimitArguments, values: Mapping[str, object], question: LimitRequest, comm: MPI.Comm
+) -> ResultFolder | None:
     """The folder for the tables, on rank 0; None elsewhere, and where nothing is to be written."""
     if given.output is None and not question.tolerances:
         return None
@@ -168,7 +346,7 @@ def _open(given: Given, values: Mapping[str, object], question: Question, comm: 
 
 
 def _answered(
-    question: Question, materials: Mapping[str, Material], comm: MPI.Comm
+    question: LimitRequest, materials: Mapping[str, Material], comm: MPI.Comm
 ) -> tuple[dict[str, Limit], Scatter]:
     """The limits by material and of the devices within the tolerances; ends the program where there are none."""
     case, sampled = question.case, list[Sampled]()
@@ -179,7 +357,7 @@ def _answered(
             values = samples(question.tolerances, question.count, question.normal)
             first = next(iter(materials.values()))
             sampled = scatter(case, first, question.tolerances, values, comm)
-    except (CaseError, GeometryError, ObstacleError, PartError) as error:
+    except (CaseError, GeometryError, ObstacleError, ComponentError) as error:
         fail(str(error))
     except (MeshingError, BodyError, CompilingError) as error:
         fail(str(error), FAILED)
@@ -188,12 +366,12 @@ def _answered(
     return dict(zip(materials, limits, strict=True)), Scatter(question.tolerances, sampled)
 
 
-def _notes(question: Question, materials: Mapping[str, Material], limits: Mapping[str, Limit]) -> Iterator[str]:
+def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Mapping[str, Limit]) -> Iterator[str]:
     """What has to be known of the limits."""
     device = question.case.actuator
     for name, found in limits.items():
         weak = weakest(materials[name])
-        if weak is not None and found.stretch >= NEAR * weak.stretch:
+        if weak is not None and found.stretch >= NEAR_STRETCH_LIMIT * weak.stretch:
             yield (
                 f"note: {weakness(materials[name])}, and the state found has stretch {found.stretch:.3g}: what gives way there "
                 "may be the law and not the device; take one that is stable over these stretches (softmodels curve shows them)"

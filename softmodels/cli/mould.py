@@ -6,22 +6,25 @@ from pathlib import Path
 
 import click
 
-from geometries.errors import MeshingError
-from geometries.fields import about
-from geometries.options import field_option
-from measurement.output_option import FolderType, open_folder
-from measurement.output_place import status_of
-from measurement.own_folder import OwnFolderError
-from measurement.terminal import say
-from softmodels.case.errors import INPUT_ERRORS
+from softmodels.case.entries import INPUT_ERRORS
+from softmodels.casting.files import write_bodies
+from softmodels.casting.make import Made, made
+from softmodels.casting.settings import (
+    Asked,
+    MouldError,
+    Workshop,
+    asked_of,
+)
 from softmodels.cli.options import fail
-from softmodels.design.mould.asked import Asked, asked_of
-from softmodels.design.mould.files import write_bodies
-from softmodels.design.mould.make import Made, made
-from softmodels.design.mould.settings import MouldError, Workshop
+from softmodels.common.commands import FolderType, open_folder, status_of
+from softmodels.common.errors import MeshingError
+from softmodels.common.folders import OwnFolderError
+from softmodels.common.options import field_option
+from softmodels.common.schema import about
+from softmodels.common.terminal import say
 from softmodels.mechanics.mpi import speaks
-from softmodels.pictures.mould_sheet import write_sheet
-from softmodels.results.outcomes import FAILED
+from softmodels.pictures.moulds import write_sheet
+from softmodels.runs.outcomes import FAILED
 
 
 def mould(

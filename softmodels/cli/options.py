@@ -3,28 +3,311 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import dataclasses
 import gc
+import importlib
 import itertools
 import os
+import shutil
+import signal
+import subprocess
 import sys
-from collections.abc import Callable, Sequence
+import tempfile
+from collections.abc import (
+    Callable,
+    Mapping,
+    MutableMapping,
+    Sequence,
+)
 from pathlib import Path
-from typing import NoReturn
+from types import FrameType
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from geometries import Actuator
-from measurement.ending import STOPPED, asked_to_stop, bounded, stoppable, written
-from measurement.output_option import FolderType
-from measurement.terminal import say
-from softmodels.case.case import Case
-from softmodels.case.errors import INPUT_ERRORS, CaseError
+from geometries import (
+    ACTUATORS,
+    Actuator,
+    GeometryError,
+    MeshFileError,
+    MeshingError,
+    MeshingStopped,
+    meshing,
+)
+from softmodels.case.case import Case, entries
+from softmodels.case.entries import INPUT_ERRORS, MISSING, CaseError
+from softmodels.case.materials import DEFAULT, material_from, material_options_of
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
-from softmodels.cli.case_options import CaseOptions, taken
-from softmodels.cli.ranks import AUTO, RanksType, ranks_for, start_again
-from softmodels.mechanics.mpi import StartError, speaks, start
-from softmodels.results.outcomes import FAILED, no_memory
+from softmodels.common.commands import (
+    STOPPED,
+    STOPS,
+    CommandGroup,
+    FolderType,
+    asked_to_stop,
+    bounded,
+    stoppable,
+    written,
+)
+from softmodels.common.errors import meant
+from softmodels.common.options import (
+    device_options,
+    device_told,
+    field_option,
+    flag,
+)
+from softmodels.common.processes import cores
+from softmodels.common.terminal import COLUMNS, columns, say
+from softmodels.common.units import exact_text
+from softmodels.materials.laws import LAWS
+from softmodels.materials.silicones import PRODUCTS
+from softmodels.mechanics.mpi import (
+    StartError,
+    launched,
+    mpich_file,
+    speaks,
+    start,
+)
+from softmodels.runs.outcomes import FAILED, no_memory
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Options of a command line that make a case, from the entries of its fields.
+
+
+type Values = MutableMapping[str, object]
+"""What click gives a command, by the names of the options."""
+
+
+def material_options[Command: Callable[..., object]](
+    command: Command, default: str | None = None, several: bool = False
+) -> Command:
+    """Add ``--material`` and an option for every parameter of every law to a click command.
+
+    Args:
+        command: The function or command.
+        default: The silicone that stands in the help as the default; None for the default law.
+        several: Whether ``--material`` may be given again.
+    """
+    for name, (text, laws) in reversed(material_options_of().items()):
+        of = "all laws" if len(laws) == len(LAWS) else ", ".join(laws)
+        command = click.option(flag(name), name, help=f"{text[0].upper()}{text[1:]} ({of}).")(command)
+    text = (
+        f"A law ({', '.join(LAWS)}), a silicone ({', '.join(PRODUCTS)}; perhaps with its source, such as "
+        "ecoflex-00-30/liao-2021: see softmodels silicones) or a TOML file with a [material] table.  "
+        f"[default: {default or f'neo-hookean, shear modulus {exact_text(DEFAULT.shear_modulus, "Pa")}'}]"
+    )
+    return click.option("--material", "material", metavar="NAME", multiple=several, help=text)(command)
+
+
+def taken[Given: DataclassInstance](given: type[Given], values: Values) -> Given:
+    """Take the options that a dataclass has as its fields out of a command's values."""
+    return given(**{field.name: values.pop(field.name) for field in dataclasses.fields(given)})
+
+
+def law_taken(values: Values) -> dict[str, object]:
+    """Take the parameters of laws out of a command's values; None where not given."""
+    return {name: values.pop(name) for name in material_options_of()}
+
+
+@dataclasses.dataclass(frozen=True)
+class CaseOptions:
+    """The options with which one device's case is made.
+
+    Attributes:
+        device: Its class.
+        silicone: The silicone when none is given; None for the default law.
+    """
+
+    device: type[Actuator]
+    silicone: str | None = None
+
+    def add[Command: Callable[..., object]](self, command: Command) -> Command:
+        """Add them to a click command: the requested values, the device, its material, and all else a case has."""
+        options = {name: list(entry.options()) for name, entry in entries().items()}
+        first = [*options.pop("pressures_cm"), *options.pop("volumes_ml")]
+        for option in reversed([option for group in options.values() for option in group]):
+            command = field_option(option.name, option.about, option.default, option.metavar)(command)
+        command = device_options(self.device)(material_options(command, self.silicone))
+        for option in reversed(first):
+            command = field_option(option.name, option.about, option.default, option.metavar)(command)
+        return command
+
+    def case(self, values: Values) -> Case:
+        """The case of a command's values.
+
+        Raises:
+            CaseError and what else is in `softmodels.case.entries.INPUT_ERRORS`: Values that make no case.
+        """
+        law, named = law_taken(values), values.pop("material")
+        assert named is None or isinstance(named, str)
+        read = {name: entry.take(values) for name, entry in entries().items()}
+        given = {name: value for name, value in read.items() if value is not MISSING}
+        return Case(
+            name=self.device.stem,
+            actuator=device_told(self.device, values),
+            material=material_from(self.silicone if named is None else named, law),
+            **given,
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How many processes solve a case: as many as pay, started under MPI's launcher by the command itself.
+#
+# A command that wants several ranks starts itself again under ``mpirun``. That runs in a session of its own, for MPICH's ends
+# its processes on Ctrl-C before they can close their files; here the signal goes to the ranks, which end as one alone does.
+
+
+AUTO = "auto"
+EACH = 30_000
+"""Unknowns of a rank from which on another one pays: on two cores a path of 25,000 is as quick on one of them while the other
+draws, and one of 88,000 takes two thirds of the time on two."""
+PR_SET_PDEATHSIG = 1
+"""Of Linux' prctl."""
+PER_NODE = 3.2
+"""Unknowns per node of a solid mesh: three displacements, and the pressure at its corners."""
+
+
+class RanksType(click.ParamType):
+    """``auto`` or a number of ranks."""
+
+    name = "auto|N"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int | None:
+        if value is None or value == AUTO:
+            return None
+        try:
+            ranks = int(str(value))
+        except ValueError:
+            ranks = 0
+        if ranks < 1:
+            self.fail(f"{value!r} is neither {AUTO} nor a number of ranks, 1 or more", param, ctx)
+        return ranks
+
+
+def ranks_for(case: Case, wanted: int | None, quiet: bool = False) -> int:
+    """The number of ranks that a case is solved on, where no launcher has decided it.
+
+    Args:
+        case: What is to be solved.
+        wanted: As many as the user says; None for as many as pay: those of the cores that have `EACH` unknowns or more.
+        quiet: Do not report what takes its time.
+
+    Raises:
+        StartError: A launcher has started another number of ranks than is wanted, or there is none to start them.
+    """
+    if (size := launched()) is not None:
+        if wanted and size and wanted != size:
+            raise StartError(
+                f"--ranks {wanted} asks for other ranks than the {size} that mpirun has started; leave it out"
+            )
+        return 1
+    if wanted is None:
+        paying = _unknowns(case, quiet) // EACH if cores() > 1 and _launcher() else 1
+        return max(1, min(cores(), paying))
+    if wanted > 1 and not _launcher():
+        raise StartError(
+            f"--ranks {wanted} needs mpirun, which was not found beside {sys.executable} or on the PATH", 1
+        )
+    return wanted
+
+
+def _unknowns(case: Case, quiet: bool) -> int:
+    """About how many unknowns a case has; 0 where that does not matter, or is told in a better place.
+
+    The mesh is made for that, and kept: the ranks find it in the cache.
+    """
+    device = case.actuator
+    if device.dimension != 3:
+        return 0
+    if not quiet and not meshing.is_mesh_cached(device):
+        say(meshing.mesh_label(device), err=True)
+    with tempfile.TemporaryDirectory() as folder, asked_to_stop() as stopped:
+        file = Path(folder) / "mesh.msh"
+        try:
+            device.write(file, stopped)
+            return int(PER_NODE * _nodes(file))
+        except MeshingStopped:
+            raise StartError("stopped by the user while the mesh was made; nothing is solved yet", STOPPED) from None
+        except (GeometryError, MeshingError, MeshFileError, OSError):
+            return 0  # found again, and reported, by the run
+
+
+def _nodes(file: Path) -> int:
+    """Nodes of a mesh file of Gmsh, version 4."""
+    with file.open("rb") as lines:
+        for line in lines:
+            if line.strip() == b"$Nodes":
+                return int(next(lines).split()[1])
+    return 0
+
+
+def _launcher() -> str | None:
+    """The launcher of the MPI in use: the wheel's stands beside Python."""
+    own = mpich_file("mpirun")
+    beside = shutil.which("mpirun", path=str(Path(sys.executable).parent))
+    return beside or (str(own) if own else None) or shutil.which("mpirun")
+
+
+def start_again(ranks: int) -> int:
+    """Run this very command on so many ranks, to its end.
+
+    Returns:
+        Its exit status.
+
+    Raises:
+        StartError: The launcher does not start.
+    """
+    environment = dict(os.environ)
+    for stream, variable in COLUMNS.items():  # the ranks see pipes of the launcher's
+        if (width := columns(stream)) is not None:
+            environment[variable] = str(width)
+    try:
+        process = subprocess.Popen(
+            [str(_launcher()), "-n", str(ranks), sys.executable, *sys.orig_argv[1:]],
+            env=environment,
+            start_new_session=True,
+            preexec_fn=_end_with_parent,
+        )
+    except OSError as error:
+        raise StartError(f"mpirun does not start ({error.strerror or error}); use --ranks 1", 1) from None
+
+    def forward(number: int, frame: FrameType | None) -> None:
+        for rank in _children(_children([process.pid])):  # of the launcher's proxies
+            with contextlib.suppress(OSError):
+                os.kill(rank, number)
+
+    before = {number: signal.signal(number, forward) for number in STOPS}
+    try:
+        return _status(process.wait())
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _end_with_parent() -> None:
+    """Have this process end when the one that has started it does, even if that is killed; on Linux."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def _status(returned: int) -> int:
+    """The exit status of a launcher; that of a rank whatever the launcher adds, such as a signal's."""
+    return 128 - returned if returned < 0 else returned
+
+
+def _children(parents: list[int]) -> list[int]:
+    """Processes that these have started."""
+    found = []
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            if int(status.read_text().rpartition(")")[2].split()[1]) in parents:
+                found.append(int(status.parent.name))
+    return found
+
 
 HELP = """Inflate {what} and write its whole load path.
 
@@ -215,3 +498,122 @@ def main(command: click.Command) -> None:
             fail(f"{error.format_message()} (see --help)")
         finally:
             gc.unfreeze()  # for callers whose process goes on
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A group of commands that are imported when they are called: help, and each command, need not wait for all others.
+
+
+FOREIGN = (".step", ".stp", ".msh", ".inp", ".stl")
+"""Endings of drawings and meshes."""
+
+
+@dataclasses.dataclass(frozen=True)
+class CommandPlace:
+    """Where a command is.
+
+    Attributes:
+        module: Its module.
+        name: The command's name in there.
+        text: The first sentence of its help.
+    """
+
+    module: str
+    name: str
+    text: str
+
+
+class LazyGroup(CommandGroup):
+    """A group whose commands are named by `Place`.
+
+    Args:
+        places: By the commands' names.
+        speaks: Whether this process may print, where it is stopped while a command is imported.
+        given: What click's own group takes.
+    """
+
+    def __init__(self, *, places: Mapping[str, CommandPlace], speaks: Callable[[], bool], **given: Any):
+        super().__init__(**given)
+        self.places, self.speaks = places, speaks
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted({*self.commands, *self.places})
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in self.commands and cmd_name in self.places:
+            place = self.places[cmd_name]
+            with stoppable("softmodels", self.speaks):
+                self.add_command(getattr(importlib.import_module(place.module), place.name), cmd_name)
+        return super().get_command(ctx, cmd_name)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0].lower().endswith((".toml", *FOREIGN)) and "run" in self.list_commands(ctx):
+            raise click.UsageError(f"{args[0]!r} is no command; did you mean softmodels run {args[0]}?", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The list of commands in the group's help, without importing them."""
+        names = self.list_commands(ctx)
+        limit = formatter.width - 6 - max(map(len, names))
+        texts = {name: place.text for name, place in self.places.items()}
+        rows = [(name, click.Command(None, help=texts[name]).get_short_help_str(limit)) if name in texts
+                else (name, self.commands[name].get_short_help_str(limit)) for name in names]  # fmt: skip
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# ``--device NAME``: a command that becomes that of a registered device, with options of its own.
+
+
+DEVICE = "--device"
+
+
+def device_named(name: str) -> type[Actuator]:
+    """A registered device.
+
+    Args:
+        name: Of its class, in small or large letters.
+
+    Raises:
+        click.UsageError: There is no such device.
+    """
+    name = next((known for known in ACTUATORS if known.lower() == name.lower()), name)
+    if name not in ACTUATORS:
+        raise click.UsageError(
+            f"{DEVICE} is {name!r}; it must be one of {', '.join(ACTUATORS)}{meant(name, ACTUATORS)}"
+        )
+    return ACTUATORS[name]
+
+
+def by_device(made_for: Callable[[type[Actuator]], click.Command]) -> type[click.Command]:
+    """A class of commands; one whose words hold ``--device NAME`` becomes what ``made_for`` makes for that device."""
+
+    class ByDevice(click.Command):
+        def make_context(
+            self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: object
+        ) -> click.Context:
+            name = _named(args)
+            if name is None:
+                return super().make_context(info_name, args, parent, **extra)  # type: ignore[arg-type]
+            made = made_for(device_named(name))
+            word = click.Option(
+                [DEVICE], metavar="NAME", expose_value=False, help=f"The device: {', '.join(ACTUATORS)}."
+            )
+            made.params.insert(0, word)
+            return made.make_context(info_name, args, parent, **extra)  # type: ignore[arg-type]
+
+    return ByDevice
+
+
+def _named(args: list[str]) -> str | None:
+    """The device that a command's words name, None if they name none; words after -- are PETSc's."""
+    words = args[: args.index("--")] if "--" in args else args
+    for place, word in enumerate(words, 1):
+        if word == DEVICE:
+            return "".join(words[place : place + 1])
+        if word.startswith(f"{DEVICE}="):
+            return word.removeprefix(f"{DEVICE}=")
+    return None

@@ -10,13 +10,18 @@ import click
 
 from geometries import ACTUATORS, Actuator
 from softmodels.case.case import Case
-from softmodels.case.material_table import material_from, to_table
-from softmodels.cli.case_options import taken
-from softmodels.cli.device_word import DEVICE, by_device
-from softmodels.cli.options import RunOptions, device_command, execute, run_options
-from softmodels.materials.silicones import silicone_called
-from softmodels.materials.spread import product_of
-from softmodels.mechanics.methods import METHODS
+from softmodels.case.materials import material_from, to_table
+from softmodels.cli.options import (
+    DEVICE,
+    RunOptions,
+    by_device,
+    device_command,
+    execute,
+    run_options,
+    taken,
+)
+from softmodels.materials.silicones import product_of, silicone_called
+from softmodels.mechanics.solver import METHODS
 
 HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
 

@@ -9,27 +9,36 @@ from typing import TYPE_CHECKING, Unpack
 
 import click
 
-from geometries.options import QuantityType
-from measurement.output_option import FolderType, open_folder
-from measurement.output_place import status_of
-from measurement.own_folder import OwnFolderError
-from measurement.terminal import say
-from measurement.units import UnitError
 from softmodels.cli.curve_command import read_material
-from softmodels.cli.fit_options import heights_from_option
 from softmodels.cli.options import fail
-from softmodels.cli.tensile_options import CurveFiles, read_curves, specimen_options, tensile_option
+from softmodels.cli.tensile_options import (
+    CurveFiles,
+    heights_from_option,
+    read_curves,
+    specimen_options,
+    tensile_option,
+)
+from softmodels.common.commands import FolderType, open_folder, status_of
+from softmodels.common.folders import OwnFolderError
+from softmodels.common.options import QuantityType
+from softmodels.common.terminal import say
+from softmodels.common.units import UnitError
 from softmodels.fitting.curves.curve import TensileError
 from softmodels.fitting.problem import FitError
-from softmodels.fitting.score_materials import against_outlines, error_of
-from softmodels.fitting.scoring import Score, score_curve, write_scores
+from softmodels.fitting.scoring import (
+    Score,
+    against_outlines,
+    error_of,
+    score_curve,
+    write_scores,
+)
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.mechanics.mpi import speaks
 
 if TYPE_CHECKING:
     from measurement.outline.outline import Outline
-    from softmodels.case.material_errors import MaterialErrors
-    from softmodels.fitting.outlines.measured_device import MeasuredDevice
+    from softmodels.case.materials import MaterialErrors
+    from softmodels.fitting.outlines.device import MeasuredDevice
 
 
 class ScoreGiven(CurveFiles):
@@ -128,9 +137,10 @@ def _materials(names: tuple[str, ...]) -> dict[str, Material]:
 
 
 def _device(files: tuple[Path, ...], options: ScoreGiven) -> tuple[MeasuredDevice, list[Outline]]:
-    from softmodels.case.case import Case, CaseError
-    from softmodels.fitting.outlines.measured_device import MeasuredDevice
-    from softmodels.fitting.outlines.reading import read_outlines
+    from softmodels.case.case import Case
+    from softmodels.case.entries import CaseError
+    from softmodels.fitting.outlines.device import MeasuredDevice
+    from softmodels.fitting.outlines.shapes import read_outlines
 
     try:
         case = Case.from_file(files[0])
@@ -142,7 +152,7 @@ def _device(files: tuple[Path, ...], options: ScoreGiven) -> tuple[MeasuredDevic
 
 def _errors(names: tuple[str, ...]) -> dict[str, MaterialErrors]:
     """The errors of materials that are a fit's files."""
-    from softmodels.case.material_errors import MaterialErrors
+    from softmodels.case.materials import MaterialErrors
 
     found = {}
     for name in names:
@@ -159,7 +169,7 @@ def _outline_scores(
     errors: dict[str, MaterialErrors],
 ) -> list[Score]:
     from softmodels.mechanics.mpi import abort_on_error, start
-    from softmodels.results.outcomes import FAILED
+    from softmodels.runs.outcomes import FAILED
 
     comm = start()
     abort_on_error(comm)

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import click
 
-from measurement.terminal import say
-from measurement.wording import known_are
 from softmodels.cli.options import fail
-from softmodels.materials.casting import SILICONE_DENSITY, casting_of
-from softmodels.materials.homogeneous import nominal_stress
-from softmodels.materials.silicones import PRODUCTS, SILICONES, Silicone
-from softmodels.materials.spread import full_name, product_of, spread_sentence
+from softmodels.common.errors import known_are
+from softmodels.common.terminal import say
+from softmodels.materials.silicones import (
+    PRODUCTS,
+    SILICONE_DENSITY,
+    SILICONES,
+    Silicone,
+    casting_of,
+    full_name,
+    product_of,
+    spread_sentence,
+)
+from softmodels.materials.specimens import nominal_stress
 
 HEAD = f"  {'--material':42s} {'modulus':>10s} {'stress at stretch 1.5, 2':>26s}   {'fitted over stretch':20s}"
 PLAIN = "*"

@@ -3,16 +3,39 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypedDict
 
 import click
 
-from geometries.options import QuantityType
-from measurement.units import UnitError, brief, number
-from softmodels.fitting.curves.curve import SYNONYMS, Specimen, TensileCurve, TensileError, read_curve
-from softmodels.fitting.curves.fit_curves import prepared
+from softmodels.common.options import QuantityType
+from softmodels.common.units import (
+    UnitError,
+    brief,
+    number,
+    quantity,
+)
+from softmodels.fitting.curves.curve import (
+    SYNONYMS,
+    Specimen,
+    TensileCurve,
+    TensileError,
+    read_curve,
+)
+from softmodels.fitting.curves.fit import prepared
+from softmodels.fitting.outlines.shapes import OutlineFitError
+from softmodels.fitting.problem import (
+    BENCH,
+    HEIGHTS_FROM,
+    USUAL_GAUGE_ERROR,
+    Change,
+    FitError,
+    FitOptions,
+    LawChoice,
+    Prior,
+    all_parameters,
+)
 
 
 class CurveFiles(TypedDict):
@@ -98,3 +121,167 @@ def stretch_range(text: str) -> tuple[float, float]:
     if high <= 1.0 <= low or low == high:
         raise TensileError(f"stretch {text!r} holds nothing but rest")
     return low, high
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Options of the command ``fit`` as a value: what ``--fix``, ``--bounds``, ``--prior``, ``--free`` and the others mean.
+
+
+heights_from_option = click.option(
+    "--heights-from", type=click.Choice(HEIGHTS_FROM), default=None,
+    help="What heights count from where the case has gravity or forces, or a top that is not flat (balloon, bellows): the "
+    "upper edge of the shadow at zero pressure, the apex there, or the undeformed top.  [default: the shadow; where the "
+    "undeformed top is not flat the apex, which outlines have to state]",
+)  # fmt: skip
+
+BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
+"""Units of what the bench may get wrong and is not a plain number."""
+
+
+class FitGiven(CurveFiles):
+    """What the options of the command give, by their names."""
+
+    files: tuple[Path, ...]
+    heights: Path | None
+    free: tuple[str, ...]
+    untrusted: bool
+    heights_from: str | None
+    without: tuple[str, ...]
+    silicone: str | None
+    laws: str
+    stretch: str | None
+    stress_error: str
+    gauge_error: str
+    poisson: float
+    fixes: tuple[str, ...]
+    bounds: tuple[str, ...]
+    priors: tuple[str, ...]
+    robust: bool
+    radius: float | None
+    thickness: float | None
+    no_profiles: bool
+    no_pictures: bool
+    quiet: bool
+    output: Path | None
+
+
+def fit_options(options: FitGiven, changes: Mapping[str, Change]) -> FitOptions:
+    """The command's options as a value.
+
+    Raises:
+        FitError: A gauge error that is no share, or a parameter that is to be both free and fixed.
+    """
+    return FitOptions(
+        poisson=options["poisson"],
+        changes=changes,
+        robust=options["robust"],
+        profiles=not options["no_profiles"],
+        silicone=options["silicone"],
+        stress_error=options["stress_error"],
+        gauge_error=_gauge_error(options["gauge_error"]),
+        free=free_of_bench(options),
+        without=options["without"],
+        untrusted=options["untrusted"],
+        heights_from=options["heights_from"] or "",
+    )
+
+
+def _gauge_error(text: str) -> float:
+    """A share, or what is usual."""
+    words = {"auto": USUAL_GAUGE_ERROR, "none": 0.0}
+    return words[text] if text in words else quantity(text, "")
+
+
+def free_of_bench(options: FitGiven) -> tuple[str, ...]:
+    """What is free of bench and device: the defaults, ``--free`` more, ``--fix`` less.
+
+    Raises:
+        OutlineFitError: A parameter is to be both.
+    """
+    fixed = {text.partition("=")[0].strip() for text in options["fixes"]}
+    for name in options["free"]:
+        if name in fixed:
+            raise OutlineFitError(f"{name} cannot be both free (--free) and fixed (--fix)")
+    return tuple(dict.fromkeys(name for name in (*BENCH, *options["free"]) if name not in fixed))
+
+
+def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, Change]:
+    """What ``--fix``, ``--bounds`` and ``--prior`` say about parameters of laws that are fitted to curves.
+
+    Raises:
+        FitError: A text that is no such change, or a name that none of the laws has.
+    """
+    units = {name: choice.unit(name) for choice in choices for name in choice.names}
+    laws, known = ", ".join(choice.name for choice in choices), ", ".join(units)
+    return _changes(options, units, lambda name: f"{laws}: no parameter {name!r}; there is {known}", value_needed=True)
+
+
+def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> dict[str, Change]:
+    """The same with devices, whose variable lengths are given by their names; ``--fix leak`` keeps it at its nominal value.
+
+    Of several devices ``leak`` is that of each, and ``NAME.leak`` that of one.
+
+    Raises:
+        FitError: A text that is no such change, or a name that nothing has.
+    """
+    bench = {name: BENCH_UNITS.get(name, "") for name in BENCH}
+    of = {device: {**bench, **dict.fromkeys(names, "m")} for device, names in lengths.items()}
+    own = {"poisson": "", **{name: unit for units in of.values() for name, unit in units.items()}}
+    known = ", ".join(own)
+    if len(of) > 1:
+        own |= {f"{device}.{name}": unit for device, units in of.items() for name, unit in units.items()}
+        known += f", each of them also of one device, such as {next(reversed(of))}.leak"
+    return _changes(
+        options,
+        {**all_parameters(), **own},
+        lambda name: f"there is no parameter {name!r}; the bench and the device have {known}",
+        value_needed=False,
+    )
+
+
+def _changes(
+    options: FitGiven, units: Mapping[str, str], unknown: Callable[[str], str], value_needed: bool
+) -> dict[str, Change]:
+    """Changes by parameter. A curve's own factor, ``gauge1`` and so on, is known to all."""
+    changes: dict[str, Change] = {}
+    kinds: tuple[tuple[tuple[str, ...], Callable[[str, str], Change]], ...] = (
+        (options["fixes"], _read_fixed), (options["bounds"], read_bounds), (options["priors"], read_prior),
+    )  # fmt: skip
+    for texts, read in kinds:
+        for text in texts:
+            name, equals, value = (part.strip() for part in text.partition("="))
+            if name not in units and not name.startswith("gauge"):
+                raise FitError(unknown(name))
+            if value_needed and not equals:
+                raise FitError(f"{text!r} is not NAME=VALUE")
+            try:
+                changes.setdefault(name, {}).update(read(value, units.get(name, "")) if equals or read is not _read_fixed
+                                                    else {"fixed": True})  # fmt: skip
+            except (UnitError, FitError) as error:
+                raise FitError(f"{text!r}: {error}") from None
+    return changes
+
+
+def _read_fixed(value: str, unit: str) -> Change:
+    return {"start": quantity(value, unit), "fixed": True}
+
+
+def read_bounds(value: str, unit: str) -> Change:
+    """Read ``FROM:TO``; an end may be empty."""
+    low, colon, high = value.partition(":")
+    if not colon:
+        raise FitError(f"{value!r} is not FROM:TO")
+    change: Change = {}
+    if low.strip():
+        change["lower"] = quantity(low, unit)
+    if high.strip():
+        change["upper"] = quantity(high, unit)
+    return change
+
+
+def read_prior(value: str, unit: str) -> Change:
+    """Read ``VALUE+-ERROR``."""
+    mean, separator, error = value.partition("+-")
+    if not separator:
+        raise FitError(f"{value!r} is not VALUE+-ERROR")
+    return {"prior": Prior(quantity(mean, unit), quantity(error, unit))}

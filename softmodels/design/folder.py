@@ -9,19 +9,25 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from geometries import GeometryError
-from measurement.default_folder import take_default
-from measurement.folder_lock import InUseError
-from measurement.own_files import replace_text, replaced_whole
-from measurement.own_folder import OwnFolder, OwnFolderError
-from measurement.reasons import reason
-from measurement.user_file import read_text
-from softmodels.design.asked import in_words, label, shown, shown_factor
-from softmodels.design.cases import case_of, case_text
-from softmodels.design.errors import DesignError
+from softmodels.common.errors import reason
+from softmodels.common.files import read_text, replace_text, replaced_whole
+from softmodels.common.folders import (
+    InUseError,
+    OwnFolder,
+    OwnFolderError,
+    take_default,
+)
 from softmodels.design.formulation import KEPT, Formulation
-from softmodels.design.problem import DesignProblem
+from softmodels.design.loads import DesignError, factor, shown_unit
+from softmodels.design.problem import (
+    DesignProblem,
+    in_words,
+    label,
+    shown,
+    shown_factor,
+)
+from softmodels.design.result import case_of, case_text
 from softmodels.design.trials import Trial
-from softmodels.design.units import factor, shown_unit
 
 KIND, ITERATES = "design", "iterates"
 TABLE, DESIGN, START = "iterates.csv", "design.toml", "start.toml"

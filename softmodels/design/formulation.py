@@ -6,14 +6,20 @@ import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
-from softmodels.design.asked import Keep, in_words, label
-from softmodels.design.problem import DesignProblem
-from softmodels.design.tolerances import SURE, Spread
-from softmodels.design.trials import Trial
+from softmodels.common.arrays import Array
+from softmodels.design.loads import PRESSURE, JudgedLoad
+from softmodels.design.problem import (
+    SURE,
+    DesignProblem,
+    Keep,
+    ToleranceSpread,
+    in_words,
+    label,
+)
+from softmodels.design.quantities.base import DesignQuantity
+from softmodels.design.trials import Squares, Trial
 
-Array = npt.NDArray[np.float64]
 ZERO = 0.01
 """Least length in sizes of the device that a length's violation is counted in where its limit is 0."""
 KEPT = 1e-9
@@ -23,7 +29,7 @@ INSIDE = 2e-4
 
 
 @dataclasses.dataclass(frozen=True)
-class Row:
+class ConstraintRow:
     """One limit on one value.
 
     Attributes:
@@ -93,7 +99,7 @@ class Formulation:
         self.problem, self.first = problem, first
         self.corrections: dict[str, tuple[float, float]] = {}
         self.safety: Array | float = 0.0
-        self.spread = Spread(problem.names, problem.spreads, problem.errors)
+        self.spread = ToleranceSpread(problem.names, problem.spreads, problem.errors)
         self.low = np.array([one.low for one in problem.free])
         self.width = np.array([one.width for one in problem.free])
         self.rest = np.array([_value(problem, name) for name in problem.names[len(problem.free) :]])
@@ -101,7 +107,7 @@ class Formulation:
         slopes = np.abs(self._slope(first)) * self.width
         self.size = max(abs(self.objective(first)), float(slopes.max(initial=0.0)), 1e-300)
 
-    def _rows(self, keep: Keep, values: Mapping[str, float]) -> list[Row]:
+    def _rows(self, keep: Keep, values: Mapping[str, float]) -> list[ConstraintRow]:
         rows = []
         floor = ZERO * self.problem.case.actuator.size if keep.quantity.unit == "m" else 0.0
         for key in keep.keys(values):
@@ -109,7 +115,7 @@ class Formulation:
             for sign, limit in ((-1.0, keep.at_least), (1.0, keep.at_most)):
                 if limit is not None:
                     scale = abs(limit) or max(abs(values[key]), floor) or 1.0
-                    rows.append(Row(keep, key, sign, limit, scale, words))
+                    rows.append(ConstraintRow(keep, key, sign, limit, scale, words))
         return rows
 
     # -- between scaled and SI ------------------------------------------------------------------------------------------
@@ -177,7 +183,7 @@ class Formulation:
                 made.corrections[row.key] = there / here, 0.0
         return made
 
-    def worst(self, trial: Trial) -> tuple[float, Row | None]:
+    def worst(self, trial: Trial) -> tuple[float, ConstraintRow | None]:
         """The largest violation and its limit."""
         if not self.rows:
             return 0.0, None
@@ -223,6 +229,56 @@ class Formulation:
 
 
 def _value(problem: DesignProblem, name: str) -> float:
-    from geometries.parameters import parameter
+    from geometries.actuator import parameter
 
     return parameter(problem.case.actuator, name)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What is asked of a design, and what is answered.
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """A quantity of a design.
+
+    Attributes:
+        value: In its SI unit.
+        gradient: By the parameters, shape (n,); empty if none was asked for.
+        by_material: By the material's numbers.
+    """
+
+    value: float
+    gradient: Array
+    by_material: dict[str, float]
+    squares: Squares | None = None
+    """Of a target that is to be followed."""
+
+    def times(self, factor: float) -> Judged:
+        """The quantity times a number."""
+        by_material = {name: factor * rate for name, rate in self.by_material.items()}
+        return Judged(factor * self.value, factor * self.gradient, by_material)
+
+
+@dataclasses.dataclass(frozen=True)
+class EvaluationRequest:
+    """What is asked of a design.
+
+    Attributes:
+        names: The parameters that are free.
+        parts: The quantities, each of one state at most.
+        loads: Those of the states.
+        highest: Pressure in Pa up to which a limit point is looked for; 0 for none.
+        materials: Numbers of the material by which derivatives are wanted.
+    """
+
+    names: tuple[str, ...]
+    parts: tuple[DesignQuantity, ...]
+    loads: tuple[JudgedLoad, ...]
+    highest: float
+    materials: tuple[str, ...]
+
+    @property
+    def working(self) -> float:
+        """The highest pressure in Pa at which the device is judged; 0 for none."""
+        return max((load.value for load in self.loads if load.kind == PRESSURE), default=0.0)

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
-from measurement.units import readable
+from softmodels.common.units import (
+    UnitError,
+    brief,
+    quantity,
+    readable,
+)
 
 PRESSURE, VOLUME = "pressure", "volume"
 
 
 @dataclasses.dataclass(frozen=True, order=True)
-class Load:
+class JudgedLoad:
     """A state of a device by its load.
 
     Attributes:
@@ -28,9 +34,9 @@ class Load:
             raise ValueError(f"load {self.kind!r} is not one of {PRESSURE}, {VOLUME}")
 
     @classmethod
-    def of(cls, value: float | Load) -> Load:
+    def of(cls, value: float | JudgedLoad) -> JudgedLoad:
         """A load as it is; a number is a pressure in Pa."""
-        return value if isinstance(value, Load) else cls(PRESSURE, float(value))
+        return value if isinstance(value, JudgedLoad) else cls(PRESSURE, float(value))
 
     def __str__(self) -> str:
         return (
@@ -38,3 +44,64 @@ class Load:
             if self.kind == PRESSURE
             else f"{self.value * 1e6:.6g} ml"
         )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What can go wrong with a design before anything is solved, and what the user may ask for.
+
+
+class DesignError(ValueError):
+    """Bad input, found before anything is solved; the message is a sentence for the user."""
+
+
+class DesignStopped(Exception):
+    """The user asked to stop; all that was evaluated is kept."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Units of quantities: how their limits are read and their values are shown.
+
+
+SPELLED = {"1": "", "m2": "m^2", "m3": "m^3", "deg": "degree", "kg/m3": "kg/m^3"}
+"""Units of quantities in Pint's spelling, where that is another one."""
+
+
+def spelled(unit: str) -> str:
+    """A unit as `softmodels.common.units.quantity` takes it."""
+    return SPELLED.get(unit, unit)
+
+
+def read(what: str, value: object, unit: str, bare: bool = True) -> float:
+    """A value in SI units from a text with a unit, or from a number.
+
+    Args:
+        what: What it is of, for the message.
+        value: The text or number.
+        unit: Its SI unit.
+        bare: Whether a number is taken for SI; in files a unit is needed.
+
+    Raises:
+        DesignError: Not of this kind.
+    """
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise DesignError(f"{what} is {brief(value)}; it must be a {'text with a unit' if spelled(unit) else 'number'}")
+    try:
+        return quantity(value, "" if bare and not isinstance(value, str) else spelled(unit))
+    except UnitError as error:
+        raise DesignError(f"{what}: {error}") from None
+
+
+@functools.cache
+def factor(shown: str, unit: str) -> float:
+    """SI units in one shown unit: 0.001 for mm and m."""
+    return quantity(f"1 {spelled(shown)}", spelled(unit)) if spelled(shown) else 1.0
+
+
+def text(value: float, shown: str, unit: str, digits: int = 4) -> str:
+    """A value for people, such as ``"12.3 mm"``."""
+    return f"{value / factor(shown, unit):.{digits}g} {'' if shown == '1' else shown}".strip()
+
+
+def shown_unit(unit: str) -> str:
+    """The unit in which people read a parameter or quantity."""
+    return {"m": "mm", "Pa": "kPa", "m3": "ml", "m^3": "ml", "degree": "deg", "kg": "g", "J": "mJ"}.get(unit, unit)

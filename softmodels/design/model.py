@@ -3,27 +3,331 @@
 from __future__ import annotations
 
 import dataclasses
+import tempfile
+import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from geometries import Actuator, GeometryError
-from geometries.parameters import changed, parameter
+from geometries import Actuator, GeometryError, MeshingError
+from geometries.actuator import changed, parameter
 from softmodels.case.case import Case
-from softmodels.design.evaluation import DesignFailure, Evaluation
-from softmodels.design.meshed_design import MeshedDesign, PoorMesh
-from softmodels.design.quantities.base import Quantity
+from softmodels.case.components import without_walls
+from softmodels.common.arrays import Array
+from softmodels.common.folders import OwnFolderError
+from softmodels.design.body import DesignedBody
+from softmodels.design.folder import DesignFolder, line
+from softmodels.design.formulation import EvaluationRequest, Formulation, Judged
+from softmodels.design.gradients import Adjoint, Bifurcations
+from softmodels.design.loads import (
+    PRESSURE,
+    DesignError,
+    DesignStopped,
+    JudgedLoad,
+)
+from softmodels.design.problem import (
+    EVALUATIONS,
+    DesignProblem,
+    Judge,
+    SearchOptions,
+)
+from softmodels.design.quantities.base import DesignQuantity, Slopes, TargetMeasure
 from softmodels.design.quantities.composite import CompositeQuantity
 from softmodels.design.quantities.geometric import DeviceQuantity
-from softmodels.design.quantities.limits import OfLimit
-from softmodels.design.question import Judged, Question
+from softmodels.design.quantities.limits import OfBifurcation, OfLimit
+from softmodels.design.states import Known, Transfer, WorkingStates
+from softmodels.design.trials import (
+    DesignFailure,
+    Evaluation,
+    Squares,
+    Trial,
+    Trials,
+)
+from softmodels.mechanics.mpi import is_root, on_root
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.path.stability import Stability
+from softmodels.runs.outcomes import RunError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-Array = npt.NDArray[np.float64]
+    from softmodels.mechanics.system import State
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# One mesh of a device that is being designed, its states and quantities made ready: it follows designs and judges them.
+
+
+POOREST = 0.3
+"""Quality of a mesh below which the device is meshed again."""
+SHORTEST = 1 / 4
+"""Shortest step on the way from one design to the next before the states are looked for along the whole path."""
+
+
+class PoorMesh(RuntimeError):
+    """A mesh that has been moved too far to be solved on."""
+
+
+class UnstableState(DesignFailure):
+    """A state that the device leaves by itself."""
+
+
+class MeshedDesign:
+    """A mesh, its equations and states, and the quantities made ready on it.
+
+    Args:
+        design: The meshed device, undeformed.
+        question: What is asked of it.
+    """
+
+    def __init__(self, design: DesignedBody, question: EvaluationRequest):
+        self.design, self.solver, self.question = design, design.solver, question
+        self.adjoint = Adjoint(design)
+        self.measures = {
+            part: part.measure(design) for part in question.parts if not isinstance(part, OfLimit | DeviceQuantity)
+        }
+        forks = any(isinstance(part, OfBifurcation) for part in question.parts)
+        self.bifurcations = Bifurcations(design, self.adjoint) if forks else None
+        self.states = WorkingStates(design, question.loads, question.highest, self.bifurcations)
+        self._stable: tuple[Actuator, Known] | None = None
+        """The last design that was judged, and its states."""
+
+    @classmethod
+    def fresh(
+        cls,
+        case: Case,
+        device: Actuator,
+        question: EvaluationRequest,
+        comm: MPI.Comm,
+        before: MeshedDesign | None = None,
+    ) -> MeshedDesign:
+        """A fresh mesh of a device, with its states.
+
+        Args:
+            case: Silicone, sheet, obstacle and formulation.
+            device: The device.
+            question: What is asked of it.
+            comm: MPI communicator.
+            before: Another mesh that shows this device now, whose states are interpolated; without it, or where Newton's method
+                does not find them so, they are found along the whole path.
+
+        Raises:
+            DesignFailure: It cannot be meshed, or a load is not met.
+        """
+        from softmodels.mechanics.body import Body
+        from softmodels.mechanics.compiling import compiling
+        from softmodels.mechanics.solver import Solver
+        from softmodels.mechanics.system import System
+
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(comm.bcast(folder)) / "design.msh"
+            try:
+                on_root(comm, lambda: device.write(file))
+            except MeshingError as error:
+                raise DesignFailure(str(error)) from error
+            body = Body.from_file(device, file, comm)
+            comm.barrier()
+        with compiling():
+            system = System(body, case.material, case.formulation, case.sheet, case.obstacle, without_walls(case.parts))
+            solver = Solver(system, case.solver)
+            made = cls(DesignedBody(solver), question)
+        try:
+            if before is None or not made._taken_over(before):
+                made.states.trace()
+        except BaseException:
+            made.release()
+            raise
+        return made
+
+    def _taken_over(self, before: MeshedDesign) -> bool:
+        """Take the states of another mesh that shows the same device; whether they were found so."""
+        guess = before.states.known.transferred(Transfer(before.design, self.design))
+        try:
+            self.states.carry(guess)
+            for load in self.question.loads:
+                self._settled(load)
+        except (NoConvergence, DesignFailure):  # which may be the interpolation's fault
+            return False
+        return True
+
+    def release(self) -> None:
+        """Give back what PETSc and MPI hold."""
+        self.design.release()
+
+    def follow(self, device: Actuator) -> None:
+        """Move the mesh to a device and its states with it, in smaller steps where Newton's method does not follow.
+
+        From the second step on the states are expected on the straight line through the last two. Where that does not help
+        either, they are found along the whole path.
+
+        Raises:
+            GeometryError: The mesh cannot follow.
+            PoorMesh: The cells would be too poor.
+            DesignFailure: A load is not met. After any of these, mesh and states are those of before.
+        """
+        motion, states = self.design.motion, self.states
+        start, first = motion.device, states.known
+        self._move(device)
+        way, step, earlier = 0.0, 1.0, list[tuple[float, Known]]()
+        while way < 1.0:
+            goal = min(way + step, 1.0)
+            try:
+                motion.move(device if goal == 1.0 else _between(start, device, goal, self.question.names))
+                here = states.known
+                states.carry(here.ahead(earlier[0][1], (goal - way) / (way - earlier[0][0])) if earlier else None)
+            except NoConvergence:
+                step /= 2
+                if step < SHORTEST:
+                    self._retrace(device, start, first)
+                    return
+                continue
+            except (DesignFailure, GeometryError):
+                self._restore(start, first)
+                raise
+            earlier, way = [(way, here)], goal
+
+    def _retrace(self, device: Actuator, start: Actuator, first: Known) -> None:
+        """Find the states of a device along the whole path, on the mesh as it is."""
+        self.design.motion.move(device)
+        try:
+            self.states.trace()
+        except DesignFailure:
+            self._restore(start, first)
+            raise
+
+    def _move(self, device: Actuator) -> None:
+        """Move the mesh, unless its cells would become poor: then it stays where it is."""
+        motion = self.design.motion
+        before = motion.device
+        motion.move(device)
+        if motion.quality() < POOREST:  # nor will smaller steps make better cells of the last one's
+            motion.move(before)
+            raise PoorMesh("the moved cells have become poor")
+
+    def _restore(self, device: Actuator, known: Known) -> None:
+        self.design.motion.move(device)
+        self.states.known = known
+
+    def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
+        """Values and gradients of the question's parts by key, and sentences on how far they can be trusted.
+
+        States that were carried from another design may lie on a branch that is unstable here. Then they are found again along
+        the whole path.
+
+        Raises:
+            DesignFailure: A state is unstable, or a load is not met. Mesh and states are those of the last judged design then.
+        """
+        try:
+            try:
+                found = self._judged(gradients)
+            except UnstableState:
+                if not self.states.carried:
+                    raise
+                self.states.trace()
+                found = self._judged(gradients)
+        except DesignFailure:
+            if self._stable is not None:
+                self._restore(*self._stable)
+            raise
+        self._stable = self.design.motion.device, self.states.known
+        return found
+
+    def _judged(self, gradients: bool) -> tuple[dict[str, Judged], list[str]]:
+        """The same of the states as they are.
+
+        Raises:
+            UnstableState: One of them is unstable.
+        """
+        motion, question = self.design.motion, self.question
+        velocities = motion.boundary_velocities(question.names) if gradients else {}
+        found: dict[str, Judged] = {}
+        notes = []
+        for load in (None, *question.loads):
+            parts = [part for part in self.measures if part.load == load]
+            state = None if load is None or not parts else self._settled(load)
+            for part in parts:
+                slopes = self.measures[part].slopes(state)
+                if slopes.note:
+                    notes.append(f"{part.key}: {slopes.note}")
+                judged = self._whole(part, slopes, velocities) if gradients else Judged(slopes.value, np.zeros(0), {})
+                measure = self.measures[part]
+                if gradients and state is not None and load is not None and isinstance(measure, TargetMeasure):
+                    judged = dataclasses.replace(judged, squares=self._squares(measure, state, load, velocities))
+                found[part.key] = judged
+        for part in question.parts:
+            if isinstance(part, OfLimit):
+                critical = self._critical(part, velocities)
+                if critical is None:
+                    reached = f"{question.highest / 1e3:.4g} kPa"
+                    notes.append(f"{part.key}: there is none up to {reached}, which stands in its place")
+                    critical = Judged(
+                        question.highest, np.zeros(len(velocities)), dict.fromkeys(question.materials, 0.0)
+                    )
+                found[part.key] = critical.times(part.factor(question.working))
+            elif isinstance(part, DeviceQuantity):
+                values, columns = part.values(motion.device), part.derivatives(motion.device, question.names)
+                found |= {
+                    key: Judged(value, columns[key] if gradients else np.zeros(0), {}) for key, value in values.items()
+                }
+        return found, notes
+
+    def _settled(self, load: JudgedLoad) -> State:
+        """The state at a load, its tangent factorised.
+
+        Raises:
+            UnstableState: The device leaves it by itself.
+        """
+        state = self.states.states[load]
+        self.adjoint.prepare(state)
+        if load.kind == PRESSURE:
+            negative = Stability.of(self.solver).negative_eigenvalues()
+            if negative:
+                values = "eigenvalue" if negative == 1 else "eigenvalues"
+                raise UnstableState(f"the state at {load} is unstable: its tangent has {negative} negative {values}")
+        return state
+
+    def _squares(self, measure: TargetMeasure, state: State, load: JudgedLoad, velocities: dict[str, Array]) -> Squares:
+        """Distances from a target with their derivatives at the settled state."""
+        columns = [measure.moved(state, *self.adjoint.rates(load.kind, velocity)) for velocity in velocities.values()]
+        return Squares.of(measure.residuals(state), np.array(columns).T, measure.run, measure.sigma)
+
+    def _whole(self, part: DesignQuantity, slopes: Slopes, velocities: dict[str, Array]) -> Judged:
+        """A part with its whole derivatives at the settled state."""
+        names, load = self.question.materials, part.load
+        direct = self.adjoint.by_material(self.measures[part], names) if names and load else dict.fromkeys(names, 0.0)
+        by_length, by_material = self.adjoint.gradient(
+            slopes, PRESSURE if load is None else load.kind, velocities, direct if load else {}
+        )
+        return Judged(slopes.value, np.array([by_length[name] for name in velocities]), by_material or direct)
+
+    def _critical(self, part: OfLimit, velocities: dict[str, Array]) -> Judged | None:
+        """Pressure in Pa of the limit point or the bifurcation; None if there is none."""
+        states, materials = self.states, self.question.materials
+        limit, fork = states.limit, states.bifurcation
+        if isinstance(part, OfBifurcation):
+            if fork is None or self.bifurcations is None:
+                return None
+            P, found = fork.P, self.bifurcations.gradient(fork, velocities, materials) if velocities else None
+        elif limit is None:
+            return None
+        else:
+            P = limit.state.P
+            found = (
+                self.adjoint.limit_gradient(limit.state, limit.tangent, velocities, materials) if velocities else None
+            )
+        by_length, by_material = found or ({}, {})
+        rates = np.array([by_length[name] for name in velocities])
+        return Judged(P * self.design.system.stress_unit, rates, by_material)
+
+
+def _between(start: Actuator, end: Actuator, share: float, names: Sequence[str]) -> Actuator:
+    """The device on the straight line between two."""
+    return changed(
+        start, {name: (1.0 - share) * parameter(start, name) + share * parameter(end, name) for name in names}
+    )
+
 
 FARTHEST = 3.0
 """Working pressures up to which a limit point is looked for."""
@@ -34,7 +338,7 @@ class DesignModel:
 
     Args:
         case: The device as it starts, its silicone, sheet, obstacle and formulation.
-        names: The parameters that are free, of `geometries.parameters.parameter_names`.
+        names: The parameters that are free, of `geometries.actuator.parameter_names`.
         quantities: What is asked of each design.
         comm: MPI communicator; every call is made by all ranks.
         highest: Pressure in Pa up to which a limit point is looked for where a quantity is of it; by default `FARTHEST` times
@@ -47,7 +351,7 @@ class DesignModel:
     """
 
     def __init__(
-        self, case: Case, names: Sequence[str], quantities: Sequence[Quantity], comm: MPI.Comm, *,
+        self, case: Case, names: Sequence[str], quantities: Sequence[DesignQuantity], comm: MPI.Comm, *,
         highest: float | None = None, materials: Sequence[str] = (), report: Callable[[str], None] = lambda text: None,
     ):  # fmt: skip
         self.case, self.names, self.comm, self.report = case, tuple(names), comm, report
@@ -59,7 +363,7 @@ class DesignModel:
         self.quantities = tuple(quantities)
         parts = tuple(dict.fromkeys(part for one in self.quantities for part in _parts(one)))
         loads = tuple(sorted({part.load for part in parts if part.load is not None}))
-        self.question = Question(self.names, parts, loads, 0.0, tuple(materials))
+        self.question = EvaluationRequest(self.names, parts, loads, 0.0, tuple(materials))
         if any(isinstance(part, OfLimit) for part in parts):
             up_to = highest or FARTHEST * self.question.working
             self.question = dataclasses.replace(self.question, highest=up_to)
@@ -204,5 +508,163 @@ def _finer(device: Actuator, times: float) -> Actuator:
     return dataclasses.replace(device, **{name: value for name, value in changes.items() if name in sizes})
 
 
-def _parts(one: Quantity) -> tuple[Quantity, ...]:
+def _parts(one: DesignQuantity) -> tuple[DesignQuantity, ...]:
     return one.parts if isinstance(one, CompositeQuantity) else (one,)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What evaluates the designs of a problem: finite elements, unless a caller gives something else.
+
+
+def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Judge:
+    """What has `evaluate` and `confirm` as `softmodels.design.model.DesignModel` has.
+
+    Raises:
+        GeometryError: A parameter that the device's mesh cannot follow.
+    """
+    make = how.get("model")
+    return make(problem, comm) if make is not None else _model(problem, comm, _report(comm, how))
+
+
+def _report(comm: MPI.Comm, how: SearchOptions) -> Callable[[str], None]:
+    """Takes sentences of the model: rank 0 alone tells them."""
+
+    def report(text: str) -> None:
+        if is_root(comm) and (tell := how.get("progress")) is not None:
+            tell(text)
+
+    return report
+
+
+def _model(problem: DesignProblem, comm: MPI.Comm, report: Callable[[str], None]) -> Judge:
+
+    errors = problem.errors
+    return DesignModel(
+        problem.case, problem.names, problem.quantities, comm, highest=problem.highest,
+        materials=() if errors is None else errors.names, report=report,
+    )  # fmt: skip
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Evaluation of designs, the same on all ranks: none twice on one mesh, each kept and reported as soon as it is known.
+
+
+USUAL = 18
+"""Evaluations that a start usually takes, for the time that is left."""
+
+
+class EnoughError(Exception):
+    """A search has used up its evaluations."""
+
+
+class Evaluating:
+    """Evaluates the designs of one optimisation.
+
+    Args:
+        problem: What is optimised.
+        model: What evaluates.
+        folder: Where trials are kept, on rank 0; None for nowhere.
+        comm: MPI communicator.
+        how: Options of the call.
+
+    Attributes:
+        trials: All trials.
+        form: The problem in scaled numbers; None until a design could be judged.
+        start: The start under way.
+        mesh: The mesh under way, counted from 1: `fresh_mesh` begins another.
+        visited: Numbers of the trials of this search.
+    """
+
+    def __init__(
+        self, problem: DesignProblem, model: Judge, folder: DesignFolder | None, comm: MPI.Comm, how: SearchOptions
+    ):
+        self.problem, self.model, self.folder, self.comm, self.how = problem, model, folder, comm, how
+        self.trials = Trials()
+        self.form: Formulation | None = None
+        self.start, self.mesh = 1, 1
+        self.visited: set[int] = set()
+        self._seconds: list[float] = []
+        for trial in on_root(comm, lambda: [] if folder is None else folder.trials):
+            self.trials.add(trial)
+
+    def trial(self, theta: Array) -> Trial:
+        """A design's values: known already, or evaluated and kept.
+
+        Raises:
+            DesignStopped: The user asked to stop.
+            EnoughError: This search has used up its evaluations.
+        """
+        theta = on_root(self.comm, lambda: theta)
+        found = self.trials.find(theta, self.mesh)
+        new = found is None
+        if found is None:
+            if on_root(self.comm, self.how.get("stopped", bool)):
+                raise DesignStopped
+            if len(self.visited) >= self.how.get("evaluations", EVALUATIONS):
+                raise EnoughError
+            found = self._evaluated(theta)
+            self.trials.add(found)
+        if self.form is None and not found.failed:
+            self.form = Formulation(self.problem, found)
+        if new:
+            on_root(self.comm, self._keep)
+        self.visited.add(found.number)
+        return found
+
+    def fresh_mesh(self) -> None:
+        """The next design is meshed anew, and none is taken from those before."""
+        self.mesh += 1
+        self.visited = set()
+        self.release()
+
+    def release(self) -> None:
+        """Give back what the model holds."""
+        self.model.release()
+
+    def confirmed(self, best: Trial) -> tuple[dict[str, float], str]:
+        """Values on a fresh mesh along the whole path, and why there are none."""
+        try:
+            found = self.model.confirm(np.array(best.theta), self.how.get("finer", 1.0))
+        except (DesignFailure, GeometryError, MeshingError) as error:
+            return {}, f"on a fresh mesh the design could not be confirmed: {error}"
+        return on_root(self.comm, lambda: {key: float(value) for key, value in found.values.items()}), ""
+
+    def tell(self, text: str) -> None:
+        """A line to whoever listens, from rank 0."""
+        listener = self.how.get("progress")
+        if listener is not None and is_root(self.comm):
+            listener(text)
+
+    def _evaluated(self, theta: Array) -> Trial:
+        begun, number = time.monotonic(), len(self.trials.all) + 1
+        place = (number, self.start, tuple(map(float, theta)), self.mesh)
+        try:
+            made = Trial.of(place, self.model.evaluate(theta), time.monotonic() - begun)
+        except (DesignFailure, GeometryError, MeshingError) as error:
+            limit = getattr(error, "limit", None)
+            more = "" if limit is None else f" (its limit is at {limit / self.problem.case.cm:.4g} cm)"
+            made = Trial(*place, seconds=time.monotonic() - begun, failure=f"{error}{more}")
+        except ValueError as error:  # a quantity that this device does not have
+            if self.trials.all:
+                raise
+            raise DesignError(str(error)) from None
+        made = on_root(self.comm, lambda: made)
+        self._seconds.append(made.seconds)
+        return made
+
+    def _keep(self) -> None:
+        if self.folder is not None:
+            try:
+                self.folder.add(self.trials.all, self.form)
+            except (OwnFolderError, OSError) as error:
+                why = getattr(error, "strerror", None) or error
+                raise RunError(f"the designs cannot be written into {self.folder.path} ({why})") from None
+        self.tell(line(self.problem, self.trials.all[-1], self.form, self._left()))
+
+    def _left(self) -> float | None:
+        """Seconds to the end, roughly; None where nothing is known of it."""
+        if len(self._seconds) < 2:
+            return None
+        starts = self.how.get("starts", 1) - self.start
+        per_start = min(USUAL, self.how.get("evaluations", EVALUATIONS))
+        return float(np.mean(self._seconds[1:])) * (max(per_start - len(self.visited), 1) + starts * per_start)

@@ -3,34 +3,49 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack, cast
 
 import numpy as np
-import numpy.typing as npt
 
-from geometries.parameters import parameter
-from measurement.arguments import callback, checked, flag, place, several, wrong
-from measurement.arguments import whole as whole_number
-from measurement.one_at_a_time import one_at_a_time
-from softmodels.design.errors import DesignStopped
-from softmodels.design.evaluating import Evaluating
-from softmodels.design.evaluator import evaluator
+from geometries.actuator import parameter
+from softmodels.common.arrays import Array
+from softmodels.common.calls import (
+    callback,
+    checked,
+    flag,
+    place,
+    several,
+    wrong,
+)
+from softmodels.common.calls import (
+    whole as whole_number,
+)
+from softmodels.common.processes import one_at_a_time
 from softmodels.design.folder import DesignFolder
-from softmodels.design.how import EVALUATIONS, How, Judge
-from softmodels.design.multipliers import holding
-from softmodels.design.one_start import follow
-from softmodels.design.problem import DesignProblem
-from softmodels.design.result import DesignResult, StartEnd
-from softmodels.design.starts import further_starts
+from softmodels.design.loads import DesignStopped
+from softmodels.design.model import Evaluating, evaluator
+from softmodels.design.problem import (
+    EVALUATIONS,
+    DesignProblem,
+    Judge,
+    SearchOptions,
+)
+from softmodels.design.result import DesignResult, StartEnd, holding
+from softmodels.design.search import follow, further_starts
 from softmodels.mechanics.mpi import on_root, start
-from softmodels.results.outcomes import NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.runs.outcomes import NO_EQUILIBRIUM, STOPPED, RunError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-Array = npt.NDArray[np.float64]
+
 TRIED = 8
 """Points that are tried for a further start until one has a state."""
 
@@ -103,7 +118,7 @@ def _how(
     flags: Mapping[str, object],
     functions: Mapping[str, object],
     inputs: Sequence[Path],
-) -> How:
+) -> SearchOptions:
     """The options of a call, checked; what is None is left out.
 
     Raises:
@@ -117,7 +132,7 @@ def _how(
         "seed": whole_number("seed", seed, 0), "finer": _finer(finer), "inputs": inputs,
         **{name: flag(name, value) for name, value in flags.items()}, **given,
     }  # fmt: skip
-    return cast("How", how)
+    return cast("SearchOptions", how)
 
 
 def _finer(value: object) -> float:
@@ -128,7 +143,7 @@ def _finer(value: object) -> float:
     return float(plain)
 
 
-def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: How) -> DesignFolder | None:
+def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: SearchOptions) -> DesignFolder | None:
     """The folder of an optimisation, on rank 0; None elsewhere.
 
     Args:
@@ -149,7 +164,9 @@ def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how
     return taken[0] if taken else None
 
 
-def run_in(problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, **how: Unpack[How]) -> DesignResult:
+def run_in(
+    problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, **how: Unpack[SearchOptions]
+) -> DesignResult:
     """The same into a folder that was taken already, which stays taken; see `open_folder`."""
     under_way = Evaluating(problem, evaluator(problem, comm, how), folder, comm, how)
     try:

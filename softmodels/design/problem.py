@@ -3,35 +3,505 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import itertools
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-
-from measurement.arguments import checked, place
-from measurement.toml_file import TomlError, parse_toml, read_toml
-from measurement.units import brief
-from measurement.wording import known_are
-from softmodels.case.case import Case
-from softmodels.case.errors import INPUT_ERRORS
-from softmodels.case.material_errors import MaterialErrors
-from softmodels.design.asked import (
-    CLEARANCES,
-    MARGIN,
-    Asked,
-    Keep,
-    Reader,
-    Term,
-    check_limits,
-    highest_pressure,
-    in_words,
+from typing import (
+    TYPE_CHECKING,
+    Protocol,
+    TypedDict,
+    cast,
 )
-from softmodels.design.errors import DesignError
-from softmodels.design.free import Free, crossed_corners, free_parameters
-from softmodels.design.loads import Load
-from softmodels.design.quantities.base import Quantity
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator, GeometryError
+from geometries.actuator import changed, parameter, parameter_names
+from softmodels.case.case import Case
+from softmodels.case.entries import INPUT_ERRORS
+from softmodels.case.materials import MaterialErrors
+from softmodels.common.calls import checked, place
+from softmodels.common.errors import known_are
+from softmodels.common.schema import about
+from softmodels.common.toml_file import TomlError, parse_toml, read_toml
+from softmodels.common.units import (
+    UnitError,
+    brief,
+    number_and_unit,
+    quantity,
+)
+from softmodels.design.loads import (
+    PRESSURE,
+    VOLUME,
+    DesignError,
+    JudgedLoad,
+    factor,
+    read,
+    shown_unit,
+    text,
+)
+from softmodels.design.quantities.base import DesignQuantity
 from softmodels.design.quantities.gaps import LeastGap
-from softmodels.design.tolerances import tolerances_of
-from softmodels.design.units import read
-from softmodels.mechanics.walls.part import Walls
+from softmodels.design.trials import Evaluation, Trial
+from softmodels.mechanics.walls import Walls
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What is asked of a design: quantities to be made large or small, and limits to be kept, from tables or as values.
+
+
+CLEARANCES = "clearances"
+"""Name of the quantity that has a value for each wall."""
+
+
+MARGIN = "limit_margin"
+"""Name of the quantity that is over the highest pressure anything is asked at."""
+
+
+type Asked = DesignQuantity
+"""Something that is asked of a design."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ObjectiveTerm:
+    """A quantity with its weight in the objective."""
+
+    quantity: Asked
+    weight: float
+
+
+@checked
+@dataclasses.dataclass(frozen=True)
+class Keep:
+    """A limit that a design has to keep.
+
+    Attributes:
+        quantity: What is limited.
+        at_least, at_most: SI units; None for no limit.
+    """
+
+    quantity: Asked
+    at_least: float | None = None
+    at_most: float | None = None
+
+    def keys(self, values: Mapping[str, float]) -> list[str]:
+        """Keys of its values: one, or one for each wall."""
+        if self.quantity.key in values:
+            return [self.quantity.key]
+        return [key for key in values if key.startswith(self.quantity.key.removesuffix("s") + ":")]
+
+
+def shown(asked: Asked) -> str:
+    """The unit in which people read a quantity."""
+    return str(getattr(asked, "shown_unit", "") or shown_unit(asked.unit))
+
+
+def in_words(asked: Asked, value: float, digits: int = 4) -> str:
+    """A value of a quantity for people."""
+    return text(value, shown(asked), asked.unit, digits)
+
+
+def pressure_of(asked: Asked) -> float | None:
+    """The pressure in Pa at which a quantity is taken; None where it is at none."""
+    at = asked.at
+    if at is None:
+        return None
+    load = JudgedLoad.of(at)
+    return load.value if load.kind == PRESSURE else None
+
+
+def highest_pressure(asked: Asked) -> float | None:
+    """The highest pressure in Pa at which a quantity, or what it is made of, is taken; None where it is at none."""
+    found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "parts", ()))]
+    return max((pressure for pressure in found if pressure is not None), default=None)
+
+
+def label(asked: Asked, cm: float) -> str:
+    """What a quantity is, with its pressure as the user wrote it; in cm of water, as on the bench, where it was a number."""
+    pressure = pressure_of(asked)
+    if pressure is None or asked.at is None:
+        return asked.key
+    return f"{asked.title} at {JudgedLoad.of(asked.at).text or f'{pressure / cm:.5g} cm'}"
+
+
+class Reader:
+    """Reads quantities of a problem.
+
+    Args:
+        case: The case, for its column of water and its device.
+        registry: Classes of quantities by name.
+        bare: Whether numbers are taken for SI units.
+        folder: From which a quantity's own file is counted.
+    """
+
+    def __init__(self, case: Case, registry: Mapping[str, type[Asked]], bare: bool, folder: Path | None):
+        self.case, self.registry, self.bare, self.folder = case, registry, bare, folder
+
+    def quantities(self, entry: object, where: str, more: Sequence[str] = ()) -> list[Asked]:
+        """The quantities of a table, one for each pressure; a quantity that is given as a value stays.
+
+        Args:
+            entry: The table or the quantity.
+            where: What the table is called.
+            more: Entries that it may have beside those of the quantity.
+
+        Raises:
+            DesignError: An unknown quantity or entry, or one that is missing.
+        """
+        if not isinstance(entry, Mapping):
+            if not hasattr(entry, "key") or not hasattr(entry, "unit"):
+                raise DesignError(f"{where} is {brief(entry)}; it must be a quantity")
+            return [self._checked(cast("Asked", entry), where)]
+        kind = self._kind(entry.get("quantity"), where)
+        fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
+        for key in entry:
+            if key not in ("quantity", *fields, *more):
+                names = [name for name in fields if name != "at" or _at_pressure(kind)]
+                raise DesignError(f"{where} has an unknown entry {key!r}; {known_are(key, [*names, *more])}")
+        given = {key: self._given(key, value) for key, value in entry.items() if key in fields and key != "at"}
+        if "cm" in fields:  # of the column that a quantity's own file may count in
+            given.setdefault("cm", self.case.cm)
+        places: Sequence[object] = [None]
+        if _at_pressure(kind):
+            if "at" not in entry:
+                raise DesignError(f'{where}: {kind.name} needs the pressure it is taken at, such as at = "177 cm"')
+            at = entry["at"]
+            places = [self._at(one, where) for one in (at if isinstance(at, list | tuple) else [at])]
+            if not places:
+                raise DesignError(f"{where}: at is empty; give a pressure, or several")
+        elif "at" in entry:
+            raise DesignError(f"{where}: {kind.name} is not taken at a pressure; leave at out")
+        return [self._made(kind, {**given, **({} if place is None else {"at": place})}, where) for place in places]
+
+    def _kind(self, name: object, where: str) -> type[Asked]:
+        if name is None:
+            raise DesignError(f"{where} names no quantity; {known_are('', self.registry)}")
+        if not isinstance(name, str) or name not in self.registry:
+            raise DesignError(f"{where}: quantity {brief(name)} is unknown; {known_are(name, self.registry)}")
+        return self.registry[name]
+
+    def _given(self, key: str, value: object) -> object:
+        if key == "file":
+            if not isinstance(value, str):
+                raise DesignError(f"file is {brief(value)}; it must be a file's name")
+            return value if self.folder is None else str(self.folder.resolve() / value)
+        return _tuples(value)
+
+    def _made(self, kind: type[Asked], values: Mapping[str, object], where: str) -> Asked:
+        try:
+            return self._checked(kind(**values), where)  # type: ignore[arg-type]  # the constructor checks
+        except (ValueError, TypeError) as error:
+            raise DesignError(str(error) if isinstance(error, DesignError) else f"{where}: {error}") from None
+
+    def _checked(self, asked: Asked, where: str) -> Asked:
+        """Refuse a probe or figure that the device does not have, and a pressure beyond the case's."""
+        device, of = self.case.actuator, getattr(asked, "of", "")
+        if of:
+            known = [*device.probes, *device.device_figures(device.probes)]
+            if of not in known:
+                raise DesignError(
+                    f"{where}: this {type(device).__name__} has no probe or figure {of!r}; {known_are(of, known)}"
+                )
+        if getattr(type(asked), "of_state", False) and asked.at is None:
+            raise DesignError(f"{where}: {asked.name} needs the pressure it is taken at (at)")
+        pressure, last = highest_pressure(asked), self.case.goals[-1]
+        if pressure is not None and pressure > last * (1 + 1e-9):
+            said, cm = getattr(asked.at, "text", ""), self.case.cm
+            raise DesignError(
+                f"{where}: {asked.title} is asked at {said or f'{pressure / cm:.5g} cm'}, above the case's last pressure, "
+                f"{last / cm:.5g} cm ({last / 1e3:.5g} kPa)"
+            )
+        return asked
+
+    def _at(self, value: object, where: str) -> object:
+        """A pressure in Pa, or a `Load` of a text."""
+        if not isinstance(value, str):
+            return read(f"{where}: at", value, "Pa", self.bare)
+        try:
+            amount, unit = number_and_unit(value)
+            if unit == "cm":
+                return JudgedLoad(PRESSURE, _positive(amount * self.case.cm, value, where), value)
+            if unit and _is_volume(value):
+                return JudgedLoad(VOLUME, _positive(quantity(value, "m^3"), value, where), value)
+            return JudgedLoad(PRESSURE, _positive(quantity(value, "Pa"), value, where), value)
+        except UnitError as error:
+            raise DesignError(f"{where}: at is no pressure ({error}); write it like 177 cm or 17 kPa") from None
+
+    def limit(self, entry: Mapping[str, object], side: str, asked: Asked, where: str) -> float | None:
+        """The limit ``at_least`` or ``at_most`` in SI units; None where it is not given."""
+        if entry.get(side) is None:
+            return None
+        return read(f"{where}: {side} of {asked.name}", entry[side], asked.unit, self.bare)
+
+
+def _tuples(value: object) -> object:
+    """Lists, and lists in them, as tuples."""
+    return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
+
+
+def _at_pressure(kind: object) -> bool:
+    return bool(getattr(kind, "of_state", False))
+
+
+def _is_volume(value: str) -> bool:
+    try:
+        quantity(value, "m^3")
+    except UnitError:
+        return False
+    return True
+
+
+def _positive(value: float, said: str, where: str) -> float:
+    if value <= 0.0:
+        raise DesignError(f"{where}: at {said!r} is not above zero")
+    return value
+
+
+def check_limits(keep: Keep, where: str) -> None:
+    """Refuse limits that cannot be meant.
+
+    Raises:
+        DesignError: None given, one above the other, or a margin below 1.
+    """
+    asked, low, high = keep.quantity, keep.at_least, keep.at_most
+    if low is None and high is None:
+        raise DesignError(f"{where}: {asked.title} has no limit; give at_least, at_most or both")
+    if low is not None and high is not None and low > high:
+        raise DesignError(
+            f"{where}: {asked.title} is to be at least {in_words(asked, low)} and at most {in_words(asked, high)}, "
+            "which nothing is; exchange them"
+        )
+    if asked.name == MARGIN and low is not None and low < 1.0:
+        raise DesignError(
+            f"{where}: a limit margin of at least {low:g} is below 1, and a device that jumps before its working pressure has "
+            "no state there; ask for more than 1, such as 1.3"
+        )
+
+
+def shown_factor(asked: Asked) -> float:
+    """SI units in one shown unit of a quantity."""
+    return factor(shown(asked), asked.unit)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The free parameters of a design, with their bounds.
+
+
+MOST_CORNERS = 6
+"""With more parameters only the corners next to the first and the last are looked at, for there are 2^n."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Free:
+    """A parameter that the design may change.
+
+    Attributes:
+        name: Such as ``"membrane"`` or ``"profile[2]"``.
+        low, high: Bounds, SI units (angles in degrees).
+        start: Its value in the device as given.
+        unit: SI unit in Pint's spelling; empty for pure numbers.
+    """
+
+    name: str
+    low: float
+    high: float
+    start: float
+    unit: str
+
+    @property
+    def width(self) -> float:
+        return self.high - self.low
+
+    def text(self, value: float, digits: int = 4) -> str:
+        return text(value, shown_unit(self.unit) or "1", self.unit or "1", digits)
+
+
+def unit_of(device: Actuator, name: str) -> str:
+    """SI unit of a continuous parameter; a list's entries are pure numbers unless their kind says so."""
+    kind = about(device)[name.partition("[")[0]].kind
+    return kind.unit or str(getattr(getattr(kind, "of", None), "unit", ""))
+
+
+def expanded(device: Actuator, name: str) -> list[str]:
+    """Names of the continuous parameters that a name stands for: itself, or all entries of a list.
+
+    Raises:
+        DesignError: The device has none of this name.
+    """
+    known = parameter_names(device)
+    if name in known:
+        return [name]
+    entries = [one for one in known if re.fullmatch(rf"{re.escape(name)}\[\d+\]", one)]
+    if entries:
+        return entries
+    stems = list(dict.fromkeys(one.partition("[")[0] for one in known))
+    base = name.partition("[")[0]
+    if base in about(device) and base not in stems:
+        raise DesignError(f"{name} does not decide the shape of this {type(device).__name__}; {known_are(name, stems)}")
+    if name != base and base in stems:
+        count = sum(one.startswith(f"{base}[") for one in known)
+        entries_text = f"has {count} entries, counted from 1" if count else "is no list"
+        raise DesignError(f"parameter {name!r} is not there: {base} {entries_text}")
+    raise DesignError(f"{type(device).__name__} has no parameter {name!r}; {known_are(name, stems)}")
+
+
+def free_parameters(device: Actuator, table: Mapping[str, object], bare: bool = True) -> tuple[Free, ...]:
+    """The free parameters of a device.
+
+    Args:
+        device: As given.
+        table: By name the two bounds: a pair, or a table with ``from`` and ``to``.
+        bare: Whether numbers are taken for SI units.
+
+    Raises:
+        DesignError: Names or bounds that cannot be meant.
+    """
+    if not table:
+        example = '[parameters] membrane = { from = "1 mm", to = "3 mm" }'
+        raise DesignError(f"no parameter is free; name some with their bounds, such as {example}")
+    found: dict[str, Free] = {}
+    for name, bounds in sorted(
+        table.items(), key=lambda item: "[" in item[0]
+    ):  # an entry of its own comes after its list
+        low, high = _bounds(name, bounds)
+        for one in expanded(device, name):
+            unit = unit_of(device, one)
+            least, most = (read(f"{one} {what}", end, unit, bare) for what, end in (("from", low), ("to", high)))
+            found[one] = Free(one, least, most, parameter(device, one), unit)
+    order = {name: place for place, name in enumerate(parameter_names(device))}
+    free = tuple(sorted(found.values(), key=lambda one: order[one.name]))
+    for parameter_ in free:
+        _check(device, parameter_)
+    return free
+
+
+def _bounds(name: str, bounds: object) -> tuple[object, object]:
+    if isinstance(bounds, Mapping):
+        for key in bounds:
+            if key not in ("from", "to"):
+                raise DesignError(f"parameter {name} has an unknown entry {key!r}; a parameter has from and to")
+        for key, what in (("from", "lower"), ("to", "upper")):
+            if key not in bounds:
+                raise DesignError(
+                    f"parameter {name} has no {what} bound; give both, as {name} = {{ from = ..., to = ... }}"
+                )
+        return bounds["from"], bounds["to"]
+    if isinstance(bounds, Sequence) and not isinstance(bounds, str) and len(bounds) == 2:
+        return bounds[0], bounds[1]
+    raise DesignError(
+        f"parameter {name} has no bounds ({brief(bounds)}); give both, as {name} = {{ from = ..., to = ... }}"
+    )
+
+
+def _check(device: Actuator, one: Free) -> None:
+    """Refuse bounds that cannot be, one parameter by itself."""
+    if one.low > one.high:
+        raise DesignError(f"the bounds of {one.name} are reversed: from {one.text(one.low)} to {one.text(one.high)}")
+    if one.low == one.high:
+        raise DesignError(f"both bounds of {one.name} are {one.text(one.low)}; leave it out, so that it stays as it is")
+    if not one.low <= one.start <= one.high:
+        raise DesignError(
+            f"{one.name} starts at {one.text(one.start)}, outside of its bounds, {one.text(one.low)} to {one.text(one.high)}"
+        )
+    movable = device.movable
+    if one.name not in movable and one.name.partition("[")[0] not in movable:
+        known = f"it follows {', '.join(movable)}" if movable else "it follows none"
+        raise DesignError(f"the mesh of this {type(device).__name__} cannot follow {one.name}; {known}")
+    for end, what in ((one.low, "lower"), (one.high, "upper")):
+        try:
+            changed(device, {one.name: end})
+        except GeometryError as error:
+            raise DesignError(
+                f"{one.name} cannot be at its {what} bound, {one.text(end)}, even with all else as it is: {error}"
+            ) from None
+
+
+def crossed_corners(device: Actuator, free: Sequence[Free]) -> str:
+    """A sentence if some combination of bounds makes no device; empty if all that were looked at do."""
+    if len(free) <= MOST_CORNERS:
+        corners = [list(ends) for ends in itertools.product(*((one.low, one.high) for one in free))]
+    else:
+        lows, highs = [one.low for one in free], [one.high for one in free]
+        corners = [lows, highs]
+        for k in range(len(free)):
+            corners += [[*lows[:k], highs[k], *lows[k + 1 :]], [*highs[:k], lows[k], *highs[k + 1 :]]]
+    refused = []
+    for corner in corners:
+        try:
+            changed(device, {one.name: end for one, end in zip(free, corner, strict=True)})
+        except GeometryError as error:
+            refused.append((corner, str(error)))
+    if not refused:
+        return ""
+    corner, why = refused[0]
+    where = ", ".join(f"{one.name} {one.text(end)}" for one, end in zip(free, corner, strict=True))
+    return (
+        f"{len(refused)} of {len(corners)} combinations of bounds make no device (such as {where}: {why}); the search steps "
+        "back from them"
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Tolerances of fabrication, and what they and the material's errors do to a value: first-order propagation.
+
+
+SURE = 1.645
+"""Standard deviations below which a normal value stays with 95 %, on one side."""
+
+
+def tolerances_of(device: Actuator, table: Mapping[str, object], bare: bool) -> dict[str, float]:
+    """Standard deviations in SI units by parameter.
+
+    Raises:
+        DesignError: An unknown parameter, or no deviation.
+    """
+    found: dict[str, float] = {}
+    for name, value in table.items():
+        for one in expanded(device, name):
+            spread = read(f"tolerance of {one}", value, unit_of(device, one), bare)
+            if spread <= 0.0:
+                raise DesignError(f"tolerance of {one} is {value}; a standard deviation is above zero")
+            if one.partition("[")[0] not in device.movable and one not in device.movable:
+                raise DesignError(f"tolerance of {one}: the mesh of this {type(device).__name__} cannot follow it")
+            found[one] = spread
+    return found
+
+
+class ToleranceSpread:
+    """Standard deviations of the quantities of a design.
+
+    Args:
+        names: The parameters that gradients are by.
+        tolerances: Standard deviations by parameter, SI units.
+        errors: Of the material; None where they are not given.
+    """
+
+    def __init__(self, names: Sequence[str], tolerances: Mapping[str, float], errors: MaterialErrors | None):
+        self.errors = errors
+        self.spreads = np.array([tolerances.get(name, 0.0) for name in names])
+
+    @property
+    def any(self) -> bool:
+        return bool(self.spreads.any()) or self.errors is not None
+
+    def sigma(self, trial: Trial, key: str) -> float:
+        """Standard deviation of a value in its SI unit, to first order; 0 where nothing scatters."""
+        variance = 0.0
+        if key in trial.gradients:
+            variance += float(np.sum((np.asarray(trial.gradients[key]) * self.spreads) ** 2))
+        errors = self.errors
+        if errors is not None and key in trial.material_gradients:
+            slope: npt.NDArray[np.float64] = np.array(
+                [trial.material_gradients[key].get(name, 0.0) for name in errors.names]
+            )
+            variance += float(slope @ errors.matrix @ slope)
+        return float(np.sqrt(max(variance, 0.0)))
+
 
 OBJECTIVES = {"maximise": -1.0, "minimise": 1.0, "follow": 1.0}
 """What can be asked for, with the sign under which it is minimised."""
@@ -65,9 +535,9 @@ class DesignProblem:
 
     case: Case
     parameters: Mapping[str, object]
-    maximise: Quantity | Mapping[str, object] | None = None
-    minimise: Quantity | Mapping[str, object] | None = None
-    follow: Quantity | Mapping[str, object] | None = None
+    maximise: DesignQuantity | Mapping[str, object] | None = None
+    minimise: DesignQuantity | Mapping[str, object] | None = None
+    follow: DesignQuantity | Mapping[str, object] | None = None
     keep: Sequence[Keep | Mapping[str, object]] = ()
     tolerances: Mapping[str, object] | None = None
     material_errors: object = None
@@ -77,7 +547,7 @@ class DesignProblem:
     written: Mapping[str, object] = dataclasses.field(default_factory=dict, repr=False)
     """The case's tables as its file has them; empty of a case from Python."""
     free: tuple[Free, ...] = dataclasses.field(init=False, default=())
-    terms: tuple[Term, ...] = dataclasses.field(init=False, default=())
+    terms: tuple[ObjectiveTerm, ...] = dataclasses.field(init=False, default=())
     objective: str = dataclasses.field(init=False, default="")
     limits: tuple[Keep, ...] = dataclasses.field(init=False, default=())
     spreads: Mapping[str, float] = dataclasses.field(init=False, default_factory=dict)
@@ -124,7 +594,7 @@ class DesignProblem:
                 f"{MARGIN} is over the highest pressure that is asked at, and nothing is asked at a pressure"
             )
 
-    def _objective(self, reader: Reader) -> tuple[str, tuple[Term, ...]]:
+    def _objective(self, reader: Reader) -> tuple[str, tuple[ObjectiveTerm, ...]]:
         given = [name for name in OBJECTIVES if getattr(self, name) is not None]
         if not given:
             raise DesignError(f"nothing is asked for; give one of {', '.join(OBJECTIVES)}")
@@ -144,7 +614,7 @@ class DesignProblem:
             raise DesignError(
                 f"{given[0]}: {len(weights)} weights for {len(found)} pressures; give one above zero for each, or none"
             )
-        return given[0], tuple(Term(one, w / sum(weights)) for one, w in zip(found, weights, strict=True))
+        return given[0], tuple(ObjectiveTerm(one, w / sum(weights)) for one, w in zip(found, weights, strict=True))
 
     @property
     def sign(self) -> float:
@@ -306,7 +776,7 @@ def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
     return found
 
 
-def _walls_apart(case: Case, terms: Sequence[Term], limits: Sequence[Keep]) -> list[Keep]:
+def _walls_apart(case: Case, terms: Sequence[ObjectiveTerm], limits: Sequence[Keep]) -> list[Keep]:
     """Limits that keep walls apart at every state where anything is asked of a device whose walls can meet.
 
     None where the case lets walls pass through each other (walls = "none"), or limits the gap itself.
@@ -317,7 +787,7 @@ def _walls_apart(case: Case, terms: Sequence[Term], limits: Sequence[Keep]) -> l
     ):
         return []
     asked = [one for whole in (*(term.quantity for term in terms), *given) for one in getattr(whole, "parts", (whole,))]
-    loads = sorted({load for one in asked if isinstance(load := getattr(one, "load", None), Load)})
+    loads = sorted({load for one in asked if isinstance(load := getattr(one, "load", None), JudgedLoad)})
     return [Keep(LeastGap(at=load), at_least=0.0) for load in loads]
 
 
@@ -331,3 +801,52 @@ def _check_walls(case: Case, keep: Keep) -> None:
                 f"the workshop's least wall is {in_words(keep.quantity, keep.at_least)}, and at the start {wall} is "
                 f"{in_words(keep.quantity, value)}; start from a device that can be made"
             )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How a problem is optimised: the options of a call.
+
+
+EVALUATIONS = 40
+"""Most evaluations of one start."""
+
+
+class Judge(Protocol):
+    """What evaluates designs: `softmodels.design.model.DesignModel`, or what stands in for it."""
+
+    def evaluate(self, theta: npt.NDArray[np.float64]) -> Evaluation:
+        """Values and gradients; a `DesignFailure` where there are none."""
+
+    def confirm(self, theta: npt.NDArray[np.float64], finer: float = 1.0) -> Evaluation:
+        """Values on a fresh mesh."""
+
+    def release(self) -> None:
+        """Give back what it holds; the next design is meshed anew."""
+
+
+class SearchOptions(TypedDict, total=False):
+    """How a problem is optimised; nothing of it changes a design's values.
+
+    Attributes:
+        starts: How many; the first is the device as given, the others are spread over the bounds.
+        evaluations: Most of one start.
+        seed: Of the further starts.
+        resume: Go on from the trials in the folder.
+        progress: Gets a line for each design.
+        stopped: Whether to stop, asked between evaluations.
+        confirm: Solve the best design's whole path on a fresh mesh at the end, which is the default.
+        finer: How much finer that mesh is.
+        inputs: Files that are read: they are never written.
+        model: Makes what evaluates designs from a problem and a communicator; `DesignModel` unless given.
+    """
+
+    starts: int
+    evaluations: int
+    seed: int
+    resume: bool
+    progress: Callable[[str], object]
+    stopped: Callable[[], bool]
+    confirm: bool
+    finer: float
+    inputs: Sequence[Path]
+    model: Callable[[DesignProblem, MPI.Comm], Judge] | None

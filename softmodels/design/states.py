@@ -3,25 +3,249 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
+import scipy.spatial
 
-from softmodels.design.evaluation import DesignFailure
-from softmodels.design.known_states import Known, LimitPoint
-from softmodels.design.loads import PRESSURE, VOLUME, Load
+from softmodels.common.arrays import Array
+from softmodels.design.loads import PRESSURE, VOLUME, JudgedLoad
+from softmodels.design.trials import DesignFailure
 from softmodels.mechanics.controls import pressure_control, volume_control
+from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.path.continuation import QUICK, SLOW, Continuation, trace
-from softmodels.path.points import PathEnd
-from softmodels.path.prediction import predict
-from softmodels.path.quantities import AddedVolume
+from softmodels.path.continuation import (
+    QUICK,
+    SLOW,
+    Continuation,
+    predict,
+    trace,
+)
+from softmodels.path.points import AddedVolume, PathEnd
+from softmodels.runs.grid import Grid, displacement_maps
 
 if TYPE_CHECKING:
-    from softmodels.design.bifurcations import Bifurcation, Bifurcations
-    from softmodels.design.designed_body import DesignedBody
+    from softmodels.design.body import DesignedBody
+    from softmodels.design.gradients import Bifurcation, Bifurcations
+    from softmodels.mechanics.controls import Tangent
     from softmodels.mechanics.system import State
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where points lie in a mesh of curved cells, and the interpolation there.
+
+
+Numbers = npt.NDArray[np.int64]
+
+EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
+"""Corners of each mid-edge node, in VTK's order, by dimension."""
+NEAREST = 24
+"""Cells with the nearest middles that a point is looked for in."""
+ITERATIONS = 6
+"""Of Newton's method for the place in a curved cell."""
+OUTSIDE = 0.1
+"""Farthest that a point may lie outside of its cell, in barycentric coordinates: meshes of a curved wall differ."""
+
+
+class Places:
+    """Points in the cells of a mesh of order two.
+
+    Args:
+        nodes: Places of its nodes, shape (n, d).
+        cells: Node numbers in VTK's order, shape (c, 6 or 10).
+        points: Shape (m, d).
+
+    Attributes:
+        cell: The cell of each point, shape (m,).
+        share: Its barycentric coordinates there, shape (m, d + 1).
+    """
+
+    def __init__(self, nodes: Array, cells: Numbers, points: Array):
+        self.cells, d = cells, nodes.shape[1]
+        self.edges = EDGES[d]
+        corners = nodes[cells[:, : d + 1]]
+        count = min(NEAREST, len(cells))
+        _, near = scipy.spatial.cKDTree(corners.mean(axis=1)).query(points, count)
+        near = near.reshape(len(points), count)
+        frames = np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
+        inner = np.einsum("mkij,mkj->mki", frames[near], points[:, None] - corners[near, 0])
+        shares = np.concatenate([1.0 - inner.sum(axis=2, keepdims=True), inner], axis=2)
+        # Straight cells tell which ones are worth the curved ones' Newton steps.
+        best = np.argsort(-shares.min(axis=2), axis=1)[:, :3]
+        self.cell, self.share = near[:, 0], np.full((len(points), d + 1), -np.inf)
+        for k in range(best.shape[1]):
+            chosen = np.take_along_axis(near, best[:, k : k + 1], 1)[:, 0]
+            straight = np.take_along_axis(shares, best[:, k, None, None], 1)[:, 0]
+            share = self._curved(nodes[cells[chosen]], points, straight)
+            better = share.min(axis=1) > self.share.min(axis=1)
+            self.cell, self.share = np.where(better, chosen, self.cell), np.where(better[:, None], share, self.share)
+        inside = np.maximum(self.share, -OUTSIDE)
+        self.share = inside / inside.sum(axis=1, keepdims=True)
+
+    def _curved(self, nodes: Array, points: Array, share: Array) -> Array:
+        """Barycentric coordinates in curved cells, from those in straight ones; these where Newton's method leads astray."""
+        found = np.clip(share, -0.5, 1.5)
+        found = found / found.sum(axis=1, keepdims=True)
+        start = found
+        for _ in range(ITERATIONS):
+            gap = points - np.einsum("mn,mni->mi", self._shapes(found), nodes)
+            slopes = np.einsum("mnk,mni->mik", self._slopes(found), nodes)  # by each coordinate as if it were free
+            jacobian = slopes[:, :, 1:] - slopes[:, :, :1]
+            regular = np.abs(np.linalg.det(jacobian)) > 1e-12 * np.abs(jacobian).max(axis=(1, 2)) ** jacobian.shape[1]
+            jacobian[~regular] = np.eye(jacobian.shape[1])
+            step = np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -0.5, 0.5)
+            found = found + np.concatenate([-step.sum(axis=1, keepdims=True), step], axis=1)
+        astray = ~(np.abs(found - start).max(axis=1) < 1.0)
+        return np.where(astray[:, None], start, found)
+
+    def _shapes(self, share: Array) -> Array:
+        """The nodes' shape functions, shape (m, nodes)."""
+        edges = np.array(self.edges)
+        return np.concatenate(
+            [share * (2.0 * share - 1.0), 4.0 * share[:, edges[:, 0]] * share[:, edges[:, 1]]], axis=1
+        )
+
+    def _slopes(self, share: Array) -> Array:
+        """Their slopes by the barycentric coordinates, shape (m, nodes, d + 1)."""
+        corners = share.shape[1]
+        found = np.zeros((len(share), corners + len(self.edges), corners))
+        for k in range(corners):
+            found[:, k, k] = 4.0 * share[:, k] - 1.0
+        for number, (one, other) in zip(itertools.count(corners), self.edges, strict=False):
+            found[:, number, one], found[:, number, other] = 4.0 * share[:, other], 4.0 * share[:, one]
+        return found
+
+    def interpolated(self, values: Array, linear: bool = False) -> Array:
+        """Values at the points, shape (m, k), of those at the nodes, shape (n, k); ``linear`` takes the corners' alone."""
+        weights = self.share if linear else self._shapes(self.share)
+        return np.einsum("mn,mnk->mk", weights, values[self.cells[self.cell][:, : weights.shape[1]]])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# States carried from one mesh of a device to another one: interpolated on rank 0, as guesses for Newton's method.
+
+
+class Transfer:
+    """Interpolates unknowns between two meshes that show the same device.
+
+    Args:
+        old: Where unknowns are known.
+        new: Where they are wanted.
+
+    Attributes:
+        rest: Dimensionless volume of the undeformed cavity on the new mesh.
+    """
+
+    def __init__(self, old: DesignedBody, new: DesignedBody):
+        from dolfinx import fem
+
+        self.old, self.new = old.system, new.system
+        self.rest = new.volume_at_rest()
+        self._scale = self.old.length_unit / self.new.length_unit  # displacements are counted in it, pressures are not
+        self._from, self._to = Grid(self.old), Grid(self.new)
+        self._known, self._wanted = (
+            displacement_maps(*pair) for pair in ((self.old, self._from), (self.new, self._to))
+        )
+        self._w = fem.Function(self.new.space)
+        self._places: list[Places] = []  # on rank 0
+        on_root(self.new.comm, self._locate)
+
+    def _locate(self) -> None:
+        dimension = self._from.dimension
+        kept = [0, 2] if dimension == 2 else [0, 1, 2]
+        self._places.append(Places(self._from.points[:, kept], self._from.cells, self._to.points[:, kept]))
+
+    def dofs(self, w: Array) -> Array:
+        """Unknowns on the new mesh, with ghosts, of those on the old one; behind both come multipliers (`State.w`)."""
+        x = self._w.x
+        x.array[:] = 0.0
+        columns, own = self._known[0][: self._from.owned], self._wanted[0][: self._to.owned]
+        x.array[own] = self._scale * self._carried(w[columns], linear=False)
+        known, wanted = self._known[1], self._wanted[1]
+        if known is not None and wanted is not None:
+            known, wanted = known[: self._from.owned], wanted[: self._to.owned]
+            at_vertices = self._carried(np.where(known >= 0, w[known], 0.0), linear=True)
+            x.array[wanted[wanted >= 0]] = at_vertices[wanted >= 0]
+        x.scatter_forward()
+        return np.concatenate([x.array, w[self.old.dofs :]])
+
+    def _carried(self, values: Array, linear: bool) -> Array:
+        """Values of owned nodes of the new mesh of those of the old one, shapes (owned, k)."""
+        everywhere = self._from.collect(values)
+        found = None if everywhere is None else self._places[0].interpolated(everywhere, linear)
+        return self._to.distribute(found)
+
+    def volume(self, V: float, rest: float) -> float:
+        """A dimensionless volume on the new mesh, of one on the old mesh whose volume at rest is ``rest``."""
+        return self.rest + (V - rest) * self._scale**3
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# States of one design as guesses for the next one, or for another mesh.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class LimitPoint:
+    """A limit point of the pressure: the state, and the path's direction there, which is K's null vector."""
+
+    state: State
+    tangent: Tangent
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Known:
+    """States of one design, as guesses for the next: values, which nothing changes.
+
+    Attributes:
+        rest: Volume of its undeformed cavity.
+        states: By load.
+        limit: Its limit point, if there is one.
+        witness: The state at the highest pressure, where there is none up to it.
+        bifurcation: Its first bifurcation, if there is one.
+    """
+
+    rest: float
+    states: dict[JudgedLoad, State]
+    limit: LimitPoint | None
+    witness: State | None
+    bifurcation: Bifurcation | None
+
+    def ahead(self, before: Known, share: float) -> Known:
+        """What lies ahead on the straight line from an earlier design's states through these, by a share of their distance."""
+
+        def state(here: State, there: State) -> State:
+            w = here.w + share * (here.w - there.w)
+            P, V = here.P + share * (here.P - there.P), here.V + share * (here.V - there.V)
+            return dataclasses.replace(here, w=w, P=P, V=V)
+
+        limit, witness = self.limit, self.witness
+        if limit is not None and before.limit is not None:
+            limit = LimitPoint(state(limit.state, before.limit.state), limit.tangent)
+        if witness is not None and before.witness is not None:
+            witness = state(witness, before.witness)
+        states = {load: state(here, before.states[load]) for load, here in self.states.items()}
+        return Known(self.rest + share * (self.rest - before.rest), states, limit, witness, self.bifurcation)
+
+    def transferred(self, transfer: Transfer) -> Known:
+        """The same on another mesh of the same device."""
+
+        def state(known: State) -> State:
+            return dataclasses.replace(known, w=transfer.dofs(known.w), V=transfer.volume(known.V, self.rest))
+
+        limit, witness, fork = self.limit, self.witness, self.bifurcation
+        if fork is not None:
+            modes = tuple(transfer.dofs(mode) for mode in fork.modes)
+            V = transfer.volume(fork.V, self.rest)
+            fork = dataclasses.replace(fork, V=V, states=tuple(map(state, fork.states)), modes=modes)
+        return Known(
+            transfer.rest, {load: state(known) for load, known in self.states.items()},
+            None if limit is None else LimitPoint(state(limit.state), limit.tangent),
+            None if witness is None else state(witness), fork,
+        )  # fmt: skip
+
 
 MOST_SECANTS = 12
 """Steps of the secant method in which a limit point is found again on the next design."""
@@ -67,13 +291,13 @@ class WorkingStates:
     def __init__(
         self,
         design: DesignedBody,
-        loads: Sequence[Load],
+        loads: Sequence[JudgedLoad],
         highest: float = 0.0,
         bifurcations: Bifurcations | None = None,
     ):
         self.design, self.system, self.solver = design, design.system, design.solver
         self.loads, self.highest = tuple(loads), highest
-        self.states: dict[Load, State] = {}
+        self.states: dict[JudgedLoad, State] = {}
         self.limit: LimitPoint | None = None
         self.bifurcation: Bifurcation | None = None
         self._bifurcations = bifurcations
@@ -98,7 +322,7 @@ class WorkingStates:
         if by_volume:
             self._trace_volumes(by_volume)
 
-    def _trace_pressures(self, loads: Sequence[Load]) -> None:
+    def _trace_pressures(self, loads: Sequence[JudgedLoad]) -> None:
         unit = self.system.stress_unit
         wanted = [load.value / unit for load in loads]
         top, upwards = self.highest / unit, bool(loads) and self._bifurcations is None
@@ -141,16 +365,16 @@ class WorkingStates:
                 f"where the device loses its stability was passed but not located: {failure}"
             ) from failure
 
-    def _failure(self, load: Load, end: PathEnd) -> DesignFailure:
+    def _failure(self, load: JudgedLoad, end: PathEnd) -> DesignFailure:
         if end.limit is None:
             return DesignFailure(f"the path ends before {load}: {end}")
         return self._limit_below(end.limit.state, load)
 
-    def _limit_below(self, limit: State, load: Load) -> DesignFailure:
+    def _limit_below(self, limit: State, load: JudgedLoad) -> DesignFailure:
         pressure = limit.P * self.system.stress_unit
         return DesignFailure(f"the pressure has a limit point at {pressure / 1e3:.4g} kPa, before {load}", pressure)
 
-    def _trace_volumes(self, loads: Sequence[Load]) -> None:
+    def _trace_volumes(self, loads: Sequence[JudgedLoad]) -> None:
         wanted = [load.value / self.system.volume_unit for load in loads]
         met: list[State] = []
         try:
@@ -194,7 +418,7 @@ class WorkingStates:
         if upwards and highest is not None:
             limit, witness = self._upwards(found[highest], rest)
         elif witness is not None:
-            witness = self._solve(Load(PRESSURE, self.highest), witness, rest)
+            witness = self._solve(JudgedLoad(PRESSURE, self.highest), witness, rest)
         forked = guess.bifurcation
         if forked is not None and self._bifurcations is not None:
             forked = self._bifurcations.near(forked.states[0], forked.V - guess.rest + rest, forked.mode, rest)
@@ -220,7 +444,7 @@ class WorkingStates:
                 share = abs(step) / (here.state.V - rest)
                 continue
             if there.state.P * self.system.stress_unit >= self.highest:
-                return None, self._solve(Load(PRESSURE, self.highest), there.state, rest)
+                return None, self._solve(JudgedLoad(PRESSURE, self.highest), there.state, rest)
             rise, added = (there.tangent.P - here.tangent.P) / step, there.state.V - rest
             step = -there.tangent.P / rise if rise < 0.0 else np.inf
             if abs(step) < CLOSE * added:
@@ -242,7 +466,7 @@ class WorkingStates:
                 raise self._limit_below(limit.state, load)
         return limit
 
-    def _solve(self, load: Load, guess: State, rest: float) -> State:
+    def _solve(self, load: JudgedLoad, guess: State, rest: float) -> State:
         system = self.system
         if load.kind == PRESSURE:
             state = self.solver.solve(pressure_control(load.value / system.stress_unit), guess.w, guess.P)

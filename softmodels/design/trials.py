@@ -5,14 +5,118 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
+from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
-from softmodels.design.evaluation import Evaluation
-from softmodels.design.squares import Squares
+from geometries import Actuator
+from softmodels.common.arrays import Array
+from softmodels.common.calls import keep_arrays
 
-Array = npt.NDArray[np.float64]
+# ----------------------------------------------------------------------------------------------------------------------
+# Residuals of a target that is to be followed, with their derivatives, as small as least squares need them.
+#
+# Gauss and Newton's method and the covariance of its end know residuals r and their Jacobian J only by J^T J, J^T r and r^T r.
+# The triangle of the QR decomposition of [J r] has all three, however many residuals there are.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Squares:
+    """Residuals and their derivatives by the parameters, SI units.
+
+    Attributes:
+        count: How many residuals there are.
+        run: Over how many of them errors keep together.
+        sigma: Standard error of one; 0 where it is not known.
+        triangle: Of [J r], shape (m + 1, m + 1).
+    """
+
+    count: int
+    run: float
+    sigma: float
+    triangle: Array
+
+    def __post_init__(self) -> None:
+        keep_arrays(self)
+
+    @classmethod
+    def of(cls, residuals: Array, jacobian: Array, run: float = 1.0, sigma: float = 0.0) -> Self:
+        """Of residuals (n,) with their Jacobian (n, m)."""
+        both = np.column_stack([jacobian, residuals])
+        columns = both.shape[1]
+        padded = np.vstack([both, np.zeros((max(columns - len(both), 0), columns))])
+        return cls(len(residuals), run, sigma, np.linalg.qr(padded, mode="r"))
+
+    @property
+    def residuals(self) -> Array:
+        """A vector of the residuals' length, shape (m + 1,)."""
+        return self.triangle[:, -1]
+
+    @property
+    def jacobian(self) -> Array:
+        """Its derivatives, shape (m + 1, m)."""
+        return self.triangle[:, :-1]
+
+    def to_table(self) -> dict[str, object]:
+        """As plain numbers."""
+        return {**dataclasses.asdict(self), "triangle": self.triangle.tolist()}
+
+    @classmethod
+    def from_table(cls, table: dict[str, object]) -> Self:
+        """What `to_table` gave.
+
+        Raises:
+            TypeError, ValueError, KeyError: It is something else.
+        """
+        return cls(
+            int(str(table["count"])), float(str(table["run"])), float(str(table["sigma"])),
+            np.array(table["triangle"], dtype=float),
+        )  # fmt: skip
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a design is worth: values and gradients of all quantities at one set of parameters.
+
+
+class DesignFailure(RuntimeError):
+    """A design that cannot be judged: it is no device, or has no state at a load; the message is a sentence.
+
+    Attributes:
+        limit: Pressure in Pa at which its path ends, if that is why.
+    """
+
+    def __init__(self, message: str, limit: float | None = None):
+        super().__init__(message)
+        self.limit = limit
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Evaluation:
+    """A design, judged.
+
+    Attributes:
+        theta: Its parameters in SI units.
+        device: The device.
+        values: Of the quantities by key, in their SI units.
+        gradients: Their derivatives by the parameters, each of the shape of theta; empty if none were asked for.
+        material_gradients: Their derivatives by the material's numbers, by key and name.
+        quality: Least Jacobian of a cell over its own where the mesh was made; 1 on a fresh mesh.
+        newton: Newton iterations that all states took.
+        remeshed: Whether a fresh mesh was made.
+        notes: Sentences on how far the values can be trusted.
+        squares: Of the quantities that are distances from a target, by key.
+    """
+
+    theta: Array
+    device: Actuator
+    values: dict[str, float]
+    gradients: dict[str, Array]
+    material_gradients: dict[str, dict[str, float]] = dataclasses.field(default_factory=dict)
+    quality: float = 1.0
+    newton: int = 0
+    remeshed: bool = False
+    notes: tuple[str, ...] = ()
+    squares: dict[str, Squares] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -3,14 +3,45 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from softmodels.fitting.law_parameters import all_laws
-from softmodels.fitting.problem import loss_of
-from softmodels.fitting.result import LeastSquaresFit
+from softmodels.common.errors import known_are, spoken
+from softmodels.common.units import brief, with_prefix
+from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.residuals import largest_strain, stretches_of
+from softmodels.fitting.least_squares import Profile
+from softmodels.fitting.problem import (
+    FitError,
+    LawChoice,
+    all_laws,
+    loss_of,
+)
+from softmodels.fitting.result import (
+    NOTHING,
+    Judgement,
+    LeastSquaresFit,
+    objections,
+)
+from softmodels.materials.laws import Material
+from softmodels.materials.silicones import (
+    PRODUCTS,
+    named,
+    product_of,
+    silicone_called,
+)
+from softmodels.materials.specimens import respond, secant_modulus
+from softmodels.materials.stability import Verdict, judge
+
+if TYPE_CHECKING:
+    from softmodels.case.materials import MaterialErrors
+    from softmodels.fitting.outlines.residuals import MatchedPhotograph
+
 
 UNDECIDED = 2.0
 """Laws whose criteria differ by less than this are equally good (Burnham & Anderson 2002, section 2.6)."""
@@ -51,7 +82,7 @@ class Comparison:
     Attributes:
         ranked: Best first.
         preferred: The fit to take: the best, or the simplest of those that the data do not tell from it; of equally simple
-            ones the first in the order of `softmodels.fitting.law_parameters.all_laws`.
+            ones the first in the order of `softmodels.fitting.problem.all_laws`.
         sentence: Why.
     """
 
@@ -192,3 +223,426 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[LeastSquaresFit, str]:
     joint = "and leaves" if second.ratio >= ranked[0].ratio else "although it leaves"
     said = f"the next, {second.fit.label}, is {second.aicc:.3g} behind in AICc (over 2 tells) {joint} {times}"
     return best, f"the data prefer {first}: {said}"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A law with its fit: what it is worth, and whether it may be used.
+
+
+@dataclasses.dataclass(frozen=True)
+class DeviceMisfit:
+    """How well a fit follows the outlines and readings of one device.
+
+    Attributes:
+        device: Its name.
+        chi2: Sum of its squared residuals in standard errors.
+        count: How many they are.
+    """
+
+    device: str
+    chi2: float
+    count: int
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FittedLaw:
+    """A law with its fit and what it is worth.
+
+    Attributes:
+        choice: The law.
+        fit: Its fit.
+        material: With the fitted values.
+        verdict: Its stability within the fitted range.
+        profiles: By parameter; empty if none were asked for.
+        judgement: What speaks against it by what is known of the device and the bench.
+        devices: Its misfit of each device; empty but for outlines.
+    """
+
+    choice: LawChoice
+    fit: LeastSquaresFit
+    material: Material
+    verdict: Verdict
+    profiles: dict[str, Profile]
+    judgement: Judgement = NOTHING
+    devices: tuple[DeviceMisfit, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Everything that speaks against it."""
+        profiles = (p.trouble for p in self.profiles.values() if p.trouble)
+        found = (*self.objections, *self.fit.troubles, *self.verdict.flags, *self.judgement.warnings, *profiles)
+        return tuple(dict.fromkeys(map(spoken, found)))
+
+    @functools.cached_property
+    def objections(self) -> tuple[str, ...]:
+        """What forbids its use, whether or not it converged and is stable."""
+        own = objections(self.fit, lambda values: self.choice.material(values).shear_modulus_0)
+        return (*self.judgement.objections, *own)
+
+    @property
+    def errors(self) -> MaterialErrors:
+        """What is not known of the material: for ``sm.score(..., errors=...)`` and the band of a run.
+
+        Raises:
+            MaterialError: Nothing of the material was free, or the data do not determine it.
+        """
+        from softmodels.case.materials import MaterialErrors
+        from softmodels.mechanics.sensitivity import known_parameters
+
+        known = known_parameters(self.material)
+        kept = [i for i, p in enumerate(self.fit.free) if p.name in known]
+        rows = self.fit.covariance[np.ix_(kept, kept)].tolist()
+        names = tuple(self.fit.free[i].name for i in kept)
+        found = MaterialErrors(names, tuple(map(tuple, rows)), "covariance of the fit", self.material)
+        found.check(self.material)
+        return found
+
+    @property
+    def sound(self) -> bool:
+        """Whether it converged, is stable within its range, and nothing forbids its use."""
+        return self.fit.converged and not self.verdict.flags and not self.objections
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """95 % interval: the likelihood's where there is a profile, else the covariance's."""
+        return self.profiles[name].interval if name in self.profiles else self.fit.interval(name)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Curves of one test that cannot be one material's: other batches, rates or laboratories, told apart before they are mixed.
+
+
+TEST_ERROR = 0.02
+"""Share of the stress that two tests of one cast differ by, each: cross-section, load cell, crosshead strain."""
+BEYOND = 3.0
+"""Curves that differ by this many standard errors contradict each other."""
+TOE = 0.05
+"""Stretches this near to rest are left out: there the grips' slack decides."""
+SAMPLES = 50
+
+
+@dataclasses.dataclass(frozen=True)
+class CurveContradiction:
+    """Two curves of the same kind of test that differ by more than tests of one material do.
+
+    Attributes:
+        softer: Place of the softer curve in the list of curves.
+        stiffer: Place of the stiffer.
+        names: Their names, the softer first.
+        ratio: Stress of the stiffer over that of the softer: the factor that brings them closest.
+        difference: Root mean square difference as a share of their mean stress.
+        allowed: The share that tests of one material may differ by.
+        stretches: Where they were compared.
+    """
+
+    softer: int
+    stiffer: int
+    names: tuple[str, str]
+    ratio: float
+    difference: float
+    allowed: float
+    stretches: tuple[float, float]
+
+    @property
+    def sentence(self) -> str:
+        low, high = self.stretches
+        return (
+            f"{self.names[0]} and {self.names[1]} contradict each other: from stretch {low:.3g} to {high:.3g} the stress of "
+            f"the second is {self.ratio:.3g} times that of the first (they differ by {100 * self.difference:.2g} %, and tests "
+            f"of one material by less than {100 * self.allowed:.2g} %); batch, rate, conditioning or laboratory may differ"
+        )
+
+
+def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> list[CurveContradiction]:
+    """All pairs of curves of the same test that contradict each other, by their stresses at the same stretches.
+
+    No law is needed for that, so a law that follows neither cannot hide it, nor one that follows both poorly feign it.
+
+    Args:
+        curves: Measured curves.
+        gauge_error: Standard error of a factor on each test, a share, as the fit takes it.
+    """
+    found = []
+    allowed = BEYOND * math.sqrt(2) * max(TEST_ERROR, gauge_error)
+    for (i, a), (j, b) in itertools.combinations(enumerate(curves), 2):
+        if a.mode != b.mode:
+            continue
+        low, high = max(a.stretch[0], b.stretch[0]), min(a.stretch[-1], b.stretch[-1])
+        stretch = np.linspace(low, high, SAMPLES)
+        stretch = stretch[np.abs(stretch - 1) > TOE]
+        if high <= low or len(stretch) < SAMPLES // 4:
+            continue
+        one, other = (np.interp(stretch, c.stretch, c.stress) for c in (a, b))
+        mean = (one + other) / 2
+        difference = float(np.sqrt(np.mean((one - other) ** 2) / np.mean(mean**2)))
+        if difference <= allowed:
+            continue
+        ratio = float(one @ other / (one @ one))
+        pair = (i, j) if ratio >= 1.0 else (j, i)
+        names = (curves[pair[0]].name, curves[pair[1]].name)
+        ratio = float(one @ other / ((one @ one) if ratio >= 1.0 else (other @ other)))
+        found.append(
+            CurveContradiction(*pair, names, ratio, difference, allowed, (float(stretch[0]), float(stretch[-1])))
+        )
+    return found
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SeparateFits:
+    """Curves that contradict each other, each with a fit of its own.
+
+    Attributes:
+        pairs: What contradicts what.
+        curves: The measured curves.
+        own: The chosen law fitted to each of them alone.
+    """
+
+    pairs: tuple[CurveContradiction, ...]
+    curves: tuple[TensileCurve, ...]
+    own: tuple[FittedLaw, ...]
+
+    @property
+    def sentences(self) -> list[str]:
+        """What contradicts what, each curve's own material, and the spread between them."""
+        lines = [pair.sentence for pair in self.pairs]
+        for curve, one in zip(self.curves, self.own, strict=True):
+            values = ", ".join(
+                f"{p.name} {' '.join(with_prefix(one.fit.values[p.name], p.unit))}" for p in one.fit.parameters
+            )
+            rms = next(iter(one.fit.summaries.values())).rms / 1e3
+            modulus = " ".join(with_prefix(one.material.shear_modulus_0, "Pa"))
+            lines.append(
+                f"{curve.name} alone: {one.choice.name} with {values}, shear modulus {modulus}, rms {rms:.3g} kPa: "
+                f"{separate_file(self, curve)}"
+            )
+        return [*lines, self.spread]
+
+    @property
+    def spread(self) -> str:
+        """The small-strain shear modulus and the stress at the largest common stretch, lowest and highest."""
+        top = min(pair.stretches[1] for pair in self.pairs)
+        involved = {place for pair in self.pairs for place in (pair.softer, pair.stiffer)}
+        moduli = [self.own[i].material.shear_modulus_0 for i in involved]
+        stresses = [
+            float(respond(self.own[i].material, np.array([top]), self.curves[i].mode).stress[0]) for i in involved
+        ]
+        ends = [
+            " ".join(with_prefix(value, "Pa")) for value in (min(moduli), max(moduli), min(stresses), max(stresses))
+        ]
+        return (
+            f"spread: shear modulus {ends[0]} to {ends[1]}, nominal stress at stretch {top:.3g} {ends[2]} to {ends[3]}; the "
+            "joint fit lies between the curves and follows none of them, so simulate with both ends"
+        )
+
+
+def separate_file(separate: SeparateFits, curve: TensileCurve) -> str:
+    """Name of the material file of a curve's own fit."""
+    number = next(i for i, other in enumerate(separate.curves, 1) if other is curve)
+    return f"fitted-curve{number}.toml"
+
+
+def fit_separately(
+    curves: Sequence[TensileCurve], gauge_error: float, fit_one: Callable[[TensileCurve], FittedLaw]
+) -> SeparateFits | None:
+    """Curves that contradict each other, fitted one by one; None where they go together.
+
+    Args:
+        curves: Measured curves.
+        gauge_error: See `contradictions`.
+        fit_one: Fits the chosen law to one curve.
+    """
+    pairs = tuple(contradictions(curves, gauge_error))
+    return SeparateFits(pairs, tuple(curves), tuple(map(fit_one, curves))) if pairs else None
+
+
+def fitted_alone(choice: LawChoice, fit: LeastSquaresFit, curve: TensileCurve) -> FittedLaw:
+    """A curve's own fit as a material with its stability."""
+    material = choice.material(fit.values, stretches_of([curve]))
+    return FittedLaw(choice, fit, material, judge(material, largest_strain([curve])), {})
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# All laws that were fitted to the same measurements, and which of them to take.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FitReport:
+    """All that was fitted, best law first, to which curves, and how.
+
+    Attributes:
+        laws: Fitted laws, by the comparison's order.
+        comparison: What the criterion says.
+        curves: Measured curves within the fit's range.
+        how: The weighting in words.
+        apart: Curves that contradict each other, with a fit of each alone; None where they go together.
+        devices: Each device in words; empty for curves alone.
+        notes: What was left out, and why.
+        photographs: By law: each photograph with its fitted state; empty but for outlines.
+    """
+
+    laws: tuple[FittedLaw, ...]
+    comparison: Comparison
+    curves: tuple[TensileCurve, ...]
+    how: str
+    separate: SeparateFits | None = None
+    devices: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    photographs: Mapping[str, Sequence[MatchedPhotograph]] = dataclasses.field(default_factory=dict)
+
+    @property
+    def chosen(self) -> FittedLaw:
+        """The preferred law; if that is not sound, the best that is; if none is, the preferred all the same."""
+        preferred = next(one for one in self.laws if one.fit is self.comparison.preferred)
+        return next((one for one in (preferred, *self.laws) if one.sound), preferred)
+
+    @property
+    def material(self) -> Material:
+        """The material of the chosen law."""
+        return self.chosen.material
+
+    @property
+    def ranges(self) -> list[str]:
+        """The devices and what was left out of its measurements; which part of each curve was fitted, and what was left out."""
+        curves = [
+            f"{c.name} ({c.mode}): stretch {c.stretch[0]:.4g} to {c.stretch[-1]:.4g}, {len(c.stretch)} points"
+            + "".join(f"; {remark}" for remark in c.remarks)
+            for c in self.curves
+        ]
+        return [*self.devices, *self.notes, *curves]
+
+    @property
+    def verdict(self) -> str:
+        """Which law was taken, and why."""
+        preferred = self.comparison.preferred
+        if self.chosen.fit is preferred:
+            return self.comparison.sentence
+        one = next(one for one in self.laws if one.fit is preferred)
+        reason = "is not stable within the range" if one.verdict.flags else "is not sound"
+        reason = reason if preferred.converged else "did not converge"
+        ratio = {one.fit.label: one.ratio for one in self.comparison.ranked}
+        times = ratio[self.chosen.fit.label] / ratio[preferred.label]
+        return (
+            f"{self.comparison.sentence}; but {preferred.label} {reason}, so {self.chosen.choice.name} is taken, whose misfit "
+            f"is {times:.3g} times as large"
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A fitted law held against what is known of its silicone: a wrong unit or factor of all pressures shows nowhere else.
+
+
+CASTABLE = (5e3, 1.5e6)
+"""Secant shear moduli in Pa of silicones that parts are cast of, from Ecoflex 00-10 (7 kPa) to hard PDMS (1 MPa)."""
+ANY = "any"
+"""In place of a silicone's name: any that can be cast."""
+STRETCH = 1.5
+"""Uniaxial stretch at which moduli are compared, or the largest that was fitted."""
+ROOM = (1.05, 1.25)
+"""Factors below and above the published values of a product that several laboratories have measured; parts get stiffer."""
+ALONE = (1.7, 1.7)
+"""The same for a product with one published curve: laboratories differ by up to a factor two."""
+GUESS = (4.0, 4.0)
+"""The same for a case's own law that is no named silicone."""
+FACTORS = (
+    (0.1, "a tenth of what is likely: were they in mm listed as cm, cm of water listed as mm, or kPa listed as cm of water?"),
+    (10.0, "ten times what is likely: were they in mm listed as cm, or cm of water or mbar listed as kPa?"),
+    (0.5, "half of what is likely: was the level of one tube alone listed?"),
+    (2.0, "twice what is likely: was the difference of the two tubes doubled?"),
+    (0.01, "a hundredth of what is likely: were they in hPa or mbar listed as Pa?"),
+    (100.0, "a hundred times what is likely: were they in Pa listed as hPa or mbar?"),
+)  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Expected:
+    """What is known of a silicone.
+
+    Attributes:
+        label: Whose modulus it is, in words.
+        curves: Laws that have been published for it, or the one that the case has.
+        room: Factors below and above.
+        known: Whether the silicone is named.
+    """
+
+    label: str
+    curves: tuple[Material, ...]
+    room: tuple[float, float]
+    known: bool
+
+    def range(self, stretch: float) -> tuple[float, float]:
+        """Lowest and highest believable secant shear modulus in Pa at a stretch."""
+        if not self.curves:
+            return CASTABLE
+        moduli = [secant_modulus(curve, stretch) for curve in self.curves]
+        return min(moduli) / self.room[0], max(moduli) * self.room[1]
+
+
+def expected(silicone: str | None, material: Material | None = None) -> Expected:
+    """What a named silicone, or else a case's own material, leads to.
+
+    Args:
+        silicone: Name of a silicone, or `ANY`; None to go by the material.
+        material: The case's; None if there is no case.
+
+    Raises:
+        FitError: No silicone of this name is known.
+    """
+    name = silicone or (named(material) if material is not None else None)
+    if name == ANY or (name is None and material is None):
+        return Expected("silicones that can be cast", (), (1.0, 1.0), silicone == ANY)
+    if name is None:
+        assert material is not None
+        return Expected("the case's own material", (material,), GUESS, False)
+    curves = published(name)
+    if not curves:
+        raise FitError(f"silicone {brief(name)} is unknown; {known_are(name, PRODUCTS, ', and any')}")
+    return Expected(f"published curves of {name}", curves, ROOM if len(curves) > 1 else ALONE, True)
+
+
+def published(name: str) -> tuple[Material, ...]:
+    """Laws of all sources that have pulled the product that a name means, whichever source the name stands for."""
+    sources = PRODUCTS.get(product_of(name), ()) if silicone_called(name) else ()
+    return tuple(one.material for one in sources if one.pulled)
+
+
+def objection(material: Material, largest: float, known: Expected) -> str:
+    """A sentence if a fitted law is none of its silicone's, empty if it may be.
+
+    Args:
+        material: The fitted law.
+        largest: Largest stretch that it was fitted to.
+        known: What its silicone leads to.
+    """
+    stretch = min(STRETCH, max(largest, 1.05))
+    modulus, (low, high) = secant_modulus(material, stretch), known.range(stretch)
+    if low <= modulus <= high:
+        return ""
+    side = f"{low / modulus:.3g} times below" if modulus < low else f"{modulus / high:.3g} times above"
+    hints = [words for factor, words in FACTORS if modulus > 0.0 and low <= modulus / factor <= high]
+    hint = f"; the pressures would then be {hints[0]}" if hints else ""
+    kind = "have" if known.known or not known.curves else "leads to"
+    return (
+        f"its shear modulus at stretch {stretch:.3g} is {modulus / 1e3:.3g} kPa, {side} what {known.label} {kind} "
+        f"({low / 1e3:.3g} to {high / 1e3:.3g} kPa){hint}. Check the unit of the pressures, or name the silicone (--silicone "
+        "NAME, or --silicone any if it is in no list)"
+    ).replace("?.", "?")
+
+
+def hold_against(law: Material, largest: float, known: Expected, judgement: Judgement) -> Judgement:
+    """A judgement that knows the silicone too; where something else is wrong already, the modulus need not be right."""
+    said = "" if judgement.objections else objection(law, largest, known)
+    return dataclasses.replace(judgement, objections=(said,)) if said else judgement
+
+
+def stretch_of(strain: float) -> float:
+    """Uniaxial stretch in tension with this I1 - 3."""
+    return float(max(np.roots([1.0, 0.0, -(strain + 3.0), 2.0]).real))
+
+
+def caution(known: Expected) -> str:
+    """What cannot be noticed where nobody says which silicone it is, empty if that is known."""
+    if known.known:
+        return ""
+    return (
+        "nothing tells which silicone this is, so a wrong factor that is common to all pressures, such as the level of one "
+        "tube alone, is not noticed; name it with --silicone"
+    )

@@ -5,17 +5,21 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import ndtri, stdtrit
 
-from measurement.read_only import keep_arrays, read_only
-from softmodels.fitting.problem import Parameter, Problem
-from softmodels.fitting.residual_groups import GroupSummary, Rows, autocorrelation_time
-
-Array = npt.NDArray[np.float64]
+from softmodels.common.arrays import Array
+from softmodels.common.calls import keep_arrays, read_only
+from softmodels.fitting.problem import (
+    GroupSummary,
+    Parameter,
+    Problem,
+    Rows,
+    autocorrelation_time,
+)
+from softmodels.materials.laws import MaterialError
 
 LEVEL = 0.95
 BLIND = 1e-8
@@ -55,7 +59,7 @@ class LeastSquaresFit:
         errors: See `softmodels.fitting.least_squares.fit_parameters`.
         evaluations: Evaluations of the sources so far.
         starts: Where each start ended.
-        problem: What `softmodels.fitting.profile.profile` solves again.
+        problem: What `softmodels.fitting.least_squares.profile` solves again.
         troubles: Sentences on what speaks against the fit; none if it ended well.
         shared: Change of each measured residual by one standard error of each thing that all of them have in common and that
             no parameter stands for, shape (count, k); None for none.
@@ -229,7 +233,8 @@ class LeastSquaresFit:
         return math.inf if variance < 0.0 else math.sqrt(variance)  # below zero: nothing but rounding is left of it
 
     def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval of a parameter from the covariance, in its unit; nan at a bound (see `softmodels.fitting.profile`)."""
+        """95 % interval of a parameter from the covariance, in its unit; nan at a bound (see
+        `softmodels.fitting.least_squares`)."""
         reach = self.reach(name)
         return self.values[name] - reach, self.values[name] + reach
 
@@ -281,3 +286,155 @@ class LeastSquaresFit:
         if self.errors == "stated":
             return self.deviance
         return self.count * math.log(max(self.deviance, 1e-300) / self.count)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Whether a fit may be used: what forbids it, whatever its law and its data.
+
+
+NORMAL = 1.96
+"""Half a 95 % interval in standard errors."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Judgement:
+    """What is known of a device, a bench and a silicone, and speaks against a fit.
+
+    Attributes:
+        objections: Sentences that forbid its use.
+        warnings: Sentences that do not.
+        notes: What was corrected.
+    """
+
+    objections: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+NOTHING = Judgement()
+
+
+def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], float]) -> tuple[str, ...]:
+    """Sentences that forbid the use of a fit; none if it is sound.
+
+    Args:
+        fit: The fit.
+        modulus: The law's small-strain shear modulus in Pa at parameter values.
+    """
+    found = [
+        f"{p.words} ended at its bound {with_unit(bound, p)}, so that its value and its interval mean nothing"
+        for p in fit.free
+        if (bound := fit.at_bounds.get(p.name)) is not None and bound not in p.answers
+    ]
+    found += [f"the data do not determine {p.words}: {why}" for p in fit.free if (why := _undetermined(fit, p))]
+    value, error = modulus(fit.values), _modulus_error(fit, modulus)
+    if not found and not NORMAL * error < abs(value):
+        found.append(
+            f"the data do not determine the shear modulus: {value / 1e3:.4g} kPa with a standard error of {error / 1e3:.3g} kPa"
+        )
+    return tuple(found)
+
+
+def with_unit(value: float, p: Parameter) -> str:
+    """A parameter's value with its unit."""
+    return f"{value:.4g} {p.unit}".rstrip()
+
+
+def _undetermined(fit: LeastSquaresFit, p: Parameter) -> str:
+    """Why a parameter is not determined, empty if it is; one with a prior always is."""
+    if p.prior or p.hidden or p.name in fit.at_bounds:
+        return ""
+    if not math.isfinite(fit.error(p.name)):
+        return "another one makes up for any change of it"
+    low, high = (fit.values[p.name] + sign * NORMAL * fit.error(p.name) for sign in (-1.0, 1.0))
+    whole = math.isfinite(p.upper - p.lower) and low <= p.lower and high >= p.upper
+    return "its interval is as wide as its bounds" if whole and not p.answers else ""
+
+
+def _modulus_error(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], float]) -> float:
+    """Standard error of the shear modulus in Pa, by its derivatives; 0 where nothing it depends on is free."""
+    slope = np.zeros(len(fit.free))
+    for i, p in enumerate(fit.free):
+        if p.name in fit.at_bounds or p.hidden or p.name == "poisson":
+            continue
+        step = 1e-6 * (abs(fit.values[p.name]) or p.scale)
+        try:
+            ends = [modulus({**fit.values, p.name: fit.values[p.name] + sign * step}) for sign in (-1.0, 1.0)]
+        except MaterialError:  # a law at the edge of what it can be: its modulus is nothing but rounding
+            return math.inf
+        slope[i] = (ends[1] - ends[0]) / (2 * step)
+    seen = slope != 0.0
+    if not seen.any():
+        return 0.0
+    variance = float(slope[seen] @ fit.covariance[np.ix_(seen, seen)] @ slope[seen])
+    return math.sqrt(variance) if variance >= 0.0 else math.inf
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What the data see of a fit's parameters, and what they do not.
+
+
+TOGETHER = 0.98
+"""Parameters whose estimates correlate beyond this are seen only together."""
+
+
+def singular_values(fit: LeastSquaresFit) -> tuple[Array, Array]:
+    """Singular values (m,) of the data's Jacobian and its right vectors (m, m), in rows.
+
+    The columns are scaled by what is a large change of each parameter: its prior's error, half the span of its bounds,
+    or its own size. A value far below 1 is a combination that the data cannot tell from no change.
+    """
+    J = fit.jacobian[: fit.count] * np.array([_reach(fit, p) for p in fit.free]) / math.sqrt(fit.dispersion)
+    _, values, vectors = np.linalg.svd(J, full_matrices=len(J) < J.shape[1])
+    return np.pad(values, (0, len(fit.free) - len(values))), vectors
+
+
+def _reach(fit: LeastSquaresFit, p: Parameter) -> float:
+    if p.prior:
+        return p.prior.error
+    if math.isfinite(p.upper - p.lower) and not p.logarithmic:
+        return (p.upper - p.lower) / 2
+    return abs(fit.values[p.name]) or p.scale
+
+
+def unseen(fit: LeastSquaresFit) -> tuple[str, ...]:
+    """Sentences on parameters, or combinations of them, that the data do not determine."""
+    said = []
+    for p in fit.free:
+        if p.name in fit.at_bounds:
+            continue
+        room, against = _allowed(p, fit.values[p.name])
+        if not fit.quantile * _data_error(fit, p) < room:
+            rests = f"{p.words} rests on its prior: without it, its interval would be wider"
+            said.append(rests if p.prior else f"the data do not see {p.words}: its interval is wider than {against}")
+    R = fit.correlations
+    for i, a in enumerate(fit.free):
+        for j in range(i):
+            if abs(R[i, j]) > TOGETHER and not (a.hidden or fit.free[j].hidden):
+                both = f"{fit.free[j].name} and {a.name}"
+                said.append(f"the data see {both} only together (correlation {R[i, j]:.3f})")
+    values, vectors = singular_values(fit)
+    if np.isinf(np.diag(fit.covariance)).any() and values[-1] <= BLIND * max(values[0], 1e-300):
+        mixed = [p.words for p, share in zip(fit.free, vectors[-1], strict=True) if abs(share) > 0.1]
+        said.append(f"the data do not see one combination of {', '.join(mixed)} at all")
+    return tuple(said)
+
+
+def _data_error(fit: LeastSquaresFit, p: Parameter) -> float:
+    """Standard error of a parameter as if there were no prior on it."""
+    if not p.prior:
+        return fit.error(p.name)
+    own = fit.count + [q.name for q in fit.free if q.prior].index(p.name)
+    without = dataclasses.replace(
+        fit, residuals=np.delete(fit.residuals, own), jacobian=np.delete(fit.jacobian, own, axis=0)
+    )
+    return without.error(p.name)
+
+
+def _allowed(p: Parameter, value: float) -> tuple[float, str]:
+    """How wide an interval may be before the data say nothing: its half width, and what it is held against."""
+    if p.prior:
+        return 1.96 * p.prior.error, "its prior"
+    if p.logarithmic or not math.isfinite(p.upper - p.lower):
+        return (abs(value) or p.scale) * (1.0 if p.lower >= 0.0 else 10.0), "its own size"
+    return (p.upper - p.lower) / 2, "its bounds"

@@ -1,3 +1,3 @@
 """Laws of silicones: energies, test specimens, stability, and the library of named products."""
 
-from softmodels.materials import laws as laws  # all of them are found by their names then
+from softmodels.materials import laws as laws

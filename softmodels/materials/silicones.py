@@ -11,14 +11,19 @@ Parameters of measured curves are least-squares fits made here, and say so; what
 from __future__ import annotations
 
 import dataclasses
+import statistics
 from collections.abc import Sequence
 
-from measurement.arguments import checked, one_of
-from measurement.units import brief
-from measurement.wording import known_are
-from softmodels.materials.homogeneous import secant_modulus
-from softmodels.materials.laws import Ogden, Yeoh
-from softmodels.materials.material import Material, MaterialError
+from softmodels.common.calls import checked, one_of
+from softmodels.common.errors import known_are
+from softmodels.common.units import brief
+from softmodels.materials.laws import (
+    Material,
+    MaterialError,
+    Ogden,
+    Yeoh,
+)
+from softmodels.materials.specimens import secant_modulus
 
 PSI = 6894.757293168
 """Pa."""
@@ -308,3 +313,168 @@ def silicone(name: str) -> Material:
             f"silicone {brief(name)} is unknown; {known_are(name, PRODUCTS, ', and their sources (softmodels silicones)')}"
         )
     return found.material
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How far the sources of one named silicone lie apart, in words and as the sources to compute with.
+
+
+def product_of(name: str) -> str:
+    """The product of a name such as ``"ecoflex-00-30/liao-2021"``."""
+    return OTHER_NAMES.get(name, name).partition("/")[0]
+
+
+def full_name(product: str, source: Silicone) -> str:
+    """``product/source``."""
+    return f"{product}/{source.origin.key}"
+
+
+def name_of(product: str, source: Silicone) -> str:
+    """The shortest name of a source: the product's alone for its middle one."""
+    return product if source is SILICONES[product] else full_name(product, source)
+
+
+def spanning(product: str) -> list[Silicone]:
+    """The sources that a product's band spans, from the softest to the stiffest in tension; none if there is only one."""
+    pulled = in_tension(PRODUCTS[product])
+    return pulled if len(pulled) > 1 else []
+
+
+def source_names(name: str) -> list[str]:
+    """The names of all sources in tension of a named silicone's product, from the softest to the stiffest."""
+    product = product_of(name)
+    return [name_of(product, one) for one in in_tension(PRODUCTS[product])]
+
+
+def factor(product: str) -> float | None:
+    """Stiffest over softest of `spanning`, by their secant modulus at the working stretch; None for a single source."""
+    many = spanning(product)
+    return working_modulus(many[-1].material) / working_modulus(many[0].material) if many else None
+
+
+def usual_factors() -> tuple[float, float, float]:
+    """Least, median and largest `factor` of the products that have several sources."""
+    found = [f for f in map(factor, PRODUCTS) if f is not None]
+    return min(found), statistics.median(found), max(found)
+
+
+def spread_sentence(name: str) -> str:
+    """What is known of the spread between the sources of a named silicone."""
+    product = product_of(name)
+    used = SILICONES[OTHER_NAMES.get(name, name)]
+    many = spanning(product)
+    if not many:
+        low, middle, high = usual_factors()
+        return (
+            f"{product} has one source here ({used.origin.key}), so its spread between batches and laboratories is unknown; "
+            f"the shear moduli of products with several sources differ by a factor of {low:.2g} to {high:.2g} (median "
+            f"{middle:.2g}): fit a cast of your own before you rely on it"
+        )
+    moduli = ", ".join(f"{source.origin.key} {working_modulus(source.material) / 1e3:.3g}" for source in many)
+    return (
+        f"{product} is {used.origin.key}'s here{_meant(product, used, len(many))}; published sources disagree: secant shear "
+        f"modulus at stretch {WORKING_STRETCH:g} in kPa {moduli} (a factor of {factor(product):.2g} between batches, rates and "
+        f"laboratories); --band {product} computes all of them, or fit a cast of your own"
+    )
+
+
+def _meant(product: str, used: Silicone, count: int) -> str:
+    """Why a plain name means this source; empty for a source that was named."""
+    if used is not SILICONES[product]:
+        return ""
+    return " (the stiffer of two)" if count == 2 else f" (the middle of {count} in tension)"
+
+
+def material_spread(material: Material) -> str | None:
+    """`spread_sentence` of the silicone that a material is; None if it is none of the library."""
+    name = named(material)
+    return spread_sentence(name) if name else None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How named silicones are mixed and cured, from their makers' data sheets: what a workshop needs beside the law.
+#
+# Figures are the makers' typical values at 23 C. What is not known here has to be read from the sheet that came with the batch.
+
+
+@dataclasses.dataclass(frozen=True)
+class Casting:
+    """A silicone as the workshop meets it.
+
+    Attributes:
+        parts: Of component A and of component B.
+        by: ``"weight"``, or ``"weight or volume"`` where both are the same.
+        density: Of the mixture in kg/m3.
+        pot_life: Time in s in which it can be poured.
+        cure_time: Time in s after which it can be taken out of the mould, at 23 C.
+        shrinkage: Linear, 0 where the sheet gives a bound alone; None where it gives nothing.
+        source: The sheet.
+    """
+
+    parts: tuple[float, float]
+    by: str
+    density: float
+    pot_life: float
+    cure_time: float
+    shrinkage: float | None
+    source: str
+
+
+MINUTE, HOUR = 60.0, 3600.0
+
+
+def _smooth_on(series: str, gravity: float, pot_minutes: float, cure_hours: float) -> Casting:
+    """Smooth-On's series of one to one; their bulletins give a shrinkage below 0.001."""
+    source = f"Smooth-On technical bulletin, {series} (specific gravity, pot life, cure time; shrinkage below 0.1 %)"
+    return Casting((1.0, 1.0), "weight or volume", gravity * 1e3, pot_minutes * MINUTE, cure_hours * HOUR, 0.0, source)
+
+
+CASTING: dict[str, Casting | None] = {
+    **dict.fromkeys(PRODUCTS),
+    "ecoflex-00-10": _smooth_on("Ecoflex Series", 1.04, 30, 4),
+    "ecoflex-00-30": _smooth_on("Ecoflex Series", 1.07, 45, 4),
+    "ecoflex-00-50": _smooth_on("Ecoflex Series", 1.07, 18, 3),
+    "dragon-skin-10-medium": _smooth_on("Dragon Skin Series", 1.07, 20, 5),
+    "dragon-skin-20": _smooth_on("Dragon Skin Series", 1.08, 25, 4),
+    "dragon-skin-30": _smooth_on("Dragon Skin Series", 1.08, 45, 16),
+    "elastosil-m4601": Casting(
+        (9.0, 1.0),
+        "weight",
+        1130.0,
+        90 * MINUTE,
+        12 * HOUR,
+        0.0,
+        "Wacker data sheet, ELASTOSIL M 4601 A/B (shrinkage below 0.1 %)",
+    ),
+    "sylgard-184": Casting(
+        (10.0, 1.0),
+        "weight",
+        1030.0,
+        90 * MINUTE,
+        48 * HOUR,
+        None,
+        "Dow data sheet, SYLGARD 184 Silicone Elastomer (48 h at 25 C, 35 min at 100 C)",
+    ),
+}
+"""By product; None where the sheet that came with the batch has to be read."""
+
+
+SILICONE_DENSITY = 1070.0
+"""kg/m3 where no sheet is known; those above have 1030 to 1130."""
+
+
+def sheet_of(material: Material) -> Casting | None:
+    """The sheet of the silicone that a material is; None if it is none of the library, or its sheet is not known here."""
+    name = named(material)
+    return casting_of(name.partition("/")[0]) if name else None
+
+
+def density_of(material: Material) -> float:
+    """Density in kg/m3 by the sheet of the silicone that a material is, else `SILICONE_DENSITY`."""
+    sheet = sheet_of(material)
+    return sheet.density if sheet else SILICONE_DENSITY
+
+
+def casting_of(product: str) -> Casting | None:
+    """How a product is cast; None if that is not known here."""
+    return CASTING.get(product)

@@ -1,143 +1,619 @@
-"""The residual and the tangent of a device's equations, assembled in the state that its functions hold."""
+"""Terms of the potential that no form of UFL has: energy, forces and stiffness are assembled by themselves.
+
+Pairs of places far apart on the mesh press on each other in contact, and which pairs changes with the shape; a form only knows
+what shares a cell.
+"""
 
 from __future__ import annotations
 
+import abc
+import copy
 import functools
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.common.arrays import Array
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.component import ComponentError, EnergyTerm
+from softmodels.mechanics.mpi import (
+    everywhere,
+    largest,
+    summed,
+    total,
+)
+
 if TYPE_CHECKING:
-    import ufl
-    from dolfinx import fem
+    from collections.abc import Iterable
+
+    import scipy
+    from dolfinx import fem, mesh
+    from dolfinx.common import IndexMap
     from petsc4py import PETSc
 
-    from softmodels.mechanics.assembled import AssembledTerms
-    from softmodels.mechanics.dead_loads import DeadLoads
-    from softmodels.mechanics.potential import Potential
-    from softmodels.mechanics.products import Products
-    from softmodels.mechanics.unknowns import Unknowns
 
-Array = npt.NDArray[np.float64]
+# ----------------------------------------------------------------------------------------------------------------------
+# PETSc matrices of compiled bilinear forms.
+#
+# By the compiled functions that ``dolfinx.fem.petsc`` calls too. That module prepares PETSc's functions for Numba when it is
+# imported, and reads their declarations with a parser of C, which is a fiftieth of a short command's time.
 
 
-class Assembly:
-    """What the `System` assembles; its attributes are set there.
+def held_dofs(bcs: Sequence[fem.DirichletBC]) -> npt.NDArray[np.int32]:
+    """Owned dofs that conditions hold, local numbers."""
+    own = [dofs[:owned] for dofs, owned in (bc.dof_indices() for bc in bcs)]
+    return np.concatenate([np.empty(0, dtype=np.int32), *own])
 
-    Vectors of all dofs are entries by w. Those of the unknowns are what Newton's method has: zero at held dofs, and with rigid
-    parts by the parts' own unknowns in place of the dofs that follow them.
+
+def create_matrix(form: fem.Form) -> PETSc.Mat:
+    """An empty matrix with a form's pattern."""
+    from dolfinx import cpp
+
+    return cpp.fem.petsc.create_matrix(form._cpp_object, None)  # type: ignore[no-any-return]
+
+
+def assemble_into(
+    matrix: PETSc.Mat, form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0
+) -> None:
+    """Add a form up in a matrix, which is not brought to its end.
+
+    Args:
+        matrix: With the form's pattern.
+        form: The form; of one space for both its arguments.
+        bcs: Rows and columns of their dofs stay empty.
+        diagonal: What stands on their diagonal.
+    """
+    from dolfinx import cpp, fem
+
+    held = [bc._cpp_object for bc in bcs]
+    constants, coefficients = fem.pack_constants(form), fem.pack_coefficients(form)
+    cpp.fem.petsc.assemble_matrix(matrix, form._cpp_object, constants, coefficients, held)
+    matrix.assemble(matrix.AssemblyType.FLUSH)
+    put_diagonal(matrix, form.function_spaces[0], bcs, diagonal)
+
+
+def put_diagonal(
+    matrix: PETSc.Mat, space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC], diagonal: float = 1.0
+) -> None:
+    """Put a number on the diagonal of held dofs; between what is added up and this, the matrix is flushed."""
+    from dolfinx import cpp
+
+    of = getattr(space, "_cpp_object", space)
+    cpp.fem.petsc.insert_diagonal(matrix, of, [bc._cpp_object for bc in bcs], diagonal)
+
+
+def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
+    """A form's matrix; see `assemble_into`."""
+    matrix = create_matrix(form)
+    assemble_into(matrix, form, bcs, diagonal)
+    matrix.assemble()
+    return matrix
+
+
+def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
+    """A form's matrix with no places for zeros, which would take several times the memory; see `assemble_into`."""
+    from petsc4py import PETSc
+
+    dofmap, comm = form.function_spaces[0].dofmap, form.mesh.comm
+    numbers, block = dofmap.index_map, dofmap.index_map_bs
+    size = (numbers.size_local * block, PETSc.DETERMINE)
+    made = PETSc.Mat().createAIJ((size, size), bsize=block, comm=comm)
+    places = numbers.local_to_global(np.arange(numbers.size_local + numbers.num_ghosts, dtype=np.int32))
+    local = PETSc.LGMap().create(places.astype(np.int32), block, comm)  # type: ignore[arg-type]
+    made.setLGMap(local, local)
+    made.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)  # type: ignore[arg-type]
+    assemble_into(made, form, bcs, diagonal)
+    made.assemble()
+    local.destroy()
+    return made
+
+
+def length(x: PETSc.Vec) -> float:
+    """Euclidean length of a vector."""
+    return float(x.dot(x)) ** 0.5
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Facets of named faces with their nodes, whole on every rank: faces are small, and what presses on them may be anywhere.
+
+
+Numbers = npt.NDArray[np.int64]
+
+
+def check_mesh_faces(body: Body, roles: Sequence[str], where: str) -> None:
+    """Raise `ComponentError` for a face that the mesh lacks."""
+    facets = body.mesh.topology.dim - 1
+    for role in roles:
+        if body.entities.get(role, (-1,))[0] != facets:
+            known = ", ".join(name for name, (dimension, _) in body.entities.items() if dimension == facets)
+            raise ComponentError(
+                f"{where}: the mesh of {type(body.actuator).__name__} has no face {role!r}; it has {known}"
+            )
+
+
+class FaceNodes:
+    """Quadratic facets of faces and where their nodes' displacements are; the same on every rank.
+
+    Args:
+        body: The mesh.
+        space: That of the unknowns w.
+        roles: The faces.
+
+    Attributes:
+        places: Of the nodes at rest, shape (n, d), in sizes of the device.
+        facets: Nodes of each facet, shape (f, 3 or 6): corners, then middles, of triangles each opposite to its corner.
+        faces: Number of the role that each facet belongs to, shape (f,).
+        inside: Middle of the cell behind each facet, shape (f, d).
+        dofs: Global numbers of the skew components of each node's displacement, shape (n, d).
     """
 
-    potential: Potential
-    w: fem.Function
-    n: int
-    bcs: list[fem.DirichletBC]
-    unknowns: Unknowns
-    assembled: AssembledTerms
-    dead: DeadLoads
-    pressures: Array
-    _whole: PETSc.Mat
-    _vector: fem.Function
-    _internal: list[fem.Form]
-    _loads: list[list[fem.Form]]
-    _products: Products
-    form: Callable[[ufl.Form], fem.Form]
+    def __init__(self, body: Body, space: fem.FunctionSpace, roles: Sequence[str]):
+        import basix
+        from dolfinx import fem
 
-    def assemble(self, forms: list[fem.Form], held: bool = False) -> Array:
-        """Sum of assembled linear forms, owned entries: by the unknowns and zero at held dofs, or by all dofs if ``held``.
+        self.comm, self.skew = body.mesh.comm, body.skew_inverse
+        mesh = body.mesh
+        topology, d = mesh.topology, mesh.topology.dim
+        nodes = fem.functionspace(mesh, ("P", 2))
+        vectors = space if space.dofmap.index_map_bs == d else space.sub(0)  # mixed dofs are not in blocks
+        components = [vectors.sub(c).dofmap for c in range(d)]
+        of_facet = _nodes_of_facets(basix.topology(mesh.basix_cell()), d)
+        topology.create_connectivity(d - 1, d)
+        topology.create_connectivity(d, d - 1)
+        to_cell, to_facet = topology.connectivity(d - 1, d), topology.connectivity(d, d - 1)
+        at = nodes.tabulate_dof_coordinates()[:, :d]
+        block = space.dofmap.index_map_bs
+        owned = topology.index_map(d).size_local
+        found: list[tuple[Numbers, Array, Numbers, int, Array]] = []
+        for number, role in enumerate(roles):
+            for facet in body.entities[role][1]:
+                cell = to_cell.links(facet)[0]
+                if cell >= owned:
+                    continue
+                chosen = of_facet[int(np.flatnonzero(to_facet.links(cell) == facet)[0])]
+                here = nodes.dofmap.cell_dofs(cell)
+                local = np.column_stack([dofmap.cell_dofs(cell)[chosen] for dofmap in components])
+                numbers = space.dofmap.index_map.local_to_global((local // block).ravel().astype(np.int32))
+                dofs = numbers.reshape(local.shape) * block + local % block
+                ids = nodes.dofmap.index_map.local_to_global(here[chosen].astype(np.int32))
+                found.append((ids, at[here[chosen]], dofs, number, at[here[: d + 1]].mean(axis=0)))
+        k = 3 if d == 2 else 6
+        ids, places, dofs, faces, inside = (
+            everywhere(self.comm, np.array([entry[i] for entry in found], dtype=kind).reshape(-1, *shape))
+            for i, (kind, shape) in enumerate(
+                [(np.int64, (k,)), (np.float64, (k, d)), (np.int64, (k, d)), (np.int64, ()), (np.float64, (d,))]
+            )
+        )
+        _, first, facets = np.unique(ids, return_index=True, return_inverse=True)
+        self.facets: Numbers = facets.reshape(ids.shape)
+        self.places: Array = np.asarray(places.reshape(-1, d)[first], dtype=float)
+        self.dofs: Numbers = np.asarray(dofs.reshape(-1, d)[first], dtype=np.int64)
+        self.faces: Numbers = np.asarray(faces, dtype=np.int64)
+        self.inside: Array = np.asarray(inside, dtype=float)
+        self.total_dofs = space.dofmap.index_map.size_global * block
+        start, end = (int(bound) * block for bound in space.dofmap.index_map.local_range)
+        self.owned = start, end
 
-        It is a view that the next call overwrites.
-        """
-        from dolfinx import fem, la
-
-        b = self._vector.x
-        b.array[:] = 0.0
-        for form in forms:
-            fem.assemble_vector(b.array, form)
-        b.scatter_reverse(la.InsertMode.add)
-        return b.array[: self.n] if held else self._by_unknowns()
-
-    def by_unknowns(self, entries: Array) -> Array:
-        """Entries of owned dofs by the unknowns; a view that the next assembly overwrites."""
-        self._vector.x.array[: self.n] = entries
-        return self._by_unknowns()
-
-    def _by_unknowns(self) -> Array:
-        """What has been assembled by all dofs, by the unknowns."""
-        b = self._vector.x.array
-        for bc in self.bcs:
-            bc.set(b, alpha=0.0)
-        self.unknowns.pull(b)
-        return b[: self.n]
-
-    def internal_forces(self) -> Array:
-        """Derivative of the stored energy, owned entries; a view that the next assembly overwrites."""
-        self.assembled.add_forces(self.w.x.array, self.assemble(self._internal, held=True))
-        return self._by_unknowns()
-
-    def pressure_loads(self) -> Array:
-        """Each driver's load of a unit magnitude, shape (k, n): of the cavities' pressures, then of the dead loads."""
-        return np.array([self.assemble(load).copy() for load in self._loads])
-
-    def assemble_tangent(self) -> None:
-        """Put the current state's tangent into K."""
-        self._assemble_whole()
-        self.unknowns.reduce(self._whole, self.residual)
-
-    def _assemble_whole(self) -> None:
-        """Assemble the tangent by all dofs."""
-        self._whole.zeroEntries()
-        self._products.add_to(self._whole, self.bcs)
-        self._whole.assemble()
-        self.assembled.add_to(self._whole, self.w.x.array)
-
-    def tangent_product(self, x: Array, y: Array) -> None:
-        """Put the current state's tangent times x into y. Cheaper than assembling the matrix, and only good for products."""
-        from dolfinx import la
-
-        d = self.potential.direction.x
-        self.unknowns.push(x, d.array)
-        for bc in self.bcs:
-            bc.set(d.array, alpha=0.0)
-        d.scatter_forward()
-        b = self._vector.x
-        b.array[:] = 0.0
-        self._products.add(d.array, b.array)
-        b.scatter_reverse(la.InsertMode.add)
-        self.assembled.add_product(self.w.x.array, d.array, b.array[: self.n])
-        y[:] = self._by_unknowns()
-        self.unknowns.stiffen(x, y, self.residual)
-        for bc in self.bcs:  # held dofs: the identity, as in the assembled matrix
-            dofs, owned = bc.dof_indices()
-            y[dofs[:owned]] = x[dofs[:owned]]
-        y[self.unknowns.idle] = x[self.unknowns.idle]
-
-    def forces_and_loads(self) -> list[tuple[fem.Form, float]]:
-        """The potential's derivative by w in the current state: compiled forms with their factors."""
-        loads = zip(self._loads, -self.pressures, strict=True)
-        return [*((form, 1.0) for form in self._internal), *((form, factor) for load, factor in loads for form in load)]
+    def only(self, facets: npt.NDArray[np.bool_]) -> FaceNodes:
+        """The same with some of the facets alone, a mask of shape (f,)."""
+        chosen = copy.copy(self)
+        used, numbers = np.unique(self.facets[facets], return_inverse=True)
+        chosen.facets = numbers.reshape(-1, self.facets.shape[1])
+        chosen.places, chosen.dofs = self.places[used], self.dofs[used]
+        chosen.faces, chosen.inside = self.faces[facets], self.inside[facets]
+        for name in ("mine", "local"):
+            chosen.__dict__.pop(name, None)
+        return chosen
 
     @functools.cached_property
-    def _pressing(self) -> list[fem.Form]:
-        return [self.form(walls) for walls in self.potential.pressing()]
+    def mine(self) -> npt.NDArray[np.bool_]:
+        """Whether this rank owns the dofs, shape (n, d)."""
+        return (self.dofs >= self.owned[0]) & (self.dofs < self.owned[1])
 
-    def surplus(self) -> Array:
-        """Forces on each owned dof that holders balance, with the sign of `residual`, and equal to it on free dofs.
+    @functools.cached_property
+    def local(self) -> Numbers:
+        """Indices of the dofs that this rank owns among its own."""
+        return np.asarray(self.dofs[self.mine] - self.owned[0])
 
-        On held dofs, and on rigid parts' as a whole, that is what holds them. The air pushes on its walls alone, see
-        `Body.pressing`, and all dead loads count.
+    def values(self, w: Array) -> Array:
+        """Entries of all nodes, shape (n, d), of a vector whose first ones are this rank's owned entries."""
+        values = np.zeros(self.dofs.shape)
+        values[self.mine] = w[self.local]
+        return summed(self.comm, values)
+
+    def moved(self, w: Array) -> Array:
+        """Deformed places of the nodes, shape (n, d), of unknowns that begin with this rank's owned ones."""
+        return np.asarray(self.places + self.values(w) @ self.skew.T)
+
+
+def _nodes_of_facets(topology: Sequence[Sequence[Sequence[int]]], d: int) -> list[Numbers]:
+    """Nodes of each facet of a cell, numbered in the cell, as `FaceNodes.facets` orders them."""
+    middles = {frozenset(edge): d + 1 + i for i, edge in enumerate(topology[1])}
+    found = []
+    for corners in topology[d - 1]:
+        if d == 2:
+            found.append(np.array([*corners, middles[frozenset(corners)]]))
+        else:
+            a, b, c = corners
+            found.append(np.array([a, b, c, *(middles[frozenset(edge)] for edge in ((b, c), (c, a), (a, b)))]))
+    return found
+
+
+CONTACT_SLACK = 3
+
+
+def mark_symmetric(K: PETSc.Mat) -> None:
+    """Let a matrix know that it is symmetric, whatever its values."""
+    K.setOption(K.Option.SYMMETRIC, True)  # type: ignore[arg-type]
+    K.setOption(K.Option.SYMMETRY_ETERNAL, True)  # type: ignore[arg-type]
+
+
+class AssembledTerm(EnergyTerm):
+    """Energy of the places of some faces' nodes. Every rank computes all of it: faces are small.
+
+    Args:
+        nodes: The faces' nodes.
+
+    Attributes:
+        bcs: Conditions of the unknowns; set by the `System`.
+    """
+
+    def __init__(self, nodes: FaceNodes):
+        import scipy
+
+        super().__init__([])
+        self.nodes = nodes
+        self.bcs: Sequence[fem.DirichletBC] = ()
+        self._known = scipy.sparse.csr_array((len(nodes.places), len(nodes.places)), dtype=np.bool_)
+        self._in_matrix = 0
+        self._state = np.full(nodes.dofs.shape, np.nan)
+
+    # -- what a kind of term computes ----------------------------------------------------------------------------------
+
+    @abc.abstractmethod
+    def move(self, places: Array) -> None:
+        """Take other places of the nodes, shape (n, d): what follows is asked of them."""
+
+    @abc.abstractmethod
+    def energy_here(self) -> float:
+        """Energy, dimensionless, of the slice."""
+
+    @abc.abstractmethod
+    def forces_here(self) -> Array:
+        """Derivative of the energy by the nodes' places, shape (n, d)."""
+
+    @abc.abstractmethod
+    def stiffness_here(self) -> scipy.sparse.csr_array:
+        """Second derivative of the energy, shape (n d, n d)."""
+
+    def whole_stiffness_here(self) -> scipy.sparse.csr_array | None:
+        """Derivative of the forces where it is not `stiffness_here`, and not symmetric; None where it is."""
+        return None
+
+    @abc.abstractmethod
+    def coupled(self) -> scipy.sparse.csr_array:
+        """Nodes that are coupled, or soon may be: true where they are, shape (n, n), symmetric."""
+
+    def harder_here(self) -> Array | None:
+        """Derivative of the forces as all that is in newtons grows in proportion, by its share, shape (n, d); None for none."""
+        return None
+
+    # -- what the system calls -----------------------------------------------------------------------------------------
+
+    def _take(self, w: Array) -> None:
+
+        values = self.nodes.values(w)
+        if not np.array_equal(values, self._state):
+            self._state = values
+            self._matrices: dict[bool, scipy.sparse.csr_array] = {}
+            self.move(np.asarray(self.nodes.places + values @ self.nodes.skew.T))
+
+    @property
+    def _free(self) -> npt.NDArray[np.bool_]:
+        """Whether a dof of the nodes is not held, shape (n, d)."""
+        if not hasattr(self, "_not_held"):
+            held = np.zeros(self.nodes.owned[1] - self.nodes.owned[0])
+            held[held_dofs(self.bcs)] = 1.0
+            self._not_held = self.nodes.values(held) == 0.0
+        return self._not_held
+
+    def energy(self, w: Array) -> float:
+        """Energy of a state, on all ranks."""
+        self._take(w)
+        return self.energy_here()
+
+    def add_forces(self, w: Array, b: Array, held: bool = False) -> None:
+        """Add the derivative of the energy by w to owned entries ``b``, those of held dofs only if asked for."""
+        self._take(w)
+        forces = self.forces_here() @ self.nodes.skew
+        if not held:
+            forces = forces * self._free
+        b[self.nodes.local] += forces[self.nodes.mine]
+
+    def add_harder(self, w: Array, b: Array) -> None:
+        """Add `harder_here` of a state to owned entries ``b``."""
+        self._take(w)
+        rates = self.harder_here()
+        if rates is not None:
+            b[self.nodes.local] += (rates @ self.nodes.skew * self._free)[self.nodes.mine]
+
+    def matrix(self, w: Array, whole: bool = False) -> scipy.sparse.csr_array:
+        """Second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n d).
+
+        Args:
+            w: The state.
+            whole: Whether it is the derivative of the forces, where that is another one.
         """
-        found = self.residual()
-        for pressure, (load,), walls in zip(self.pressures, self._loads, self._pressing, strict=False):
-            found += pressure * self.assemble([load], held=True)
-            found -= pressure * self.assemble([walls], held=True)
-        return found
+        import scipy
 
-    def residual(self) -> Array:
-        """Derivative of the potential by each owned dof, held ones and rigid parts' too."""
-        found = np.zeros(self.n)
-        for form, factor in self.forces_and_loads():
-            found += factor * self.assemble([form], held=True)
-        return self.assembled.add_forces(self.w.x.array, found, held=True)
+        self._take(w)
+        if whole not in self._matrices:
+            turn = scipy.sparse.kron(scipy.sparse.eye_array(len(self.nodes.places)), self.nodes.skew, format="csr")
+            free = scipy.sparse.diags_array(self._free.ravel().astype(float))
+            stiffness = self.whole_stiffness_here() if whole else None
+            stiffness = self.stiffness_here() if stiffness is None else stiffness
+            self._matrices[whole] = scipy.sparse.csr_array(free @ (turn.T @ stiffness @ turn) @ free)
+        return self._matrices[whole]
+
+    def add_product(self, w: Array, x: Array, y: Array, whole: bool = False) -> None:
+        """Add the second derivative at w, or with ``whole`` that of the forces, times owned entries ``x`` to ``y``."""
+        product = (self.matrix(w, whole) @ self.nodes.values(x).ravel()).reshape(self.nodes.dofs.shape)
+        y[self.nodes.local] += product[self.nodes.mine]
+
+    def add_to(self, K: PETSc.Mat, w: Array) -> None:
+        """Add the second derivative at w to a matrix. Its pattern grows where nodes meet for the first time."""
+        import scipy
+        from petsc4py import PETSc
+
+        values = self.matrix(w)
+        pattern = self._pattern()
+        if not pattern.nnz:
+            return
+        coo, of = values.tocoo(), pattern.tocoo()
+        rows, columns = np.concatenate([coo.row, of.row]), np.concatenate([coo.col, of.col])
+        entries = np.concatenate([coo.data, np.zeros(of.nnz)])
+        mine = self.nodes.mine.ravel()[rows]
+        dofs = self.nodes.dofs.ravel()
+        n, start = K.getLocalSize()[0], self.nodes.owned[0]
+        shape = (n, self.nodes.total_dofs)
+        at = (dofs[rows[mine]] - start, dofs[columns[mine]])
+        added = scipy.sparse.csr_array(scipy.sparse.coo_array((entries[mine], at), shape=shape))
+        added.sort_indices()
+        size = ((n, PETSc.DETERMINE), (n, PETSc.DETERMINE))
+        csr = (added.indptr.astype(PETSc.IntType), added.indices.astype(PETSc.IntType), added.data)
+        A = PETSc.Mat().createAIJ(size, csr=csr, comm=K.comm)
+        same = self._in_matrix == pattern.nnz
+        structure = PETSc.Mat.Structure.SUBSET if same else PETSc.Mat.Structure.DIFFERENT
+        K.axpy(1.0, A, structure)  # type: ignore[arg-type]
+        mark_symmetric(K)  # another pattern is another matrix under its name
+        self._in_matrix = pattern.nnz
+        A.destroy()
+
+    def _pattern(self) -> scipy.sparse.csr_array:
+        """Entries that have ever been coupled, shape (n d, n d)."""
+        import scipy
+
+        new = self.coupled()
+        if (new > self._known).nnz:
+            self._known = scipy.sparse.csr_array(self._known + new)
+        d = self.nodes.dofs.shape[1]
+        return scipy.sparse.kron(self._known, np.ones((d, d), dtype=np.bool_), format="csr")
+
+
+class AssembledTerms:
+    """All assembled terms among a system's terms.
+
+    Args:
+        terms: The system's terms.
+        bcs: Conditions of the unknowns.
+
+    Attributes:
+        whole: Whether products are with the derivative of the forces where that is not symmetric: in Newton's method alone.
+    """
+
+    def __init__(self, terms: Iterable[EnergyTerm], bcs: Sequence[fem.DirichletBC]):
+        self._terms = [term for term in terms if isinstance(term, AssembledTerm)]
+        self.whole = False
+        for term in self._terms:
+            term.bcs = bcs
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the forces of one of them depend on the states before."""
+        return any(term.remembers for term in self._terms)
+
+    @property
+    def slack(self) -> int:
+        """Newton iterations more than usual that are no reason for shorter steps: every step changes which points touch."""
+        return CONTACT_SLACK if self._terms else 0
+
+    def energy(self, w: Array) -> float:
+        return sum((term.energy(w) for term in self._terms), 0.0)
+
+    def touches(self, w: Array) -> bool:
+        """Whether faces are pressed on in a state, on all ranks."""
+        return any(term.energy(w) > 0.0 for term in self._terms)
+
+    def add_forces(self, w: Array, b: Array, held: bool = False) -> Array:
+        """See `AssembledTerm.add_forces`; returns ``b``."""
+        for term in self._terms:
+            term.add_forces(w, b, held)
+        return b
+
+    def add_harder(self, w: Array, b: Array) -> Array:
+        """See `AssembledTerm.add_harder`; returns ``b``."""
+        for term in self._terms:
+            term.add_harder(w, b)
+        return b
+
+    def add_product(self, w: Array, x: Array, y: Array) -> Array:
+        """See `AssembledTerm.add_product`; returns ``y``."""
+        for term in self._terms:
+            term.add_product(w, x, y, self.whole)
+        return y
+
+    def add_to(self, K: PETSc.Mat, w: Array) -> None:
+        """See `AssembledTerm.add_to`."""
+        for term in self._terms:
+            term.add_to(K, w)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A function space whose pressure-like unknown p is continuous in each region of a body and may jump between them.
+#
+# Where two materials meet, the displacement is one and p is not: a softer material has less of it. So a vertex on such an
+# interface carries one p for each region around it. The element, and with it every compiled form, stays what it is in a body of
+# one material; only the numbering of the unknowns knows of the regions: copies stand behind a rank's own unknowns, and the
+# cells of all regions but a vertex' first one count them in place of the vertex' own.
+
+
+Ints = npt.NDArray[np.int32]
+TAG = 1709
+"""Of the messages in which ranks tell each other which of their unknowns the others see."""
+
+
+def numbered(mesh: mesh.Mesh, regions: list[Ints]) -> Ints:
+    """Number of the region that each local cell belongs to, ghosts too.
+
+    Args:
+        mesh: The mesh.
+        regions: Local cells of each region but the first, which has all the rest.
+    """
+    from dolfinx import la
+
+    index_map = mesh.topology.index_map(mesh.topology.dim)
+    owner = la.vector(index_map, 1)
+    owner.array[:] = 0.0
+    for number, cells in enumerate(regions, 1):
+        owner.array[cells[cells < index_map.size_local]] = number
+    owner.scatter_forward()
+    return owner.array.astype(np.int32)
+
+
+def jumping(space: fem.FunctionSpace, sub: int, region: Ints) -> tuple[fem.FunctionSpace, Ints]:
+    """The same space with one part's unknowns not shared between regions.
+
+    Args:
+        space: A mixed space with one unknown per number.
+        sub: The part that may jump, a linear one.
+        region: Number of each local cell's region, see `numbered`.
+
+    Returns:
+        The space; and the part's unknowns at the corners of each local cell, one for each region, shape
+        (cells, corners, regions), -1 where a region does not reach.
+    """
+    from dolfinx import cpp, fem
+
+    old = space.dofmap
+    cells, part = np.array(old.list), np.array(space.sub(sub).dofmap.list)
+    index_map, of_region = _numbering(space, part, region)
+    n, ghost = old.index_map.size_local, index_map.size_local - old.index_map.size_local
+    renumbered = np.where(cells >= n, cells + ghost, cells)
+    corners = of_region[:, part].transpose(1, 2, 0)
+    for column, values in enumerate(part.T):
+        place = np.flatnonzero((cells == values[:, None]).all(axis=0))[0] if len(cells) else 0
+        renumbered[:, place] = corners[np.arange(len(cells)), column, region]
+    graph = cpp.graph.AdjacencyList_int32(np.ascontiguousarray(renumbered, dtype=np.int32))
+    dofmap = cpp.fem.DofMap(old.dof_layout, index_map, 1, graph, 1)
+    made = cpp.fem.FunctionSpace_float64(space.mesh._cpp_object, space._cpp_object.element, dofmap)
+    return fem.FunctionSpace(space.mesh, space.ufl_element(), made), corners
+
+
+def _numbering(space: fem.FunctionSpace, part: Ints, region: Ints) -> tuple[IndexMap, Ints]:
+    """Number the copies: a rank's own ones behind its own unknowns, others' ones behind its ghosts.
+
+    Args:
+        space: The space without jumps.
+        part: Its unknowns that may jump, by cell.
+        region: Number of each local cell's region.
+
+    Returns:
+        The new map; and for each region the new number of each old local unknown, -1 where the region does not reach.
+    """
+    from dolfinx import common, la
+
+    comm, old = space.mesh.comm, space.dofmap.index_map
+    n, count = old.size_local, 1 + int(largest(space.mesh.comm, float(region.max(initial=0))))
+    vector = la.vector(old, 1)
+    owned_cells = space.mesh.topology.index_map(space.mesh.topology.dim).size_local
+    present = np.zeros((count, len(vector.array)), dtype=bool)
+    for number in range(count):
+        vector.array[:] = 0.0
+        vector.array[part[:owned_cells][region[:owned_cells] == number]] = 1.0
+        vector.scatter_reverse(la.InsertMode.add)
+        vector.scatter_forward()
+        present[number] = vector.array > 0.0
+    first = present.argmax(axis=0)  # the region that keeps the unknown itself
+    copied = present & (np.arange(count)[:, None] != first)
+    numbers, places = np.nonzero(copied)
+    own = places < n
+    extra = int(own.sum())
+    new = np.full(copied.shape, -1, dtype=np.int32)
+    everyone = np.arange(len(vector.array), dtype=np.int32)
+    new[first, everyone] = np.where(everyone < n, everyone, everyone + extra)
+    new[numbers[own], places[own]] = n + np.arange(extra)
+    new[numbers[~own], places[~own]] = len(everyone) + extra + np.arange(int((~own).sum()))
+
+    offset = int(comm.exscan(n + extra) or 0)
+    vector.array[:n] = offset + everyone[:n]
+    vector.scatter_forward()
+    ghosts, owners = [vector.array[n:].copy()], [old.owners]
+    for number in range(count):
+        vector.array[:n] = offset + new[number, :n]
+        vector.scatter_forward()
+        away = np.flatnonzero(copied[number, n:])
+        ghosts.append(vector.array[n + away])
+        owners.append(old.owners[away])
+    behind = np.concatenate(ghosts).astype(np.int64)
+    return common.IndexMap(comm, n + extra, behind, np.concatenate(owners), TAG), new
+
+
+def known_to_all(space: fem.FunctionSpace, dofs: Ints) -> Ints:
+    """Local dofs that any rank names, in order: the owner of a vertex need not have the cells that name it.
+
+    Args:
+        space: A space whose unknowns are numbered one by one.
+        dofs: Local dofs that this rank names.
+    """
+    from dolfinx import la
+
+    named = la.vector(space.dofmap.index_map, 1)
+    named.array[:] = 0.0
+    named.array[dofs] = 1.0
+    named.scatter_reverse(la.InsertMode.add)
+    named.scatter_forward()
+    return np.flatnonzero(named.array).astype(np.int32)
+
+
+def entries_of(space: fem.FunctionSpace, sub: int) -> int:
+    """Number of unknowns of one part of a mixed space, over all ranks."""
+    from dolfinx import la
+
+    n = space.dofmap.index_map.size_local
+    used = la.vector(space.dofmap.index_map, 1)
+    used.array[:] = 0.0
+    used.array[np.array(space.sub(sub).dofmap.list).ravel()] = 1.0
+    used.scatter_reverse(la.InsertMode.add)
+    return round(total(space.mesh.comm, float(np.count_nonzero(used.array[:n]))))
+
+
+def matrix_of(space: fem.FunctionSpace, forms: list[fem.Form]) -> Any:
+    """Symmetric PETSc matrix with the pattern of bilinear forms that are added up in it, such as those of regions.
+
+    Facets couple no other unknowns than their cells do.
+    """
+    from dolfinx import cpp
+
+    if len(forms) == 1:
+        made = create_matrix(forms[0])
+    else:
+        index_map, size = space.dofmap.index_map, space.dofmap.index_map_bs
+        pattern = cpp.la.SparsityPattern(space.mesh.comm, [index_map, index_map], [size, size])
+        for form in forms:
+            cpp.fem.build_sparsity_pattern(pattern, form._cpp_object)
+        pattern.finalize()
+        made = cpp.la.petsc.create_matrix(space.mesh.comm, pattern)
+    mark_symmetric(made)
+    return made

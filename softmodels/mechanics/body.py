@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,20 +19,41 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, Hold
-from geometries.actuator import Vector
-from geometries.mesh_files import load_mesh
-from geometries.meshing import private_model
-from geometries.openings import Opening, cavity_roles, find_openings
-from measurement.wording import Spoken
+from geometries.actuator import (
+    Opening,
+    Vector,
+    cavity_roles,
+    find_openings,
+)
+from geometries.meshing import load_mesh, private_model
+from softmodels.common.arrays import Array
+from softmodels.common.errors import Spoken
 from softmodels.mechanics.compiling import compiling, mend_cache
 from softmodels.mechanics.mpi import is_root, on_root
-from softmodels.mechanics.section_axes import in_section
 
 if TYPE_CHECKING:
     import ufl
     from dolfinx import fem, mesh
     from mpi4py import MPI
     from ufl.core.expr import Expr
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Vectors of a mesh and of its device: an axisymmetric section has radius and height alone.
+
+
+def in_section(direction: npt.ArrayLike, dimension: int) -> Array:
+    """A direction of device coordinates in those of the mesh."""
+    d = np.asarray(direction, dtype=float)
+    return d if dimension == 3 else d[[0, 2]]
+
+
+def in_space(vectors: Array) -> Array:
+    """Vectors of the mesh, shape (..., d), in device coordinates, shape (..., 3)."""
+    if vectors.shape[-1] == 3:
+        return vectors
+    return np.stack([vectors[..., 0], np.zeros(vectors.shape[:-1]), vectors[..., 1]], axis=-1)
+
 
 QUADRATURE_DEGREE = 2
 """Exact for the products of linear gradients, which is what second-order elements need for their full rate."""
@@ -310,3 +331,76 @@ def _skew(actuator: Actuator, holds: Sequence[Hold]) -> npt.NDArray[np.float64]:
         if len(candidate) <= d and np.linalg.svd(np.array(candidate), compute_uv=False)[-1] > 1e-6:
             rows = candidate
     return np.array(rows)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The measure over some of a mesh's cells, such as a region's.
+
+
+CELLS = SHEET
+"""Tag of the cells in the forms: one for all regions, or each would have its own compiled forms."""
+
+
+def cell_measure(body: Body, cells: npt.NDArray[np.int32]) -> ufl.Measure:
+    """Undeformed volume of cells; of a section their area.
+
+    Args:
+        body: The mesh.
+        cells: Local cells in any order, ghosts too.
+    """
+    import ufl
+    from dolfinx import mesh as meshes
+
+    mesh = body.mesh
+    tags = meshes.meshtags(mesh, mesh.topology.dim, np.sort(cells), np.full(len(cells), CELLS, dtype=np.int32))
+    return ufl.Measure("dx", mesh, subdomain_data=tags, metadata={"quadrature_degree": QUADRATURE_DEGREE})(CELLS)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Another length of the device on the same mesh: its nodes move on the straight lines the actuator names.
+
+
+class Reshaping:
+    """Moves a body's mesh to other lengths of its actuator, and back.
+
+    The cells keep their neighbours: a change of a few percent is meant, not another device.
+
+    Args:
+        body: The device, its mesh as it was read.
+        names: Lengths among its `Actuator.variable`.
+
+    Attributes:
+        nominal: The actuator's own lengths in m, by name.
+        velocities: Motion of the mesh with each length, per unit of it, as functions on the mesh's own nodes.
+
+    Raises:
+        GeometryError: A length whose motion the actuator does not know.
+    """
+
+    def __init__(self, body: Body, names: Sequence[str]):
+        from dolfinx import fem
+
+        self.body = body
+        self.nominal = {name: float(getattr(body.actuator, name)) for name in names}
+        self._places = body.mesh.geometry.x.copy()
+        self._moves = {name: self._motion(name, self._places) for name in names}
+        self.velocities: dict[str, fem.Function] = {}
+        if names:
+            space = fem.functionspace(body.mesh, body.mesh.ufl_domain().ufl_coordinate_element())
+            self.velocities = {name: fem.Function(space) for name in names}
+        for name, function in self.velocities.items():
+            function.interpolate(lambda X, name=name: self._motion(name, X.T).T)
+
+    def _motion(self, name: str, points: Array) -> Array:
+        """Motion of points in mesh coordinates, shape (n, d)."""
+        actuator = self.body.actuator
+        moved = actuator.velocity(name, actuator.device_points(points * actuator.size))
+        return moved if self.body.mesh.geometry.dim == 3 else moved[:, [0, 2]]
+
+    def move(self, lengths: Mapping[str, float]) -> None:
+        """Move the mesh to lengths in m; those left out are nominal."""
+        x = self._places.copy()
+        for name, value in lengths.items():
+            share = (value - self.nominal[name]) / self.body.actuator.size
+            x[:, : self.body.mesh.geometry.dim] += share * self._moves[name]
+        self.body.mesh.geometry.x[:] = x

@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from measurement.cores import cores
-from softmodels.mechanics.compiler_flags import compiler_flags
-from softmodels.mechanics.compiling import cache
+from softmodels.common.processes import cores
+from softmodels.mechanics.compiling import cache, compiler_flags
 from softmodels.mechanics.mpi import on_root
 
 if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
+
 
 _TABLES = f"int64_t, int64_t, int64_t, const int32_t *{', const double *' * 5}"
 _ROWS = "typedef struct { void *matrix, *set; const int32_t *starts, *columns; double *values; } rows;"

@@ -14,29 +14,72 @@ contact of neighbouring chambers that are each other's mirror images.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import re
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
 from geometries.actuator import Vector
-from geometries.fields import field_of, settle
-from geometries.kinds import Quantity, Words
-from geometries.selections import faces as plane_faces
-from measurement.arguments import checked
-from measurement.wording import Spoken
-from softmodels.mechanics.body import Body
+from geometries.imported.mesh import UNITS, read_surfaces
+from geometries.imported.part import faces as plane_faces
+from softmodels.common.arrays import Array
+from softmodels.common.calls import checked
+from softmodels.common.errors import Spoken, whole_path
+from softmodels.common.schema import (
+    Flag,
+    Length,
+    Quantity,
+    Several,
+    Words,
+    choice_field,
+    field_of,
+    length_field,
+    list_field,
+    settle,
+)
+from softmodels.mechanics.assembly import FaceNodes, check_mesh_faces
+from softmodels.mechanics.body import Body, in_section, in_space
+from softmodels.mechanics.component import (
+    ALONG,
+    ComponentError,
+    EnergyComponent,
+    EnergyTerm,
+    Equations,
+    FormContext,
+    check_on_mesh,
+    direction,
+    names_in,
+    register_component,
+)
 from softmodels.mechanics.mpi import largest
-from softmodels.mechanics.named_places import check_on_mesh, names_in
-from softmodels.mechanics.parts import PartError
-from softmodels.mechanics.section_axes import in_section
+from softmodels.mechanics.pressing import (
+    FixedWall,
+    GivingWay,
+    Grip,
+    HardeningPenalty,
+    Penalty,
+    PressedByDistance,
+    PressedOn,
+    PressedSamples,
+    PressingTerm,
+    Rubbed,
+    Rubbing,
+    Stand,
+    Surface,
+    TooFineError,
+)
 
 if TYPE_CHECKING:
+    import scipy
     from dolfinx import fem
     from ufl.core.expr import Expr
+
 
 STIFFNESS = 300.0
 """Shear moduli of pressure per penetration of one size of the device: a contact pressure of one shear modulus, more than
@@ -103,7 +146,7 @@ class Obstacle:
         """Raise `ObstacleError` where there is no such plane beside a device."""
         try:
             check_on_mesh("contact", actuator, self.roles)
-        except PartError as error:
+        except ComponentError as error:
             raise ObstacleError(str(error)) from None
         self.place(actuator)
 
@@ -233,3 +276,941 @@ class Contact:
         mesh = self.body.mesh
         mesh.topology.create_connectivity(mesh.topology.dim - 1, mesh.topology.dim)
         return np.unique(meshes.entities_to_geometry(mesh, mesh.topology.dim - 1, self.facets))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What all contact of faces by a penalty has in common, be it with a rigid shape or with each other.
+
+
+class ContactPart(EnergyComponent):
+    """Faces that are pressed on; a kind is a dataclass of it with the fields below.
+
+    Attributes:
+        faces: Roles of the facets, with commas between.
+        stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`.
+        softest, usual: The least stiffness that is taken, and the one that serves most devices.
+    """
+
+    faces: str
+    stiffness: float
+    softest: ClassVar[float] = SOFTEST
+    usual: ClassVar[float] = STIFFNESS
+
+    @property
+    def roles(self) -> list[str]:
+        return names_in(self.faces)
+
+    def try_other(self, pressed: str) -> str:
+        """What to try where it may have ended a path; ``pressed`` says that and how deep it is pressed on, a clause."""
+        return (
+            f"{pressed}: try another stiffness than {self.stiffness:g} (with a larger one they sink in less, a smaller one is "
+            "followed more easily), and smaller cells where they touch"
+        )
+
+    def check_stiffness(self) -> None:
+        """Refuse, with `ComponentError`, a stiffness with which no contact can be computed."""
+        if not self.softest <= self.stiffness <= STIFFEST:
+            raise ComponentError(
+                f"{self.where}: the stiffness is {self.stiffness:g} shear moduli per size of the device; {self.softest:g} to "
+                f"{STIFFEST:g} are taken, and {self.usual:g} is usual"
+            )
+
+
+class StoppingShape(Protocol):
+    """What all rigid shapes have; see `softmodels.mechanics.contact.RigidShape`."""
+
+    @property
+    def where(self) -> str: ...
+    @property
+    def label(self) -> str: ...
+    @property
+    def roles(self) -> list[str]: ...
+    @property
+    def hollow(self) -> bool: ...
+    @property
+    def stiffness(self) -> float: ...
+
+
+def copies_around(actuator: Actuator, crossed: Sequence[Array]) -> int:
+    """How many copies of the slice a shape stands in.
+
+    Args:
+        actuator: The device.
+        crossed: Normals of the cut planes that the shape crosses; where it crosses none, each copy has a shape of its own.
+    """
+    if actuator.dimension == 2 or not crossed:
+        return 1
+    return actuator.copies if len(crossed) == len(actuator.cut_planes) else 2
+
+
+def force_of_all(actuator: Actuator, crossed: Sequence[Array], force: Array) -> Array:
+    """Force on a shape of all copies that it stands in; their mirror images take away what is square to a cut plane.
+
+    Args:
+        actuator: The device.
+        crossed: Normals of the cut planes that the shape crosses.
+        force: Of the slice, shape (3,).
+    """
+    if actuator.dimension == 2:
+        return force * [0.0, 0.0, 1.0]
+    if not crossed:
+        return force
+    along = np.linalg.svd(np.array(crossed))[2][np.linalg.matrix_rank(np.array(crossed)) :]
+    return np.asarray(copies_around(actuator, crossed) * along.T @ (along @ force))
+
+
+def shape_figures(
+    label: str, actuator: Actuator, crossed: Sequence[Array], force: Array, depth: float
+) -> dict[str, float]:
+    """Columns of ``path.csv`` of a rigid shape.
+
+    Args:
+        label: Of the shape.
+        actuator, crossed: See `force_of_all`.
+        force: Of the slice on the shape in N, in the mesh's coordinates, shape (d,).
+        depth: How deep faces have sunk into it, in m; below zero where none has.
+    """
+    total = force_of_all(actuator, crossed, in_space(force))
+    found = {f"{label}_force_{axis}_N": float(value) for axis, value in zip("xyz", total, strict=True)}
+    if actuator.dimension == 2:
+        found = {name: value for name, value in found.items() if "_z_" in name}
+    return found | {f"{label}_depth_mm": max(depth, 0.0) * 1e3}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The distance from a sphere, a cylinder or a capsule: the places nearer than a radius to a point, a line, a piece of one.
+#
+# A plane's is along its normal.
+
+
+type Numbers = tuple[Array, Array, float | None, float, float]
+"""Place of its middle, direction of its line, radius, half the line's length, and 1 or, of a hollow one, -1; in sizes.
+
+Of a plane a point, its normal, and no radius.
+"""
+
+SPECK = 1e-20
+"""Added to squared distances, in squared sizes: the distance from a line has no slope on the line itself."""
+
+
+def distance(x: Sequence[Array], numbers: Numbers) -> Array:
+    """Signed distance of a place in sizes, from components of NumPy or of UFL alike; below zero where it is stopped.
+
+    Args:
+        x: Three components in sizes.
+        numbers: Of the shape, or UFL constants in their place.
+    """
+    at, along, radius, half, sign = numbers
+    v = [x[i] - at[i] for i in range(3)]
+    t = v[0] * along[0] + v[1] * along[1] + v[2] * along[2]
+    if radius is None:
+        return sign * t
+    t = (abs(t + half) - abs(t - half)) / 2  # no further than its ends
+    v = [v[i] - t * along[i] for i in range(3)]
+    return sign * ((v[0] ** 2 + v[1] ** 2 + v[2] ** 2 + SPECK) ** 0.5 - radius)
+
+
+def distances(places: Array, numbers: Numbers) -> Array:
+    """`distance` of places in sizes, shape (n, d)."""
+    return np.asarray(distance(list(in_space(places).T), numbers))
+
+
+def slopes(places: Array, numbers: Numbers) -> tuple[Array, Array, Array]:
+    """Distances of places in sizes, shape (n, d), their gradients (n, d), and their second derivatives (n, d, d)."""
+    at, along, radius, half, sign = numbers
+    v = in_space(places) - at
+    t = v @ along
+    shown = [0, 1, 2] if places.shape[1] == 3 else [0, 2]
+    if radius is None:
+        count, d = places.shape
+        return sign * t, np.tile(sign * along[shown], (count, 1)), np.zeros((count, d, d))
+    beside = np.abs(t) < half
+    v = v - np.clip(t, -half, half)[:, None] * along
+    far = np.sqrt((v**2).sum(axis=1) + SPECK)
+    way = v / far[:, None]
+    square = np.eye(3) - np.where(beside[:, None, None], np.outer(along, along), 0.0)
+    second = (square - way[:, :, None] * way[:, None, :]) / far[:, None, None]
+    return sign * (far - radius), sign * way[:, shown], sign * second[:, shown][:, :, shown]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Rigid shapes that give way along a line when the device presses on them: on a spring, or with a mass that is lifted.
+#
+# The place on the line is that of least energy, see `softmodels.mechanics.pressing`; the shape does not turn.
+
+
+class Guided(StoppingShape, Protocol):
+    """A shape with a guide."""
+
+    @property
+    def guide(self) -> str: ...
+    @property
+    def gives_way(self) -> Array: ...
+    @property
+    def spring(self) -> float: ...
+    @property
+    def mass(self) -> float: ...
+
+
+class StandingShape(Protocol):
+    """The term of the same shape in its first place.
+
+    Attributes:
+        nodes: The faces' nodes.
+        crossed: Normals of the cut planes that the shape crosses.
+    """
+
+    @property
+    def nodes(self) -> FaceNodes: ...
+    @property
+    def crossed(self) -> Sequence[Array]: ...
+    def pressed(self, places: Array) -> PressedSamples: ...
+    def clear(self, start: Array, end: Array) -> bool: ...
+
+
+def check_guide(shape: Guided) -> None:
+    """Raise `ComponentError` for a guide without a spring or a mass, or the other way round, or one that is no direction."""
+    if not shape.guide:
+        if shape.spring or shape.mass:
+            raise ComponentError(f"{shape.where}: a spring or a mass gives way along a line; say which (guide = 'z')")
+        return
+    direction(shape.guide, shape.where)
+    if not (shape.spring > 0.0 or shape.mass > 0.0) or min(shape.spring, shape.mass) < 0.0:
+        raise ComponentError(
+            f"{shape.where}: what gives way along {shape.guide} needs a spring or a mass above zero (spring = '50 N/m', or "
+            "mass = '20 g')"
+        )
+
+
+def weight_against(shape: Guided, gravity: Array) -> float:
+    """Share of a shape's weight against its guide, in N; below zero where gravity pulls it along.
+
+    Args:
+        shape: The shape.
+        gravity: Acceleration in m/s2, shape (3,), in device coordinates.
+    """
+    return -shape.mass * float(gravity @ shape.gives_way)
+
+
+def check_weight(shape: Guided, gravity: Array) -> None:
+    """Raise `ComponentError` for a mass without a spring that gravity does not pull against its guide."""
+    if not shape.spring and weight_against(shape, gravity) <= ALONG * shape.mass * float(np.linalg.norm(gravity)):
+        raise ComponentError(
+            f"{shape.where}: gravity along ({', '.join(f'{x:.3g}' for x in gravity)}) m/s^2 does not pull the mass against its "
+            f"guide, {shape.guide}, so nothing holds it there; turn the guide or gravity round, or give it a spring "
+            "(spring = '50 N/m')"
+        )
+
+
+def check_guide_on(shape: Guided, actuator: Actuator, crossed: Sequence[Array]) -> None:
+    """Raise `ComponentError` for a guide that leaves the symmetry of the device's model."""
+    guide = shape.gives_way
+    if actuator.dimension == 2 and abs(guide[2]) < 1 - ALONG:
+        raise ComponentError(f"{shape.where}: beside an axisymmetric section a shape gives way along z or -z")
+    if any(abs(float(normal @ guide)) > ALONG for normal in crossed):
+        raise ComponentError(
+            f"{shape.where}: along {shape.guide} the shape would leave the cut plane that it stands in; take a guide in that "
+            f"plane, or use {actuator.fuller}"
+        )
+
+
+class GuidedShapeTerm(PressingTerm[GivingWay]):
+    """The energy of contact with such a shape and of what holds it.
+
+    Args:
+        shape: The shape.
+        standing: Its term in its first place.
+        setting: The potential.
+    """
+
+    def __init__(self, shape: Guided, standing: StandingShape, setting: FormContext):
+        super().__init__(standing.nodes)
+        self.shape, self.standing, self.setting, self.actuator = shape, standing, setting, setting.body.actuator
+        self.along = in_section(shape.gives_way, self.actuator.dimension)
+        self._per_pascal, self._s = 0.0, 0.0
+
+    def _stand(self) -> Stand:
+        """What holds it, the slice's share of it, with forces in shear moduli times squared sizes."""
+        size, share = self.actuator.size, copies_around(self.actuator, self.standing.crossed)
+        unit = float(self.setting.per_pascal.value) / size / share
+        return Stand(self.shape.spring * unit, weight_against(self.shape, self.setting.gravity) * unit / size, ONSET)
+
+    def pressed(self, places: Array) -> GivingWay:
+        found = GivingWay(self.standing.pressed, self._stand(), self.along, places, self._s)
+        self._s = found.s
+        return found
+
+    def _take(self, w: Array) -> None:
+        if self._per_pascal != float(self.setting.per_pascal.value):  # spring and weight keep their newtons
+            self._per_pascal = float(self.setting.per_pascal.value)
+            self._state[:] = np.nan
+        super()._take(w)
+
+    def harder_here(self) -> Array:
+        return self._pressed.harder()
+
+    def admits(self, before: Array, after: Array) -> bool:
+        start, end = self.nodes.moved(before), self.nodes.moved(after)
+        moved = [places - self.pressed(places).s * self.along for places in (start, end)]
+        return self.standing.clear(*moved)
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        self._take(equations.w.x.array)
+        here, size, label = self._pressed.here, equations.length_unit, self.shape.label
+        force = equations.stress_unit * size**2 * here.forces.sum(axis=0)
+        found = shape_figures(label, self.actuator, self.standing.crossed, force, here.depth * size)
+        return found | {f"{label}_way_mm": self._pressed.s * size * 1e3}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Rigid shapes that stand still and that faces rub on; the law is in `softmodels.mechanics.pressing`.
+
+
+MOST = 3.0
+"""Largest coefficient of friction that is taken: rubber on dry glass has 1 to 2."""
+
+
+class RubbedShape(StoppingShape, Protocol):
+    """A shape with friction."""
+
+    @property
+    def friction(self) -> float: ...
+    @property
+    def slip(self) -> float: ...
+    @property
+    def guide(self) -> str: ...
+
+
+def check_friction(shape: RubbedShape) -> None:
+    """Raise `ComponentError` for a coefficient that is none, or friction on a shape that gives way."""
+    if not 0.0 <= shape.friction <= MOST:
+        raise ComponentError(
+            f"{shape.where}: a coefficient of friction of {shape.friction:g} cannot be meant; 0 to {MOST:g} are taken "
+            "(silicone on smooth plastic has some 0.3 to 1)"
+        )
+    if shape.slip and not shape.friction:
+        raise ComponentError(
+            f"{shape.where}: a slip belongs to a coefficient of friction (friction = 0.5); give both or neither"
+        )
+    if shape.friction and shape.guide:
+        raise ComponentError(
+            f"{shape.where}: friction is computed on shapes that stand still, and this one gives way along {shape.guide}; "
+            "leave out the guide or the friction"
+        )
+
+
+class RubbingShapeTerm(PressingTerm[Rubbed]):
+    """The energy of contact with such a shape, and its friction.
+
+    Args:
+        shape: The shape.
+        standing: Its term without friction.
+        setting: The potential.
+    """
+
+    remembers: ClassVar[bool] = True
+
+    def __init__(self, shape: RubbedShape, standing: StandingShape, setting: FormContext):
+        super().__init__(standing.nodes)
+        self.shape, self.standing, self.actuator = shape, standing, setting.body.actuator
+        self.rubbing = Rubbing(shape.friction, shape.slip / self.actuator.size or ONSET)
+        self._begin(standing.nodes.places)
+
+    def _begin(self, places: Array) -> None:
+        self.grip = Grip.of_free(self.standing.pressed(places))
+
+    def pressed(self, places: Array) -> Rubbed:
+        return Rubbed(self.standing.pressed(places), self.rubbing, self.grip)
+
+    def whole_stiffness_here(self) -> scipy.sparse.csr_array:
+        return self._pressed.whole_stiffness
+
+    def keep(self, w: Array, anew: bool = False) -> None:
+        if anew:
+            self._begin(self.nodes.moved(w))
+        else:
+            self._take(w)
+            self.grip = self._pressed.kept()
+        self._state[:] = np.nan  # what follows is asked of what is remembered now
+
+    def admits(self, before: Array, after: Array) -> bool:
+        return self.standing.clear(self.nodes.moved(before), self.nodes.moved(after))
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        self._take(equations.w.x.array)
+        pressed, size, stress, label = self._pressed, equations.length_unit, equations.stress_unit, self.shape.label
+        force = stress * size**2 * pressed.forces.sum(axis=0)
+        found = shape_figures(label, self.actuator, self.standing.crossed, force, pressed.depth * size)
+        lost = pressed.grip.lost * stress * size**3 * self.actuator.copies
+        return found | {
+            f"{label}_sliding": pressed.sliding,
+            f"{label}_slip_mm": float(pressed.grip.slid.max(initial=0.0)) * size * 1e3,
+            f"{label}_friction_mJ": lost * 1e3,
+        }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The energy of faces that a sphere, a cylinder or a capsule stops: as a form, and as sums over samples for one that moves.
+
+
+WAY = 8
+"""Places on the straight way of a node from state to state at which its depth is looked at."""
+HARDENS = 0.25
+"""Share of the depth at which a state is refused from which the shape grows harder. The energy is of the undeformed area, which
+a wrapped membrane stretches to ten or twenty times itself, so that it would sink in ten or twenty times as deep."""
+HARDER = 16.0
+"""How steeply: at the refused depth the contact is 1 + HARDER (1 - HARDENS)^2 / (2 HARDENS), some 19, times as hard."""
+SOON = 0.1
+"""Distance in sizes of the device that counts as near."""
+
+
+class RoundShape(StoppingShape, Protocol):
+    """A shape with a radius."""
+
+    @property
+    def shape(self) -> str: ...
+    def numbers(self, size: float) -> Numbers: ...
+    def deepest(self, size: float) -> float: ...
+    def crossed(self, actuator: Actuator) -> Sequence[Array]: ...
+
+
+def clear(numbers: Numbers, deepest: float, start: Array, end: Array) -> bool:
+    """Whether nodes may go from places to places, shape (n, d) each, without getting deeper than ``deepest`` into a shape."""
+    way = (start + t * (end - start) for t in np.linspace(0.0, 1.0, WAY + 1)[1:])
+    return all(float(distances(places, numbers).min(initial=math.inf)) > -deepest for places in way)
+
+
+def check_rest(shape: RoundShape, body: Body) -> None:
+    """Refuse a shape that lies in the device at rest.
+
+    Raises:
+        ComponentError: It does.
+    """
+    size = body.actuator.size
+    points = body.mesh.geometry.x[:, : body.mesh.topology.dim]
+    deepest = largest(body.mesh.comm, -float(distances(points, shape.numbers(size)).min(initial=math.inf)))
+    if deepest > NEAR:
+        side = "outside of the hollow" if shape.hollow else "in the"
+        raise ComponentError(
+            f"{shape.where}: at rest the device lies {deepest * size * 1e3:.4g} mm deep {side} {shape.shape}; move it away"
+            + ("" if shape.shape == "plane" else ", or give it another radius")
+        )
+
+
+class ShapeTerm(EnergyTerm):
+    """A shape that stands still, with the force on it.
+
+    Args:
+        shape: The shape.
+        setting: The potential.
+
+    Raises:
+        ComponentError: The device lies in it.
+    """
+
+    def __init__(self, shape: RoundShape, setting: FormContext):
+        super().__init__([])
+        import ufl
+        from dolfinx import fem
+
+        self.shape, self.body = shape, setting.body
+        body, mesh, size = self.body, self.body.mesh, self.body.actuator.size
+        check_rest(shape, body)
+        self.numbers = shape.numbers(size)
+        self._place = fem.Constant(mesh, self.numbers[0])
+        others = (None if value is None else fem.Constant(mesh, value) for value in self.numbers[1:])
+        constants = (self._place, *others)
+        onset, soft = ONSET_PRESSURE / shape.stiffness, HARDENS * shape.deepest(size)
+        stiffness, onset, soft = (fem.Constant(mesh, float(value)) for value in (shape.stiffness, onset, soft))
+        place = ufl.variable(ufl.SpatialCoordinate(mesh) + body.displacement(setting.displacement))
+        components = [place[0], place[1], place[2]] if mesh.topology.dim == 3 else [place[0], 0.0, place[1]]
+        depth = ufl.max_value(-distance(components, constants), 0.0)
+        energy = stiffness * (penalty(depth, onset) + HARDER / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
+        push = ufl.diff(energy, place)  # on the shape; the device takes the opposite
+        self.energies, self._forces = [], []
+        for role in shape.roles:
+            area = body.sheet_face(role)[0]
+            self.energies.append(energy * body.hoop * area)
+            self._forces.append([push[c] * body.hoop * area for c in range(mesh.topology.dim)])
+        self.nodes = FaceNodes(body, setting.w.function_space, shape.roles)
+
+    def move_to(self, at: npt.ArrayLike) -> None:
+        """Put the shape somewhere else, in m: an indenter that comes down from state to state."""
+        place = np.asarray(at, dtype=float) / self.body.actuator.size
+        self.numbers = (place, *self.numbers[1:])
+        self._place.value = place
+
+    def compile(self, equations: Equations) -> None:
+        self._compiled: list[list[fem.Form]] = [[equations.form(force) for force in forces] for forces in self._forces]
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        by_role = [[equations.integral(form) for form in forces] for forces in self._compiled]
+        force = equations.stress_unit * equations.length_unit**2 * np.sum(by_role, axis=0)
+        depth = -float(distances(self.nodes.moved(equations.w.x.array), self.numbers).min()) * equations.length_unit
+        actuator = self.body.actuator
+        return shape_figures(self.shape.label, actuator, self.shape.crossed(actuator), force, depth)
+
+    def admits(self, before: Array, after: Array) -> bool:
+        size = self.body.actuator.size
+        return clear(self.numbers, self.shape.deepest(size), self.nodes.moved(before), self.nodes.moved(after))
+
+
+class SampledShapeTerm(PressingTerm[PressedByDistance]):
+    """The same energy as sums over samples, for a shape that gives way (`softmodels.mechanics.contact`).
+
+    Args:
+        shape: The shape.
+        setting: The potential.
+
+    Raises:
+        ComponentError: The device lies in it.
+    """
+
+    def __init__(self, shape: RoundShape, setting: FormContext):
+        body = setting.body
+        check_rest(shape, body)
+        nodes = FaceNodes(body, setting.w.function_space, shape.roles)
+        super().__init__(nodes)
+        size = body.actuator.size
+        self.surface = Surface(nodes.places, nodes.facets, nodes.faces, nodes.inside, body.axisymmetric)
+        self.numbers, self.deepest, self.crossed = (
+            shape.numbers(size),
+            shape.deepest(size),
+            shape.crossed(body.actuator),
+        )
+        onset, soft = ONSET_PRESSURE / shape.stiffness, HARDENS * self.deepest
+        self.penalty = HardeningPenalty(shape.stiffness, onset, soft, HARDER)
+        self.move(nodes.places)
+
+    def pressed(self, places: Array) -> PressedByDistance:
+        return PressedByDistance(self.surface, self._slopes, self.penalty, SOON, places)
+
+    def _slopes(self, places: Array) -> tuple[Array, Array, Array]:
+        return slopes(places, self.numbers)
+
+    def clear(self, start: Array, end: Array) -> bool:
+        """Whether nodes may go from places to places, shape (n, d) each, without passing through the shape."""
+        return clear(self.numbers, self.deepest, start, end)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Rigid shapes from an STL file, that faces of the device come to rest on, from outside or from within.
+#
+# The distance from the file's triangles is the smooth gap of `softmodels.mechanics.pressing`, with samples that stand still:
+# exact on flat parts, rounded at edges over the kernel's radius, and twice differentiable everywhere. A sphere of radius r
+# appears larger by a tenth of the kernel's radius squared over r.
+
+
+Indices = npt.NDArray[np.int64]
+
+ROUNDING = 0.4
+"""Radius of the kernel in edges of the stopped facets, where the user gives none."""
+MAX_SURFACE_DEPTH = 0.3
+"""Depth in radii of the kernel at which a state is refused: the wall is seen up to a radius behind it, and then no more."""
+STRIDE = 0.5
+"""Radii that a node moves between two looks at its depth."""
+MOST_LOOKS = 60
+SAME = 1e-6
+"""Share of the shape's extent by which its corners may miss their mirror images."""
+PROBED = 50
+"""Nodes whose place within the shape is looked for by its winding number: touching surfaces are found by the gap."""
+
+
+class FileShape(StoppingShape, Protocol):
+    """A shape with a file."""
+
+    @property
+    def at(self) -> tuple[float, ...]: ...
+    @property
+    def file(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def rounding(self) -> float: ...
+
+
+def surface_of(shape: FileShape) -> tuple[Array, Indices]:
+    """Corners in m where they stand, shape (n, 3), and triangles of a shape's file, counter-clockwise from outside.
+
+    Raises:
+        ComponentError: It cannot be read, is not closed, or its triangles turn different ways.
+    """
+    try:
+        points, triangles = _read(shape.file, UNITS[shape.unit], Path(shape.file).stat().st_mtime_ns)
+    except OSError as error:
+        raise ComponentError(f"{shape.where}: file {shape.file} cannot be read ({error.strerror})") from None
+    except GeometryError as error:
+        raise ComponentError(f"{shape.where}: {error}") from None
+    return points + np.asarray(shape.at), triangles
+
+
+@functools.lru_cache(maxsize=8)
+def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
+    points, triangles = read_surfaces(file, unit)
+    edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    if len(np.unique(edges, axis=0)) < len(edges):
+        raise GeometryError(f"the triangles of {file} turn different ways; repair it in the program that wrote it")
+    corners = points[triangles]
+    volume = float(np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))) / 6
+    return points, triangles if volume > 0.0 else triangles[:, ::-1]
+
+
+def _same(points: Array) -> float:
+    """Distance in m below which places on a shape are the same."""
+    return SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def crossed_by_file(shape: FileShape, actuator: Actuator) -> list[Array]:
+    """Normals of the cut planes that a shape crosses; `ComponentError` as for `surface_of`."""
+    points, _ = surface_of(shape)
+    near, normals = _same(points), [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
+    return [n for n in normals if (points @ n).min() < -near and (points @ n).max() > near]
+
+
+def check_file_on(shape: FileShape, actuator: Actuator) -> None:
+    """Raise `ComponentError` for a file that cannot be read, or a shape that cannot stand beside this device."""
+    points, _ = surface_of(shape)
+    if actuator.dimension == 2:
+        raise ComponentError(
+            f"{shape.where}: beside an axisymmetric section a shape is one of revolution; take the solid (section = 'solid')"
+        )
+    from scipy.spatial import cKDTree
+
+    near = _same(points)
+    for plane in actuator.cut_planes:
+        n = np.asarray(plane.normal, dtype=float)
+        if (points @ n).max() <= near:
+            continue
+        image = points - 2 * np.outer(points @ n, n)
+        if cKDTree(points).query(image)[0].max() > near:
+            raise ComponentError(
+                f"{shape.where}: {shape.file} crosses the cut plane {plane.name} and is not its own mirror image there, "
+                "corner by corner; model the whole device"
+            )
+
+
+class FileShapeTerm(PressingTerm[PressedOn]):
+    """The energy of contact with an STL file's shape, with the force on it.
+
+    Args:
+        shape: The shape.
+        setting: The potential.
+    """
+
+    def __init__(self, shape: FileShape, setting: FormContext):
+        body = setting.body
+        nodes = FaceNodes(body, setting.w.function_space, shape.roles)
+        super().__init__(nodes)
+        self.shape, self.actuator = shape, body.actuator
+        size = self.actuator.size
+        points, triangles = surface_of(shape)
+        self.crossed = crossed_by_file(shape, self.actuator)
+        self.surface = Surface(nodes.places, nodes.facets, nodes.faces, nodes.inside)
+        edges, measure = self.surface.edges, self.surface.measure
+        radius = shape.rounding / size or ROUNDING * float(edges @ measure / measure.sum())
+        try:
+            self.wall = FixedWall.of(points / size, triangles[:, ::-1] if shape.hollow else triangles, radius)
+        except TooFineError:
+            raise ComponentError(
+                f"{shape.where}: {shape.file} is large against a rounding of {radius * size * 1e3:.3g} mm; take a larger "
+                "rounding, or cut off what the device does not come near"
+            ) from None
+        self.penalty = Penalty(shape.stiffness, ONSET_PRESSURE / shape.stiffness)
+        self.move(nodes.places)
+        self._check_rest(points / size, triangles)
+
+    def _check_rest(self, points: Array, triangles: Indices) -> None:
+        chosen = self.nodes.places[:: max(1, len(self.nodes.places) // PROBED)]
+        inside = np.abs(_winding(chosen, points[triangles])) > 0.5
+        if self._pressed.depth > NEAR or bool((inside != self.shape.hollow).any()):
+            side = "outside of the hollow" if self.shape.hollow else "in the"
+            raise ComponentError(
+                f"{self.shape.where}: at rest the device lies {side} shape of {self.shape.file}, or touches it; "
+                "move it away (at)"
+            )
+
+    def pressed(self, places: Array) -> PressedOn:
+        return PressedOn(self.surface, self.wall, self.penalty, places)
+
+    def admits(self, before: Array, after: Array) -> bool:
+        return self.clear(self.nodes.moved(before), self.nodes.moved(after))
+
+    def clear(self, start: Array, end: Array) -> bool:
+        """Whether nodes may go from places to places, shape (n, 3) each, without passing through the shape."""
+        farthest, limit = (
+            float(np.linalg.norm(end - start, axis=1).max(initial=0.0)),
+            MAX_SURFACE_DEPTH * self.wall.radius,
+        )
+        looks = int(np.clip(np.ceil(farthest / (STRIDE * self.wall.radius)), 1, MOST_LOOKS))
+        way = (self.surface.places(start + t * (end - start)) for t in np.linspace(0.0, 1.0, looks + 1)[1:])
+        return all(float(self.wall.gaps(places).min(initial=np.inf)) > -limit for places in way)
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        self._take(equations.w.x.array)
+        force = equations.stress_unit * equations.length_unit**2 * self._pressed.forces.sum(axis=0)
+        depth = self._pressed.depth * equations.length_unit
+        return shape_figures(self.shape.label, self.actuator, self.crossed, force, depth)
+
+
+def _winding(places: Array, corners: Array) -> Array:
+    """How often a closed surface goes around places, shape (n,): the solid angle of its triangles, shape (t, 3, 3), over 4 pi.
+
+    Van Oosterom and Strackee 1983, doi 10.1109/TBME.1983.325207.
+    """
+    found = np.empty(len(places))
+    for number, place in enumerate(places):
+        a, b, c = np.moveaxis(corners - place, 1, 0)
+        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+        over = np.einsum("ti,ti->t", a, np.cross(b, c))
+        under = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+        found[number] = 2 * np.arctan2(over, under).sum() / (4 * np.pi)
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Rigid shapes that faces of the device come to rest on: a sphere, a cylinder, a capsule, from outside or from within; a plane.
+#
+# One from an STL file is in `softmodels.mechanics.contact`, the distance from others in `softmodels.mechanics.contact`.
+# With the signed distance g of a deformed place x to the shape, the energy per undeformed area is that of a plane's contact,
+# phi(max(-g, 0)); see `softmodels.mechanics.contact`. A shape stands still, and faces may rub on it, or gives way along a line.
+
+
+SHAPES = ("sphere", "cylinder", "capsule", "plane", "stl")
+ENDLESS = 1e3
+"""Half length of a cylinder in sizes of the device."""
+MAX_SHAPE_DEPTH = 0.05
+"""Depth in sizes of the device at which a state is refused: the device would have passed over the shape."""
+
+
+@register_component
+@dataclasses.dataclass(frozen=True)
+class RigidShape(ContactPart):
+    """A rigid shape, and the faces that it stops.
+
+    Attributes:
+        shape: One of `SHAPES`.
+        faces: Roles of the facets that it stops, such as ``"outer"`` or ``"top, outer"``; others pass through it.
+        at: A point in m: the middle of a sphere or capsule, a point on a cylinder's axis or in a plane, where the origin of an
+            STL file goes.
+        radius: Radius in m; a plane has none.
+        along: Direction of a cylinder's or capsule's axis, or of a plane's normal, which points to the device.
+        length: Distance in m between the middles of a capsule's two ends.
+        hollow: Whether the device lies within the shape, as in a tube.
+        file, unit: An STL file, and the unit of its lengths.
+        rounding: Length in m over which an STL file's edges are rounded; 0 for 0.4 of a stopped facet's.
+        stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`.
+        guide: Direction along which it gives way, as `softmodels.mechanics.component.direction` reads it; empty for none.
+        spring: Stiffness in N/m of a spring that holds it there.
+        mass: In kg; where gravity pulls it against the guide, a stand holds it where it is until it is lifted, and where it
+            pulls the other way the spring does.
+        friction: Coefficient of Coulomb friction of the faces on a shape that stands still.
+        slip: Way in m over which friction sets in; 0 for a thousandth of `Actuator.size`.
+    """
+
+    shape: str = choice_field(
+        "sphere",
+        SHAPES,
+        "a sphere, a cylinder without ends, a capsule (a cylinder with round ends), a plane, or an STL file",
+    )
+    faces: str = field_of(Words(), "faces that it stops, such as outer or 'top, outer'", "")
+    at: tuple[float, ...] = field_of(
+        Several(Length(zero=True, signed=True)),
+        "middle of a sphere or capsule, a point on a cylinder's axis or in a plane, or where an STL file's origin goes",
+        (),
+    )
+    radius: float = length_field(0.0, "radius of the shape", zero=True)
+    along: tuple[float, ...] = list_field(
+        (0.0, 1.0, 0.0),
+        "direction of a cylinder's or capsule's axis, or of a plane's normal to the device's side",
+        numbers=True,
+    )
+    length: float = length_field(0.0, "distance between the middles of a capsule's round ends", zero=True)
+    hollow: bool = field_of(Flag(), "the device lies within the shape, as in a tube", False)
+    file: str = field_of(Words(), "STL file of the shape's closed surface", "")
+    unit: str = choice_field("mm", tuple(UNITS), "unit of the STL file's lengths, which such files do not tell")
+    rounding: float = length_field(
+        0.0, "length over which an STL file's edges are rounded; 0 for 0.4 of a facet's edge", zero=True
+    )
+    stiffness: float = field_of(
+        Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
+    )
+    guide: str = field_of(
+        Words(), "direction along which the shape gives way, such as z; it stands still if left out", ""
+    )
+    spring: float = field_of(Quantity("N/m"), "spring that holds a shape with a guide", 0.0)
+    mass: float = field_of(
+        Quantity("kg"),
+        "mass of a shape with a guide, which gravity pulls at: it lies on a stand until it is lifted",
+        0.0,
+    )
+    friction: float = field_of(
+        Quantity(), "coefficient of Coulomb friction of the faces on a shape that stands still", 0.0
+    )
+
+    slip: float = length_field(
+        0.0, "way over which friction sets in, without sliding; 0 for a thousandth of the device's size", zero=True
+    )
+
+    table: ClassVar[str] = "contact"
+    always_named: ClassVar[bool] = True
+    figure_texts: ClassVar = {
+        r"(\w+)_force_([xyz])_N": ("force on {0}", "of the device on that rigid shape, along the named axis"),
+        r"(\w+)_depth_mm": ("depth in {0}", "how deep the stopped faces have sunk into it"),
+        r"(\w+)_way_mm": ("way of {0}", "how far that rigid shape has given way along its guide"),
+        r"(\w+)_sliding": ("share that slides on {0}", "of the force that presses the faces on it; the rest sticks"),
+        r"(\w+)_slip_mm": ("largest slip on {0}", "how far a point of the faces has slid on it"),
+        r"(\w+)_friction_mJ": ("friction on {0}", "work that sliding on that rigid shape has taken so far"),
+    }
+
+    def check(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", self.shape)
+        if not self.roles:
+            raise ComponentError(f"{self.where} needs the faces that are stopped (faces = 'outer')")
+        if len(self.at) != 3:
+            raise ComponentError(f"{self.where}: a place has three coordinates (at = ['0 mm', '0 mm', '30 mm'])")
+        self.check_stiffness()
+        check_guide(self)
+        check_friction(self)
+        if self.shape == "stl":
+            self._check_file()
+            return
+        if self.file or self.rounding:
+            raise ComponentError(f"{self.where}: a {self.shape} has no file and no rounding; shape = 'stl' has")
+        if self.shape == "plane":
+            if self.radius or self.length or self.hollow:
+                raise ComponentError(
+                    f"{self.where}: a plane has a point (at) and a normal to the device's side (along), and no radius, length "
+                    "or hollow"
+                )
+        elif self.radius <= 0.0:
+            raise ComponentError(f"{self.where}: a {self.shape} needs a radius above zero (radius = '5 mm')")
+        if len(self.along) != 3 or not any(self.along):
+            raise ComponentError(
+                f"{self.where}: along = {list(self.along)} is no direction; write three numbers, such as [0, 1, 0]"
+            )
+        if (self.length > 0.0) != (self.shape == "capsule"):
+            raise ComponentError(f"{self.where}: a capsule has a length above zero, and no other shape has one")
+
+    def _check_file(self) -> None:
+        if not self.file:
+            raise ComponentError(f"{self.where}: a shape from an STL file needs that file (file = 'hand.stl')")
+        object.__setattr__(self, "file", whole_path(self.file))
+        if self.radius or self.length:
+            raise ComponentError(
+                f"{self.where}: the size of an STL file's shape is that of the file; leave out radius and length"
+            )
+
+    @property
+    def files(self) -> Mapping[str, str]:
+        return {"file": self.file} if self.file else {}
+
+    @property
+    def direction(self) -> Array:
+        return np.asarray(self.along) / np.linalg.norm(self.along)
+
+    @property
+    def weighs(self) -> float:
+        return self.mass
+
+    @property
+    def lifted(self) -> bool:
+        return True
+
+    def check_under(self, gravity: Array) -> None:
+        if self.mass:
+            check_weight(self, gravity)
+
+    @property
+    def gives_way(self) -> Array:
+        """Unit vector of its guide."""
+        return np.asarray(direction(self.guide, self.where))
+
+    @property
+    def in_model(self) -> str:
+        kind = f"shape of {self.file}," if self.file else self.shape
+        gives = f" and gives way along {self.guide} alone, without turning" if self.guide else ""
+        rubs = f"with a coefficient of friction of {self.friction:g}" if self.friction else "without friction"
+        return f"; the rigid {kind} {self.name} stops {self.faces} alone, {rubs}{gives}"
+
+    @property
+    def remembers(self) -> bool:
+        return self.friction > 0.0
+
+    def half(self, size: float) -> float:
+        """Half the length of the line in its middle, in sizes of the device."""
+        return {"cylinder": ENDLESS, "capsule": self.length / 2 / size}.get(self.shape, 0.0)
+
+    def deepest(self, size: float) -> float:
+        """Depth in sizes of the device at which a state is refused."""
+        return (
+            MAX_SHAPE_DEPTH if self.hollow or self.shape == "plane" else min(MAX_SHAPE_DEPTH, 0.5 * self.radius / size)
+        )
+
+    def crossed(self, actuator: Actuator) -> list[Array]:
+        """Normals of the cut planes that it crosses."""
+        if self.file:
+            return crossed_by_file(self, actuator)
+        normals = [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
+        if self.shape == "plane":
+            return normals
+        return [normal for normal in normals if abs(np.asarray(self.at) @ normal) < self.radius]
+
+    def check_on(self, actuator: Actuator) -> None:
+        check_on_mesh(self.where, actuator, self.roles)
+        if self.file:
+            check_file_on(self, actuator)
+        else:
+            self._check_round_on(actuator)
+        if self.guide:
+            check_guide_on(self, actuator, self.crossed(actuator))
+
+    def _check_round_on(self, actuator: Actuator) -> None:
+        at, along = np.asarray(self.at), self.direction
+        if actuator.dimension == 2:
+            if np.abs(at[:2]).max() > 0.0 or (self.shape != "sphere" and abs(along[2]) < 1 - 1e-12):
+                raise ComponentError(
+                    f"{self.where}: beside an axisymmetric section a shape is one of revolution: at = ['0 mm', '0 mm', ...] "
+                    "and along = [0, 0, 1]"
+                )
+            return
+        for plane in actuator.cut_planes:
+            normal = np.asarray(plane.normal)
+            if self.shape == "plane":
+                if abs(float(along @ normal)) > 1e-9:
+                    raise ComponentError(
+                        f"{self.where}: the plane is not square to the cut plane {plane.name}, and so not its own mirror image "
+                        "there; turn it, or model the whole device"
+                    )
+                continue
+            beyond, lean = float(at @ normal), abs(float(along @ normal))
+            reach = self.radius + (0.0 if self.shape == "sphere" else self.half(1.0) * lean)
+            askew = self.shape != "sphere" and 1e-9 < lean < 1 - 1e-9
+            if -beyond < reach * (1 - 1e-9) and (abs(beyond) > 1e-9 * reach or askew):
+                if self.shape == "cylinder" and lean > 1 - 1e-9:
+                    continue
+                raise ComponentError(
+                    f"{self.where}: the {self.shape} crosses the cut plane {plane.name} and is not its own mirror image there; "
+                    f"put its middle on that plane, or model the whole device"
+                )
+
+    def numbers(self, size: float) -> Numbers:
+        """Place, direction, radius, half length and side, in sizes of the device."""
+        return (
+            np.asarray(self.at) / size,
+            self.direction,
+            None if self.shape == "plane" else self.radius / size,
+            self.half(size),
+            -1.0 if self.hollow else 1.0,
+        )
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        depth = figure(f"{self.label}_depth_mm")
+        return self.try_other(f"faces press on {self.where} and have sunk {depth:.3g} mm into it") if depth else ""
+
+    def term(self, setting: FormContext) -> EnergyTerm:
+        check_mesh_faces(setting.body, self.roles, self.where)
+        if self.guide or self.friction:
+            standing = FileShapeTerm(self, setting) if self.file else SampledShapeTerm(self, setting)
+            return (GuidedShapeTerm if self.guide else RubbingShapeTerm)(self, standing, setting)
+        return FileShapeTerm(self, setting) if self.file else ShapeTerm(self, setting)

@@ -16,17 +16,20 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.materials.material import Material
+from softmodels.common.arrays import Array
+from softmodels.materials.laws import Material
+from softmodels.mechanics.component import (
+    Component,
+    ComponentError,
+    Equations,
+    MaterialCells,
+)
 from softmodels.mechanics.mpi import any_rank, total
-from softmodels.mechanics.parts import Equations, Matter, Part, PartError
 
 if TYPE_CHECKING:
     import ufl
     from dolfinx import fem
     from ufl.core.expr import Expr
-
-
-Array = npt.NDArray[np.float64]
 
 
 LOADS_ENERGY = "loads_energy_mJ"
@@ -49,7 +52,7 @@ class Loaded(Equations, Protocol):
     def assemble(self, forms: list[fem.Form], held: bool = False) -> Array: ...
 
 
-class LoadPart(Part):
+class LoadPart(Component):
     """A dead load.
 
     Attributes:
@@ -98,7 +101,7 @@ class LoadPart(Part):
         """What tells it from all other drivers: ``"gravity"``, ``"force.tip"``."""
         return f"{self.table}.{self.name}" if self.name else self.table
 
-    def idle(self, parts: Sequence[Part]) -> bool:
+    def idle(self, parts: Sequence[Component]) -> bool:
         """Whether it pulls at nothing of the device, and only at what the device lifts.
 
         Args:
@@ -107,7 +110,7 @@ class LoadPart(Part):
         return False
 
     @abc.abstractmethod
-    def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
+    def spread(self, on: DistributedLoad, parts: Sequence[Component]) -> Weighed:
         """Its distribution over the body.
 
         Args:
@@ -115,15 +118,15 @@ class LoadPart(Part):
             parts: All that is added to the device: what hangs on it has weight too.
 
         Raises:
-            PartError: Not on this mesh.
+            ComponentError: Not on this mesh.
         """
 
 
-class HeavyPart(Part):
+class HeavyPart(Component):
     """A part with a mass of its own, which gravity pulls at."""
 
     @abc.abstractmethod
-    def masses(self, on: Spread, along: Array) -> list[Weighed]:
+    def masses(self, on: DistributedLoad, along: Array) -> list[Weighed]:
         """Its masses.
 
         Args:
@@ -150,7 +153,7 @@ class Weighed:
     amount: float
 
 
-class Spread:
+class DistributedLoad:
     """A body's test displacement, and means over the body and its faces; dimensionless.
 
     Args:
@@ -175,28 +178,28 @@ class Spread:
 
         return fem.Constant(self.body.mesh, np.asarray(value, dtype=float))
 
-    def measure(self, over: str | Matter) -> Expr:
+    def measure(self, over: str | MaterialCells) -> Expr:
         """Of the undeformed facets of a role, or of one of the body's materials; of all the circle in a section."""
         return self.body.sheet_face(over)[0] if isinstance(over, str) else over.dx
 
-    def integral(self, density: Expr, over: str | Matter) -> float:
+    def integral(self, density: Expr, over: str | MaterialCells) -> float:
         """Of a density over the undeformed facets of a role, or over one of the body's materials."""
         from dolfinx import fem
 
         return self.system.integral(fem.form(density * self.body.hoop * self.measure(over)))
 
-    def volume(self, matter: Matter) -> float:
+    def volume(self, matter: MaterialCells) -> float:
         """Undeformed volume in m3 of one of the body's materials, of the whole device."""
         actuator = self.body.actuator
         return self.integral(self.constant(1.0), matter) * actuator.size**3 * actuator.copies
 
-    def mean(self, along: npt.ArrayLike, over: str | Matter) -> ufl.Form:
+    def mean(self, along: npt.ArrayLike, over: str | MaterialCells) -> ufl.Form:
         """Mean test displacement along a vector of the mesh over a face, or over one of the body's materials."""
         import ufl
 
         size = self.integral(self.constant(1.0), over)
         if not size > 0.0:
-            raise PartError(f"the face {over!r} has no facets on this mesh")
+            raise ComponentError(f"the face {over!r} has no facets on this mesh")
         vector = self.constant(np.asarray(along, dtype=float) / size)
         return ufl.dot(vector, self.test) * self.body.hoop * self.measure(over)
 
@@ -216,15 +219,15 @@ class DeadLoads:
         origins: What all drivers worked on where the path began, dimensionless; None before that.
 
     Raises:
-        PartError: A load that moves nothing, or not on this mesh.
+        ComponentError: A load that moves nothing, or not on this mesh.
     """
 
-    def __init__(self, system: Loaded, parts: Sequence[Part]):
+    def __init__(self, system: Loaded, parts: Sequence[Component]):
         from dolfinx import fem
 
         self.system = system
         self.loads = [part for part in parts if isinstance(part, LoadPart) and not part.idle(parts)]
-        spread = [part.spread(Spread(system), parts) for part in self.loads] if self.loads else []
+        spread = [part.spread(DistributedLoad(system), parts) for part in self.loads] if self.loads else []
         self.amounts = np.array([found.amount for found in spread], dtype=float)
         self.integrals = [found.forms for found in spread]
         self.forms = [[system.form(form) for form in forms] for forms in self.integrals]
@@ -236,7 +239,9 @@ class DeadLoads:
         for load, forms in zip(self.loads, self.forms, strict=True):
             found = self.system.assemble(forms)
             if not total(self.system.comm, float(found @ found)) > 0.0:
-                raise PartError(f"{load.where} pulls at what is held and moves nothing; take another face or direction")
+                raise ComponentError(
+                    f"{load.where} pulls at what is held and moves nothing; take another face or direction"
+                )
 
     def moved(self) -> Array:
         """What each works on in the current state, shape (loads,); linear in w, held dofs that have moved included."""
@@ -307,7 +312,7 @@ class DeadLoads:
         raise KeyError(key)
 
 
-def mean_place(on: Spread, role: str) -> Array:
+def mean_place(on: DistributedLoad, role: str) -> Array:
     """Centre of a face of the slice, in mesh coordinates, dimensionless."""
     size = on.integral(on.constant(1.0), role)
     return np.array([on.integral(on.places[i], role) / size for i in range(on.body.mesh.geometry.dim)])
@@ -316,4 +321,4 @@ def mean_place(on: Spread, role: str) -> Array:
 def check_finite(value: float, where: str, what: str) -> None:
     """Refuse an amount that is not above zero."""
     if not (value > 0.0 and math.isfinite(value)):
-        raise PartError(f"{where}: {what} is {value:g}; it must be above zero, and its direction says which way")
+        raise ComponentError(f"{where}: {what} is {value:g}; it must be above zero, and its direction says which way")

@@ -18,26 +18,468 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from geometries.fields import angle_field, choice_field, field_of, list_field, number_field
-from geometries.kinds import Flag, Quantity, Words
-from softmodels.materials.strain import Expression
-from softmodels.mechanics.causes import Cause
-from softmodels.mechanics.directions import Helix, check_axis, check_helix
-from softmodels.mechanics.kinking import kinked, worst_kink
-from softmodels.mechanics.named_places import check_faces, check_regions, names_in
-from softmodels.mechanics.parts import INSIDE, EnergyPart, Equations, PartError, Setting, register_part
+from softmodels.common.arrays import Array
+from softmodels.common.schema import (
+    Flag,
+    Quantity,
+    Words,
+    angle_field,
+    choice_field,
+    field_of,
+    list_field,
+    number_field,
+    shown,
+)
+from softmodels.materials.laws import Material
+from softmodels.materials.strain import Expression, HomogeneousStrain
+from softmodels.mechanics.body import Body, cell_measure
+from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.component import (
+    INSIDE,
+    ComponentError,
+    EnergyComponent,
+    EnergyTerm,
+    Equations,
+    FormContext,
+    MixedPointStress,
+    PathFailure,
+    check_faces,
+    check_regions,
+    names_in,
+    register_component,
+)
 from softmodels.mechanics.sheet import locking
-from softmodels.mechanics.strain_term import Place, StrainTerm, change_along, faces, regions
 
 if TYPE_CHECKING:
+    import ufl
+    from dolfinx import fem, mesh
     from ufl.core.expr import Expr
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A term of the potential that is a function of a few strains at every point of faces or regions: fibres, fabrics.
+#
+# Newton's matrix takes the stress of such a term as it is foreseen from another state, as that of a sheet: see
+# `softmodels.mechanics.potential.Potential.foresee`.
+
+
+NOWHERE = 1e-12
+"""Square of a direction's length below which a face has none: it is cut at right angles."""
+BARE = 1e-4
+"""Mean of that square over a face below which nothing can be laid along the direction there."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class StrainSite:
+    """Where a term is integrated.
+
+    Attributes:
+        measure: Of the face or region.
+        normal: Unit normal of a face; None in a region.
+        name: Of the face or region; empty for the whole body.
+    """
+
+    measure: ufl.Measure
+    normal: Expr | None
+    name: str = ""
+
+
+def faces(body: Body, names: Sequence[str]) -> list[StrainSite]:
+    """The faces of these names, which regions may bear too."""
+    return [StrainSite(*body.sheet_face(name), name) for name in names]
+
+
+def regions(body: Body, names: Sequence[str]) -> list[StrainSite]:
+    """The regions of these names; the whole body if there are none."""
+    if not names:
+        return [StrainSite(body.measures()[0], None)]
+    return [StrainSite(cell_measure(body, body.regions[name]), None, name) for name in names]
+
+
+def change_along(F: Expr, direction: Expr) -> Expr:
+    """Change of squared length of a line along a direction, over its squared length: 0 where there is no direction."""
+    import ufl
+
+    square, moved = ufl.dot(direction, direction), ufl.dot(F, direction)
+    return (ufl.dot(moved, moved) - square) / (square + NOWHERE)
+
+
+class StrainTerm(EnergyTerm):
+    """An energy per undeformed volume or area that depends on a vector of strains.
+
+    Args:
+        setting: The potential it belongs to.
+        where: Places that it is integrated over.
+        strains: The vector of strains, of the deformation gradient and a place.
+        density: The energy, of that vector.
+    """
+
+    def __init__(
+        self,
+        setting: FormContext,
+        where: Sequence[StrainSite],
+        strains: Callable[[Expr, StrainSite], Expr],
+        density: Callable[[Expr], Expr],
+    ):
+        self.setting, self.where, self.strains, self.density = setting, where, strains, density
+        super().__init__([self.integral(density(self._strains(setting.displacement, place)), place) for place in where])
+
+    def integral(self, integrand: Expr, place: StrainSite) -> ufl.Form:
+        """Integral over a place of the slice, in an axisymmetric section of the device."""
+        return integrand * self.setting.body.hoop * place.measure
+
+    def _strains(self, displacement: Expr, place: StrainSite) -> Expr:
+        return self.strains(self.setting.body.deformation_gradient(displacement), place)
+
+    def check_laid(self, part: str, direction: Callable[[Expr], Expr], equations: Equations) -> None:
+        """Refuse faces that a direction is square to, so that nothing can be laid along it there.
+
+        Args:
+            part: What is laid there, for messages.
+            direction: Of a face's normal, see `softmodels.mechanics.fibres.Helix.field`.
+            equations: Compile and integrate.
+
+        Raises:
+            ComponentError: Which face.
+        """
+        import ufl
+        from dolfinx import fem
+
+        one = fem.Constant(self.setting.body.mesh, 1.0)
+        for place in self.where:
+            if place.normal is None:
+                continue
+            laid = direction(place.normal)
+            integrands = (ufl.dot(laid, laid), one)
+            square, area = (equations.integral(equations.form(self.integral(value, place))) for value in integrands)
+            if square < BARE * area:
+                raise ComponentError(
+                    f"{part}: its direction is square to the face {place.name} and has no line in it; take another angle or "
+                    "axis, or another face"
+                )
+
+    def stress(self, strains: Expr) -> tuple[Expr, Expr]:
+        """Derivative of the energy by the strains, and its derivative."""
+        import ufl
+
+        x = ufl.variable(strains)
+        first = ufl.diff(self.density(x), x)
+        return first, ufl.diff(first, x)
+
+    def tangent(self, foresight: MixedPointStress) -> list[ufl.Form]:
+        """Second derivatives of `energies`, their stress foreseen; see `EnergyTerm.tangent`."""
+        import ufl
+
+        w, test, trial = self.setting.w, foresight.test, foresight.trial
+        forms = []
+        for place in self.where:
+            strains = self._strains(self.setting.displacement, place)
+            along = ufl.derivative(strains, w, test)
+            _, stiffness = self.stress(strains)
+            known = self._strains(foresight.displacement, place)
+            stress, slope = self.stress(known)
+            foreseen = stress + ufl.dot(slope, ufl.derivative(known, foresight.known, foresight.move))
+            second = ufl.inner(ufl.dot(stiffness, ufl.derivative(strains, w, trial)), along)
+            forms.append(self.integral(second + ufl.inner(foreseen, ufl.derivative(along, w, trial)), place))
+        return forms
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Directions in which a device is reinforced: along a line, around it, or in helices about it.
+#
+# A direction is given by an axis through the origin and an angle from it: 0 runs along the axis, 90 degrees around it (the hoop
+# of a tube), what lies between winds a helix. Both are constants of the forms. On a face the direction is laid into the face.
+
+
+TINY = 1e-20
+"""Square of a length in sizes of the device below which nothing has a direction: on the axis itself there is no hoop."""
+SQUARE = 1e-9
+"""Largest product of unit vectors that are taken as square to each other."""
+
+
+class Helix:
+    """A field of directions, in UFL.
+
+    Args:
+        mesh: Where its constants live.
+        axis: Of the helix, three numbers of any length; it passes through the origin.
+        angle: From the axis, degrees.
+    """
+
+    def __init__(self, mesh: mesh.Mesh, axis: Sequence[float], angle: float):
+        from dolfinx import fem
+
+        self._axis: fem.Constant = fem.Constant(mesh, np.zeros(3))
+        self._slopes: fem.Constant = fem.Constant(mesh, np.zeros(2))
+        self.take(axis, angle)
+
+    def take(self, axis: Sequence[float], angle: float) -> None:
+        """Take another axis and angle; nothing is compiled again."""
+        unit = np.asarray(axis, dtype=float)
+        self._axis.value[:] = unit / np.linalg.norm(unit)
+        self._slopes.value[:] = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+
+    def field(self, body: Body, normal: Expr | None, hand: float = 1.0) -> Expr:
+        """The direction at every undeformed point, three components; not of unit length where a face cuts through it.
+
+        Args:
+            body: Mesh.
+            normal: Unit normal of the face into which it is laid; None inside the solid.
+            hand: 1, or -1 for the helix that winds the other way.
+        """
+        import ufl
+
+        X = ufl.SpatialCoordinate(body.mesh)
+        place = ufl.as_vector([X[0], 0, X[1]]) if body.axisymmetric else X
+        axis, (cosine, sine) = self._axis, (self._slopes[0], self._slopes[1])
+        arm = ufl.cross(axis, place)
+        direction = cosine * axis + hand * sine * arm / ufl.sqrt(ufl.dot(arm, arm) + TINY)
+        if normal is None:
+            return direction
+        return direction - ufl.dot(direction, normal) * normal
+
+
+def helix_at(places: Array, axis: Sequence[float], angle: float, hand: float = 1.0) -> Array:
+    """The direction of a `Helix` inside a solid, at places of shape (n, 3) in any unit: shape (n, 3)."""
+    unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    arm = np.cross(unit, places)
+    around = arm / np.maximum(np.linalg.norm(arm, axis=1), TINY**0.5)[:, None]
+    return np.asarray(math.cos(math.radians(angle)) * unit + hand * math.sin(math.radians(angle)) * around)
+
+
+def check_axis(where: str, axis: Sequence[float], angle: float) -> None:
+    """Refuse, with `ComponentError`, an axis that is no direction, and an angle that another one stands for."""
+    if len(axis) != 3 or not np.linalg.norm(axis) > 0.0:
+        raise ComponentError(
+            f"{where}: axis is {', '.join(f'{a:g}' for a in axis)}; it is a direction of three numbers"
+        )
+    if abs(angle) > 90.0:
+        raise ComponentError(f"{where}: angle is {shown(angle, 'degree')}; it lies between -90 and 90 deg")
+
+
+def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: float, mirrored: bool) -> None:
+    """Refuse a direction whose images by the device's symmetry are others than itself.
+
+    Args:
+        where: What is laid along it, for messages.
+        actuator: The device.
+        axis, angle: As of `Helix`.
+        mirrored: Whether what is laid there is its own mirror image, as two families at both angles are.
+
+    Raises:
+        ComponentError: Which plane or section does not allow it.
+    """
+    unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    crooked = min(abs(math.sin(math.radians(angle))), abs(math.cos(math.radians(angle)))) > SQUARE
+    if actuator.dimension == 2:
+        if np.hypot(unit[0], unit[1]) > SQUARE:
+            raise ComponentError(
+                f"{where}: in an axisymmetric section the axis is 0, 0, 1; take a solid section for another"
+            )
+        if crooked and not mirrored:
+            raise ComponentError(
+                f"{where}: one helix at {shown(angle, 'degree')} twists the device, and an axisymmetric section cannot "
+                "twist; take a whole solid section, or both helices"
+            )
+    for plane in actuator.cut_planes:
+        across = abs(float(unit @ np.asarray(plane.normal)))
+        if actuator.dimension == 3 and SQUARE < across < 1.0 - SQUARE:
+            raise ComponentError(
+                f"{where}: the axis neither lies in the plane of symmetry {plane.name} nor is square to it"
+            )
+        if actuator.dimension == 3 and crooked and not mirrored:
+            raise ComponentError(
+                f"{where}: one helix at {shown(angle, 'degree')} is not its own image in the plane of symmetry "
+                f"{plane.name}; take a model of the whole device, or both helices"
+            )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Strong ellipticity: whether a reinforced silicone resists every change of shape by waves, however short.
+#
+# Along a change m n^T of the deformation gradient, m any direction and n the wave's normal in the undeformed body, the energy
+# has the second derivative m . Q(n) m, Q being the acoustic tensor. Waves that keep the volume (m square to F^-T n) feel
+# neither the bulk modulus nor p, as J is linear along m n^T. Where one of these second derivatives is negative, a state is no
+# minimum of the energy in any neighbourhood (Hadamard): the body falls into bands as thin as anything lets them be, the cells of a
+# mesh. Compressed fibres do that, which then kink: Merodio & Ogden 2002, Material instabilities in fiber-reinforced nonlinearly
+# elastic solids under plane deformation, Arch. Mech. 54; El Hamdaoui, Merodio & Ogden 2018, J. Eng. Math. 109.
+
+
+NORMALS = 300
+"""Of waves in the solid, evenly over the half sphere; the energy's second derivative is smooth in them."""
+NORMALS_OF_SECTION = 36
+"""The same in the plane of a section, whose waves stay in it."""
+STEP = 1e-3
+"""Of the second difference: its error is about the square, and rounding a part in 1e10."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Reinforced:
+    """States of a silicone with fibres, at n points with k families.
+
+    Attributes:
+        gradients: Deformation gradients, shape (n, 3, 3).
+        lines: Directions of the fibres, undeformed, unit vectors, shape (n, k, 3).
+        stresses: Derivatives of the fibres' energy by their change of squared length, over a stress unit, shape (n, k).
+        slopes: The same of these, shape (n, k).
+    """
+
+    gradients: Array
+    lines: Array
+    stresses: Array
+    slopes: Array
+
+
+def least_resistance(material: Material, unit: float, state: Reinforced, section: bool) -> Array:
+    """The least second derivative of the energy along any wave that keeps the volume, with m and n of unit length.
+
+    Args:
+        material: The silicone's law; it may be a millionfold stiffer in bulk than in shear.
+        unit: Pa in one stress.
+        state: What it is in.
+        section: Whether waves stay in an axisymmetric section, whose second direction is the hoop.
+
+    Returns:
+        Shape (n,): one shear modulus of the undeformed silicone, below 0 where ellipticity is lost.
+    """
+    least = np.full(len(state.gradients), math.inf)
+    for normal in _normals(section):
+        kept = np.linalg.solve(state.gradients.transpose(0, 2, 1), np.broadcast_to(normal, (len(least), 3))[..., None])[
+            ..., 0
+        ]
+        kept /= np.linalg.norm(kept, axis=1)[:, None]
+        if section:
+            resistance = _along(material, unit, state, normal, np.cross(kept, (0.0, 1.0, 0.0)))
+        else:
+            resistance = _least_across(material, unit, state, normal, kept)
+        least = np.fmin(least, resistance)
+    return least
+
+
+def _normals(section: bool) -> Array:
+    if section:
+        angle = np.linspace(0.0, math.pi, NORMALS_OF_SECTION, endpoint=False)
+        return np.stack([np.cos(angle), np.zeros_like(angle), np.sin(angle)], axis=1)
+    number = np.arange(NORMALS)
+    height, turn = (number + 0.5) / NORMALS, number * math.pi * (1 + math.sqrt(5))
+    radius = np.sqrt(1 - height**2)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+
+
+def _least_across(material: Material, unit: float, state: Reinforced, normal: Array, kept: Array) -> Array:
+    """The least over all m square to ``kept``: the lower eigenvalue of the acoustic tensor in that plane."""
+    other = np.where(np.abs(kept[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    first = np.cross(kept, other)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    second = np.cross(kept, first)
+    a, b, both = (_along(material, unit, state, normal, m) for m in (first, second, first + second))
+    mixed = (both - a - b) / 2
+    lower: Array = (a + b) / 2 - np.hypot((a - b) / 2, mixed)
+    return lower
+
+
+def _along(material: Material, unit: float, state: Reinforced, normal: Array, m: Array) -> Array:
+    """Second derivative of the energy along m normal^T; nan where the law has no energy (its chains are taut)."""
+    F = state.gradients
+    wave = STEP * m[:, :, None] * normal[None, None, :]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        energies = [_energy(material, F + sign * wave) for sign in (-1, 0, 1)]
+    silicone = (energies[0] - 2 * energies[1] + energies[2]) / STEP**2 / unit
+    crossed = (state.lines @ normal) ** 2
+    moved = np.einsum("pij,pkj->pki", F, state.lines)
+    stretched = np.einsum("pki,pi->pk", moved, m) ** 2
+    turned = (m**2).sum(axis=1)[:, None]
+    fibres: Array = (crossed * (4 * state.slopes * stretched + 2 * state.stresses * turned)).sum(axis=1)
+    return np.asarray(silicone) + fibres
+
+
+def _energy(material: Material, F: Array) -> Array:
+    a, b, c = np.linalg.svd(F, compute_uv=False).T
+    return np.asarray(material.shape(HomogeneousStrain((a, b, c)), material))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where compressed fibres kink the silicone that bears them, in a state that is loaded.
+
+
+MOST_POINTS = 300
+"""Points that are looked at, those whose fibres are compressed most."""
+
+Kink = tuple[float, float, tuple[float, float, float]]
+"""Least resistance to a wave, in shear moduli, the change of squared length of the fibres there, and the place in m."""
+
+
+def worst_kink(
+    equations: Equations,
+    cells: npt.NDArray[np.int32],
+    material: Material,
+    F: Expr,
+    lines: Sequence[Expr],
+    change: Expr,
+    stress: tuple[Expr, Expr],
+) -> Kink | None:
+    """Where the silicone with its fibres resists some wave least; None where no fibre is compressed.
+
+    Args:
+        equations: The state is loaded.
+        cells: Owned local cells in which the fibres are in this silicone.
+        material: The silicone.
+        F: The deformation gradient.
+        lines: Their directions, one of each family.
+        change: Their changes of squared length, a vector.
+        stress: Derivative of their energy by that, and the second.
+
+    Returns:
+        The same on all ranks.
+    """
+    import ufl
+    from dolfinx import fem
+
+    body, families = equations.body, len(lines)
+    parts = [F[i, j] for i in range(3) for j in range(3)]
+    parts += [line[i] for line in lines for i in range(3)]
+    parts += [change[k] for k in range(families)] + [stress[0][k] for k in range(families)]
+    parts += [stress[1][k, k] for k in range(families)]
+    place = ufl.SpatialCoordinate(body.mesh)
+    parts += [place[i] for i in range(len(place))]
+    table = fem.Expression(ufl.as_vector(parts), equations.points, jit_options=JIT)
+    values = np.asarray(table.eval(body.mesh, cells)).reshape(-1, len(parts))  # no cells of this rank: no rows
+    ends = np.cumsum([9, 3 * families, families, families, families])
+    gradients, directions, changes, stresses, slopes, places = np.split(values, ends, axis=1)
+    low = stresses.min(axis=1, initial=0.0)
+    chosen = [i for i in np.argsort(low)[:MOST_POINTS] if low[i] < 0.0]
+    found = (math.inf, 0.0, (0.0, 0.0, 0.0))
+    if chosen:
+        lines_there = directions[chosen].reshape(-1, families, 3)
+        state = Reinforced(gradients[chosen].reshape(-1, 3, 3), lines_there, stresses[chosen], slopes[chosen])
+        resistance = least_resistance(material, equations.stress_unit, state, body.axisymmetric)
+        i = int(np.argmin(resistance))
+        flat = np.zeros((1, 3))
+        flat[0, : places.shape[1]] = places[chosen[i]] * equations.length_unit
+        x, y, z = (float(value) for value in body.actuator.device_points(flat)[0])
+        found = (float(resistance[i]), float(changes[chosen[i]].min()), (x, y, z))
+    worst: Kink = min(equations.comm.allgather(found))
+    return worst if math.isfinite(worst[0]) else None
+
+
+def kinked(where: str, kink: Kink) -> PathFailure:
+    """Words for it, of the fibres of a part."""
+    place = ", ".join(f"{1e3 * x:.3g}" for x in kink[2])
+    shortened = 1.0 - math.sqrt(1.0 + kink[1])
+    return PathFailure(
+        f"the fibres of {where} kink: near {place} mm they are shortened by {shortened:.1%}, and the silicone there no longer "
+        "keeps them straight (it has lost its ellipticity), so that they fold in bands as thin as the mesh allows",
+        "Let them go slack as threads do (slack = true), take softer fibres or a stiffer silicone, or stay below",
+    )
+
 
 ONSET = 0.002
 """Strain over which fibres without compression take up their load."""
@@ -102,9 +544,9 @@ def slope_of(law: str, changes: npt.NDArray[np.float64], exponent: float, slack:
     return np.array(found)
 
 
-@register_part
+@register_component
 @dataclasses.dataclass(frozen=True)
-class Fibres(EnergyPart):
+class Fibres(EnergyComponent):
     """One family of fibres, or two that cross.
 
     Attributes:
@@ -147,17 +589,21 @@ class Fibres(EnergyPart):
     def check(self) -> None:
         check_axis(self.where, self.axis, self.angle)
         if self.law not in FIBRE_LAWS:
-            raise PartError(f"{self.where}: law is {self.law!r}; it must be one of {', '.join(FIBRE_LAWS)}")
+            raise ComponentError(f"{self.where}: law is {self.law!r}; it must be one of {', '.join(FIBRE_LAWS)}")
         if not 0.0 < self.exponent <= MOST_EXPONENT:
-            raise PartError(f"{self.where}: exponent is {self.exponent:g}; it lies above 0, up to {MOST_EXPONENT:g}")
+            raise ComponentError(
+                f"{self.where}: exponent is {self.exponent:g}; it lies above 0, up to {MOST_EXPONENT:g}"
+            )
         if (self.stiffness == 0.0) == (self.modulus == 0.0):
-            raise PartError(
+            raise ComponentError(
                 f"{self.where}: give one of stiffness (N/m, on a face) and modulus (Pa, in a region or the whole body)"
             )
         for value, unit, (least, most) in ((self.stiffness, "N/m", STIFFNESSES), (self.modulus, "Pa", MODULI)):
             if value and not least <= value <= most:
                 name = "stiffness" if unit == "N/m" else "modulus"
-                raise PartError(f"{self.where}: {name} is {value:g} {unit}; {least:g} to {most:g} {unit} are taken")
+                raise ComponentError(
+                    f"{self.where}: {name} is {value:g} {unit}; {least:g} to {most:g} {unit} are taken"
+                )
 
     def undesigned(self, actuator: Actuator) -> str:
         return INSIDE if self.modulus and self.on else ""
@@ -173,7 +619,7 @@ class Fibres(EnergyPart):
         elif self.on:
             check_faces(self.where, actuator, names_in(self.on))
         else:
-            raise PartError(
+            raise ComponentError(
                 f"{self.where}: on is empty; a stiffness in N/m is of fibres on a face, name it (on = 'outer')"
             )
 
@@ -196,14 +642,14 @@ class Fibres(EnergyPart):
             f"{locking(self.stiffness, actuator)}"
         )
 
-    def term(self, setting: Setting) -> FibreTerm:
+    def term(self, setting: FormContext) -> FibreTerm:
         return FibreTerm(self, setting)
 
 
 class FibreTerm(StrainTerm):
     """The term of `Fibres`; the strains are the changes of squared length x of the families."""
 
-    def __init__(self, part: Fibres, setting: Setting):
+    def __init__(self, part: Fibres, setting: FormContext):
         from dolfinx import fem
 
         self.label, self.in_face = part.label, part.stiffness > 0.0
@@ -226,7 +672,7 @@ class FibreTerm(StrainTerm):
     def stiffness(self) -> float:
         return float(self._k.value)
 
-    def _changes(self, F: Expr, place: Place) -> Expr:
+    def _changes(self, F: Expr, place: StrainSite) -> Expr:
         import ufl
 
         hands = (1.0, -1.0)[: self._part.helices]
@@ -243,7 +689,7 @@ class FibreTerm(StrainTerm):
         """Compile the means of stretch and tension, which is the energy's derivative by the stretch.
 
         Raises:
-            PartError: A face that has no such direction.
+            ComponentError: A face that has no such direction.
         """
         import ufl
         from dolfinx import fem
@@ -259,8 +705,8 @@ class FibreTerm(StrainTerm):
             integrands = (one, sum(stretches), tension)
             self._means.append([equations.form(self.integral(integrand, place)) for integrand in integrands])
 
-    def breakdown(self, equations: Equations) -> Cause | None:
-        """Kinks of fibres that are compressed in the silicone; see `softmodels.mechanics.ellipticity`."""
+    def breakdown(self, equations: Equations) -> PathFailure | None:
+        """Kinks of fibres that are compressed in the silicone; see `softmodels.mechanics.fibres`."""
         if self.in_face or self._part.slack:
             return None
         body, u, found = self.setting.body, self.setting.displacement, []
@@ -281,4 +727,152 @@ class FibreTerm(StrainTerm):
         return {
             f"{self.label}_mean_stretch": stretch / size / self._part.helices,
             f"{self.label}_mean_tension_{name}": value,
+        }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A woven fabric bonded to a face: two stiffnesses, along and across a direction, and little resistance to shear.
+#
+# With E the Green strain of the face in the directions along (1) and across (2), and r = k2/k1, its energy per undeformed area
+# is
+#
+#     W = (k1 E11^2 + 2 v k2 E11 E22 + k2 E22^2) / (2 (1 - r v^2)) + 2 g E12^2
+#
+# (Saint-Venant and Kirchhoff's orthotropic membrane; v is the contraction across for a pull along). A fabric that bears no
+# compression lets each yarn go slack by itself, over a small strain as `softmodels.mechanics.fibres` has it; v is 0 then. It
+# bends as freely as a sheet does, and locks as one on solid meshes: see `softmodels.mechanics.sheet`.
+
+
+@register_component
+@dataclasses.dataclass(frozen=True)
+class Fabric(EnergyComponent):
+    """An orthotropic sheet.
+
+    Attributes:
+        on: Names of faces, with commas between.
+        along: Force per width over strain along the direction, N/m.
+        across: The same across it.
+        shear: Force per width over shear angle, N/m.
+        poisson: Contraction across over extension along, pulled along.
+        angle: Between the direction and the axis, degrees.
+        axis: Through the origin.
+        slack: Whether its yarns bear no compression.
+    """
+
+    on: str = field_of(Words(), "faces that it is bonded to, such as 'outer' or 'outer, strip'")
+    along: float = field_of(Quantity("N/m"), "force per width over strain along its direction, such as '50 kN/m'")
+    across: float = field_of(Quantity("N/m"), "force per width over strain across its direction")
+    shear: float = field_of(Quantity("N/m"), "force per width over shear angle; 0 for loose yarns", 0.0)
+    poisson: float = number_field(0.0, "contraction across over extension along; 0 of yarns that slide on each other")
+    angle: float = angle_field(0.0, "between its direction and the axis: 0 along it, 90 deg around it")
+    axis: tuple[float, ...] = list_field((0.0, 0.0, 1.0), "direction of the axis, through the origin", numbers=True)
+    slack: bool = field_of(Flag(), "whether its yarns go slack in compression", False)
+
+    table: ClassVar[str] = "fabric"
+    needs: ClassVar[str] = "a fabric needs its face (on) and its stiffnesses along and across"
+    figure_texts: ClassVar = {
+        r"(\w+)_stretch_(along|across)": ("stretch of {0} {1}", "of that fabric's yarns, the mean over its face"),
+    }
+
+    def check(self) -> None:
+        check_axis(self.where, self.axis, self.angle)
+        for name in ("along", "across"):
+            value, (least, most) = getattr(self, name), STIFFNESSES
+            if not least <= value <= most:
+                raise ComponentError(f"{self.where}: {name} is {value:g} N/m; {least:g} to {most:g} N/m are taken")
+        if not 0.0 <= self.shear <= STIFFNESSES[1]:
+            raise ComponentError(f"{self.where}: shear is {self.shear:g} N/m; 0 to {STIFFNESSES[1]:g} N/m are taken")
+        most = (self.along / self.across) ** 0.5
+        if abs(self.poisson) >= most:
+            raise ComponentError(
+                f"{self.where}: poisson is {self.poisson:g}; with these stiffnesses it stays below {most:.3g}, or the fabric "
+                "would gain energy by being stretched"
+            )
+        if self.slack and self.poisson:
+            raise ComponentError(
+                f"{self.where}: yarns that go slack do not contract each other; leave out poisson or slack"
+            )
+
+    def undesigned(self, actuator: Actuator) -> str:
+        return ""
+
+    def check_on(self, actuator: Actuator) -> None:
+        names = names_in(self.on)
+        if not names:
+            raise ComponentError(f"{self.where}: on is empty; name the face that the fabric is bonded to")
+        check_faces(self.where, actuator, names)
+        check_helix(self.where, actuator, self.axis, self.angle, False)
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        stiffest = max(self.along, self.across)
+        return (
+            f"the fabric of {self.where} has up to {stiffest / 1e3:.4g} kN/m: see whether the run goes on with a softer one"
+            f"{locking(stiffest, actuator)}"
+        )
+
+    def term(self, setting: FormContext) -> FabricTerm:
+        return FabricTerm(self, setting)
+
+
+class FabricTerm(StrainTerm):
+    """The term of a `Fabric`; its strains are 2 E11, 2 E22 and 2 E12."""
+
+    def __init__(self, part: Fabric, setting: FormContext):
+        from dolfinx import fem
+
+        mesh = setting.body.mesh
+        self.label, self._slack, self._called = part.label, part.slack, part.where
+        self._size = setting.body.actuator.size
+        self._helix = Helix(mesh, part.axis, part.angle)
+        self._k: fem.Constant = fem.Constant(mesh, np.zeros(4))
+        self.take(part)
+        super().__init__(setting, faces(setting.body, names_in(part.on)), self._changes, self._energy)
+
+    def take(self, part: Fabric) -> None:
+        """Take other stiffnesses, another angle and axis; nothing is compiled again."""
+        self._helix.take(part.axis, part.angle)
+        coupled = part.poisson * part.across
+        share = 1.0 - coupled * part.poisson / part.along
+        self._k.value[:] = part.along / share, part.across / share, coupled / share, part.shear
+        self._k.value[:] /= self._size
+
+    @property
+    def stiffness(self) -> float:
+        return float(self._k.value.max())
+
+    def _changes(self, F: Expr, place: StrainSite) -> Expr:
+        import ufl
+
+        assert place.normal is not None
+        along = self._helix.field(self.setting.body, place.normal)
+        across = ufl.cross(place.normal, along)
+        shear = ufl.dot(ufl.dot(F, along), ufl.dot(F, across)) / (ufl.dot(along, along) + NOWHERE)
+        return ufl.as_vector([change_along(F, along), change_along(F, across), shear])
+
+    def _energy(self, x: Expr) -> Expr:
+        k = self._k
+        first, second = (taut(x[i]) if self._slack else x[i] ** 2 for i in range(2))
+        pulled = (k[0] * first + 2 * k[2] * x[0] * x[1] + k[1] * second) / 8
+        return self.setting.per_pascal * (pulled + k[3] * x[2] ** 2 / 2)
+
+    def compile(self, equations: Equations) -> None:
+        """Compile the mean stretches; `ComponentError` for a face that has no such direction."""
+        import ufl
+        from dolfinx import fem
+
+        self.check_laid(self._called, lambda normal: self._helix.field(self.setting.body, normal), equations)
+
+        one = fem.Constant(self.setting.body.mesh, 1.0)
+        self._means = []
+        for place in self.where:
+            x = self._strains(self.setting.displacement, place)
+            integrands = (one, ufl.sqrt(1 + x[0]), ufl.sqrt(1 + x[1]))
+            self._means.append([equations.form(self.integral(integrand, place)) for integrand in integrands])
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        integrals = [[equations.integral(form) for form in forms] for forms in self._means]
+        area, *stretches = np.sum(integrals, axis=0).tolist()
+        return {
+            f"{self.label}_stretch_{name}": stretch / area
+            for name, stretch in zip(("along", "across"), stretches, strict=True)
         }

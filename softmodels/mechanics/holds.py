@@ -15,26 +15,30 @@ import numpy.typing as npt
 
 from geometries import Actuator, Hold
 from geometries.actuator import Vector
-from geometries.fields import field_of
-from geometries.kinds import Words
-from measurement.wording import known_are
-from softmodels.mechanics.body import Body
-from softmodels.mechanics.loads import direction
-from softmodels.mechanics.named_places import names_in
-from softmodels.mechanics.parts import INSIDE, Part, PartError, register_part
+from softmodels.common.errors import known_are
+from softmodels.common.schema import Words, field_of
+from softmodels.mechanics.body import Body, in_section
+from softmodels.mechanics.component import (
+    INSIDE,
+    Component,
+    ComponentError,
+    direction,
+    names_in,
+    register_component,
+)
 from softmodels.mechanics.regions import RegionPart
-from softmodels.mechanics.section_axes import in_section
 
 if TYPE_CHECKING:
     from dolfinx import fem
+
 
 FREE = 1e-6
 """Least singular value of the held rigid motions, in sizes of the device, below which one of them is free."""
 
 
-@register_part
+@register_component
 @dataclasses.dataclass(frozen=True)
-class Clamp(Part):
+class Clamp(Component):
     """What is held.
 
     Attributes:
@@ -52,9 +56,9 @@ class Clamp(Part):
 
     def check(self) -> None:
         if not self.roles:
-            raise PartError(self.needs)
+            raise ComponentError(self.needs)
         if self.along and self.slip:
-            raise PartError(
+            raise ComponentError(
                 f"{self.where} has both along and slip; give the one direction that is held or that is free"
             )
         for text in filter(None, (self.along, self.slip)):
@@ -65,11 +69,13 @@ class Clamp(Part):
         return names_in(self.face)
 
     def check_on(self, actuator: Actuator) -> None:
-        """Raise `PartError` where a device has no such face, or its mesh no such direction."""
+        """Raise `ComponentError` where a device has no such face, or its mesh no such direction."""
         known = list(dict.fromkeys([*actuator.faces, *actuator.regions, *(hold.role for hold in actuator.holds)]))
         for role in self.roles:
             if role not in known:
-                raise PartError(f"{self.where}: {type(actuator).__name__} has no {role!r}; {known_are(role, known)}")
+                raise ComponentError(
+                    f"{self.where}: {type(actuator).__name__} has no {role!r}; {known_are(role, known)}"
+                )
         self.holds(actuator)
 
     def undesigned(self, actuator: Actuator) -> str:
@@ -79,7 +85,7 @@ class Clamp(Part):
         """What it holds on a device.
 
         Raises:
-            PartError: A direction that an axisymmetric section does not have.
+            ComponentError: A direction that an axisymmetric section does not have.
         """
         points = {hold.role for hold in actuator.holds if hold.point}
         return [Hold(role, way, role in points) for role in self.roles for way in self._ways(actuator)]
@@ -90,7 +96,9 @@ class Clamp(Part):
             return [None]
         way = direction(text, self.where)
         if actuator.dimension == 2 and max(abs(way[0]), abs(way[2])) < 1 - 1e-12:
-            raise PartError(f"{self.where}: a section knows the directions x (away from its axis) and z, not {text!r}")
+            raise ComponentError(
+                f"{self.where}: a section knows the directions x (away from its axis) and z, not {text!r}"
+            )
         if self.along:
             return [way]
         return _across(way, actuator)
@@ -116,7 +124,7 @@ def _across(way: Vector, actuator: Actuator) -> list[Vector | None]:
     return [(float(x), float(y), float(z)) for x, y, z in found]
 
 
-def held_with(own: Sequence[Hold], actuator: Actuator, parts: Sequence[Part]) -> list[Hold]:
+def held_with(own: Sequence[Hold], actuator: Actuator, parts: Sequence[Component]) -> list[Hold]:
     """What holds a device: its own holds, but where clamps name their roles, and the clamps'."""
     clamps = [part for part in parts if isinstance(part, Clamp)]
     roles = {role for clamp in clamps for role in clamp.roles}
@@ -124,11 +132,11 @@ def held_with(own: Sequence[Hold], actuator: Actuator, parts: Sequence[Part]) ->
     return [*kept, *(hold for clamp in clamps for hold in clamp.holds(actuator))]
 
 
-def clamped(body: Body, parts: Sequence[Part]) -> Body:
+def clamped(body: Body, parts: Sequence[Component]) -> Body:
     """A body as clamps hold it, on the same mesh; itself where there are none.
 
     Raises:
-        PartError: A role that the mesh lacks, or a device that nothing keeps in its place any more.
+        ComponentError: A role that the mesh lacks, or a device that nothing keeps in its place any more.
     """
     clamps = [part for part in parts if isinstance(part, Clamp)]
     if not clamps:
@@ -137,7 +145,7 @@ def clamped(body: Body, parts: Sequence[Part]) -> Body:
         for role in clamp.roles:
             if role not in body.entities and role not in body.regions:
                 known = ", ".join([*body.entities, *body.regions])
-                raise PartError(f"{clamp.where}: the mesh has no {role!r}; it has {known}")
+                raise ComponentError(f"{clamp.where}: the mesh has no {role!r}; it has {known}")
     held = body.held_by(held_with(body.holds, body.actuator, parts))
     replaced = {hold.role for hold in body.holds} & {role for clamp in clamps for role in clamp.roles}
     if replaced and all(isinstance(part, Clamp | RegionPart) for part in parts):  # other parts may keep it
@@ -163,7 +171,7 @@ def _check_place(body: Body, where: str) -> None:
             modes += rows.T @ rows
     modes = mesh.comm.allreduce(modes)
     if np.sqrt(max(np.linalg.eigvalsh(modes)[0], 0.0)) < FREE:
-        raise PartError(
+        raise ComponentError(
             f"{where}: with its holds so the device is free to move as a whole; hold it in all directions, or a point of it"
         )
 

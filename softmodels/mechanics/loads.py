@@ -13,17 +13,34 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.actuator import Vector
-from geometries.fields import field_of
-from geometries.kinds import Open, Quantity, Words
-from softmodels.materials.casting import density_of
-from softmodels.materials.material import Material
-from softmodels.mechanics.body import BodyError
-from softmodels.mechanics.dead_loads import LOADS_ENERGY, HeavyPart, LoadPart, Spread, Weighed, check_finite, mean_place
-from softmodels.mechanics.load_directions import ALONG, check_direction, direction
-from softmodels.mechanics.named_places import check_on_mesh
-from softmodels.mechanics.parts import Part, PartError, register_part
+from softmodels.common.schema import (
+    Open,
+    Quantity,
+    Words,
+    field_of,
+)
+from softmodels.materials.laws import Material
+from softmodels.materials.silicones import density_of
+from softmodels.mechanics.body import BodyError, in_section
+from softmodels.mechanics.component import (
+    ALONG,
+    Component,
+    ComponentError,
+    check_direction,
+    check_on_mesh,
+    direction,
+    register_component,
+)
+from softmodels.mechanics.dead_loads import (
+    LOADS_ENERGY,
+    DistributedLoad,
+    HeavyPart,
+    LoadPart,
+    Weighed,
+    check_finite,
+    mean_place,
+)
 from softmodels.mechanics.regions import RegionPart
-from softmodels.mechanics.section_axes import in_section
 
 STANDARD_GRAVITY = 9.81
 HEAVIEST = 25e3
@@ -34,7 +51,7 @@ class DirectedLoad(LoadPart):
     """A load with a fixed direction.
 
     Attributes:
-        direction_field: Name of its field with the direction, as `softmodels.mechanics.load_directions.direction` reads it.
+        direction_field: Name of its field with the direction, as `softmodels.mechanics.component.direction` reads it.
     """
 
     direction_field: ClassVar[str] = "direction"
@@ -76,7 +93,7 @@ class FaceLoad(DirectedLoad):
         check_on_mesh(self.where, actuator, [self.face])
 
 
-@register_part
+@register_component
 @dataclasses.dataclass(frozen=True)
 class Gravity(DirectedLoad):
     """The device's own weight, and that of all that hangs on it.
@@ -84,7 +101,7 @@ class Gravity(DirectedLoad):
     Attributes:
         direction: Where to, in device coordinates.
         density: Of the silicone, and of regions without one of their own; None for that of the named silicone's data sheet, see
-            `softmodels.materials.casting.density_of`.
+            `softmodels.materials.silicones.density_of`.
         magnitude: Acceleration.
     """
 
@@ -115,7 +132,7 @@ class Gravity(DirectedLoad):
     def check(self) -> None:
         super().check()
         if self.name:
-            raise PartError(f"{self.where}: a device has one gravity, without a name; write it as [gravity]")
+            raise ComponentError(f"{self.where}: a device has one gravity, without a name; write it as [gravity]")
         check_finite(self.magnitude, self.where, "magnitude")
         if self.density is not None:
             check_density(self.density, self.where)
@@ -125,13 +142,13 @@ class Gravity(DirectedLoad):
         """In m/s2, shape (3,), in device coordinates."""
         return self.magnitude * np.asarray(self.vector)
 
-    def idle(self, parts: Sequence[Part]) -> bool:
+    def idle(self, parts: Sequence[Component]) -> bool:
         weighing = [part for part in parts if part.weighs]
         if self.density != 0.0 or any(part.own_density for part in parts if isinstance(part, RegionPart)):
             return False
         return bool(weighing) and all(part.lifted for part in weighing)
 
-    def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
+    def spread(self, on: DistributedLoad, parts: Sequence[Component]) -> Weighed:
         along = in_section(self.vector, on.body.actuator.dimension)
         density = density_of(on.system.material) if self.density is None else self.density
         own = {part.name: part.own_density for part in parts if isinstance(part, RegionPart)}
@@ -142,12 +159,14 @@ class Gravity(DirectedLoad):
         masses += [one for part in parts if isinstance(part, HeavyPart) for one in part.masses(on, along)]
         whole = sum(one.amount for one in masses)
         if not whole > 0.0:
-            raise PartError(f"{self.where}: nothing has a mass; give the silicone's density, or hang a mass on a face")
+            raise ComponentError(
+                f"{self.where}: nothing has a mass; give the silicone's density, or hang a mass on a face"
+            )
         forms = [on.constant(one.amount / whole) * form for one in masses for form in one.forms]
         return Weighed(forms, whole * self.magnitude)
 
 
-@register_part
+@register_component
 @dataclasses.dataclass(frozen=True)
 class Mass(HeavyPart):
     """A mass that hangs on a face, its weight spread evenly over the undeformed face.
@@ -174,12 +193,12 @@ class Mass(HeavyPart):
     def weighs(self) -> float:
         return self.amount
 
-    def masses(self, on: Spread, along: npt.NDArray[np.float64]) -> list[Weighed]:
+    def masses(self, on: DistributedLoad, along: npt.NDArray[np.float64]) -> list[Weighed]:
         with _on_face(self):
             return [Weighed([on.mean(along, self.face)], self.amount)]
 
 
-@register_part
+@register_component
 @dataclasses.dataclass(frozen=True)
 class Force(FaceLoad):
     """A force of fixed direction, spread evenly over an undeformed face.
@@ -213,12 +232,12 @@ class Force(FaceLoad):
         r"travel_(\w+)_mm": ("travel along force {0}", "displacement of the loaded face from where the path begins"),
     }  # fmt: skip
 
-    def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
+    def spread(self, on: DistributedLoad, parts: Sequence[Component]) -> Weighed:
         with _on_face(self):
             return Weighed([on.mean(in_section(self.vector, on.body.actuator.dimension), self.face)], self.amount)
 
 
-@register_part
+@register_component
 @dataclasses.dataclass(frozen=True)
 class Moment(FaceLoad):
     """A moment of dead forces on a face: they rise linearly with the distance from its centre and have no resultant.
@@ -263,16 +282,16 @@ class Moment(FaceLoad):
     def check_on(self, actuator: Actuator) -> None:
         check_on_mesh(self.where, actuator, [self.face])
         if actuator.dimension == 2:
-            raise PartError(f"{self.where}: an axisymmetric section takes no moment; use {actuator.fuller}")
+            raise ComponentError(f"{self.where}: an axisymmetric section takes no moment; use {actuator.fuller}")
         for plane in actuator.cut_planes:
             if 1 - abs(float(np.dot(self.vector, plane.normal))) > ALONG:
                 across = ", ".join(f"{x:g}" for x in plane.normal)
-                raise PartError(
+                raise ComponentError(
                     f"{self.where}: its forces are not alike on both sides of the plane square to ({across}) on which the "
                     f"device is cut in two; take the axis square to that plane, or use {actuator.fuller}"
                 )
 
-    def spread(self, on: Spread, parts: Sequence[Part]) -> Weighed:
+    def spread(self, on: DistributedLoad, parts: Sequence[Component]) -> Weighed:
         import ufl
 
         with _on_face(self):
@@ -285,12 +304,12 @@ class Moment(FaceLoad):
             return Weighed([form], self.amount)
 
 
-def gravity_of(parts: Sequence[Part]) -> npt.NDArray[np.float64]:
+def gravity_of(parts: Sequence[Component]) -> npt.NDArray[np.float64]:
     """Acceleration of gravity in m/s2, shape (3,), in device coordinates; zero where no part is one."""
     return next((part.acceleration for part in parts if isinstance(part, Gravity)), np.zeros(3))
 
 
-def weighed(parts: Sequence[Part], material: Material) -> tuple[Part, ...]:
+def weighed(parts: Sequence[Component], material: Material) -> tuple[Component, ...]:
     """Parts whose gravity says how dense the silicone is: as dense as this material, where they leave that out."""
     return tuple(
         dataclasses.replace(part, density=density_of(material))
@@ -301,15 +320,15 @@ def weighed(parts: Sequence[Part], material: Material) -> tuple[Part, ...]:
 
 
 def check_density(density: float, where: str) -> None:
-    """Refuse, with `PartError`, a density in kg/m3 that no solid has."""
+    """Refuse, with `ComponentError`, a density in kg/m3 that no solid has."""
     if not 0.0 <= density <= HEAVIEST:
-        raise PartError(f"{where}: a density of {density:g} kg/m^3 is no solid's; silicones have 1030 to 1130")
+        raise ComponentError(f"{where}: a density of {density:g} kg/m^3 is no solid's; silicones have 1030 to 1130")
 
 
 @contextlib.contextmanager
-def _on_face(part: Part) -> Iterator[None]:
+def _on_face(part: Component) -> Iterator[None]:
     """Name the part where the mesh lacks its face."""
     try:
         yield
     except BodyError as error:
-        raise PartError(f"{part.where}: {error}") from None
+        raise ComponentError(f"{part.where}: {error}") from None

@@ -20,15 +20,25 @@ import numpy.typing as npt
 
 from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
+from softmodels.mechanics.assembly import jumping
 from softmodels.mechanics.body import Body
+from softmodels.mechanics.component import (
+    Component,
+    EnergyComponent,
+    FormContext,
+    MixedPointStress,
+)
 from softmodels.mechanics.contact import Contact, Obstacle
-from softmodels.mechanics.coupling import Coupling
-from softmodels.mechanics.foresight import Foresight
+from softmodels.mechanics.controls import Coupling
 from softmodels.mechanics.loads import gravity_of
-from softmodels.mechanics.parts import EnergyPart, Part, Setting
-from softmodels.mechanics.region_space import jumping
 from softmodels.mechanics.regions import Regions, constants
-from softmodels.mechanics.sheet import Sheet, membrane_energy, membrane_stress, membrane_tangent, surface_metric
+from softmodels.mechanics.sheet import (
+    Sheet,
+    membrane_energy,
+    membrane_stress,
+    membrane_tangent,
+    surface_metric,
+)
 
 if TYPE_CHECKING:
     import ufl
@@ -74,7 +84,7 @@ class Potential:
         mixed: bool,
         sheet: Sheet | None,
         obstacle: Obstacle | None,
-        parts: Sequence[Part] = (),
+        parts: Sequence[Component] = (),
     ):
         import basix.ufl
         import ufl
@@ -110,8 +120,8 @@ class Potential:
         if self.contact is not None:
             self.energies += self.contact.energies
         self.per_pascal = fem.Constant(mesh, 1.0)
-        setting = Setting(body, self.w, self.displacement, self.per_pascal, gravity_of(parts))
-        self.terms = {part.label: part.term(setting) for part in parts if isinstance(part, EnergyPart)}
+        setting = FormContext(body, self.w, self.displacement, self.per_pascal, gravity_of(parts))
+        self.terms = {part.label: part.term(setting) for part in parts if isinstance(part, EnergyComponent)}
         self._before_terms = len(self.energies)
         self.energies += [energy for term in self.terms.values() for energy in term.energies]
         self.internal = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
@@ -178,7 +188,7 @@ class Potential:
 
         found: dict[int, ufl.Form] = {}
         y = self._vector_part(self._known)
-        at, foresight = self._before_terms, Foresight(self._known, y, self._move, self._test, trial)
+        at, foresight = self._before_terms, MixedPointStress(self._known, y, self._move, self._test, trial)
         for term in self.terms.values():
             if (seconds := term.tangent(foresight)) is not None:
                 found |= dict(enumerate(seconds, at))
@@ -197,7 +207,7 @@ class Potential:
         return all(term.admits(before, after) for term in self.terms.values())
 
     def keep(self, w: npt.NDArray[np.float64], anew: bool = False) -> None:
-        """Take up that the device has come to a state's w; see `softmodels.mechanics.parts.Term.keep`."""
+        """Take up that the device has come to a state's w; see `softmodels.mechanics.component.EnergyTerm.keep`."""
         for term in self.terms.values():
             term.keep(w, anew)
 

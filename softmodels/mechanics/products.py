@@ -8,22 +8,336 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.mechanics.c_library import Rows
-from softmodels.mechanics.moduli import Moduli, cell_dofs, known_cells
-from softmodels.mechanics.petsc_matrices import assemble_into, put_diagonal
-from softmodels.mechanics.second_derivatives import NoModuliError
+from softmodels.common.arrays import Array
+from softmodels.mechanics.assembly import assemble_into, put_diagonal
+from softmodels.mechanics.c_library import Rows, library
+from softmodels.mechanics.compiling import JIT
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     import ufl
-    from dolfinx import fem
+    from dolfinx import fem, mesh
     from petsc4py import PETSc
+    from ufl.core.expr import Expr
 
     from softmodels.mechanics.potential import Potential
 
-Array = npt.NDArray[np.float64]
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Second derivatives of energy densities by what they have of the unknowns at a point, in UFL.
 
 
-class Products:
+LABEL = 1_000_000
+"""Number of the first of two labels, above all that UFL gives out."""
+
+
+class NoModuliError(ValueError):
+    """An energy whose second derivative the C code has no product for."""
+
+
+def only_integral(energy: ufl.Form) -> ufl.Integral:
+    """The integral of an energy that has one, over cells or outer faces, by a rule of a stated degree.
+
+    Raises:
+        NoModuliError: It has several, or an unusual one.
+    """
+    integrals = energy.integrals()
+    integral = integrals[0]
+    kinds, known = ("cell", "exterior_facet"), {"quadrature_degree"}
+    stated = set(integral.metadata()) == known and isinstance(integral.subdomain_id(), int | str)
+    if len(integrals) != 1 or integral.integral_type() not in kinds or not stated:
+        raise NoModuliError("several integrals, or an unusual one")
+    return integral
+
+
+def second_derivatives(density: Expr, w: fem.Function, on_faces: bool, mixed: bool) -> Expr:
+    """Second derivative of an energy density by what it has of the displacement and p, and behind it on faces the place.
+
+    Args:
+        density: Integrand over cells, or over faces.
+        w: The unknowns.
+        on_faces: Whether it is of the displacement itself too.
+        mixed: Whether the last component of ``w`` is p.
+
+    Raises:
+        NoModuliError: It has something else of the unknowns.
+
+    Returns:
+        A vector: the upper triangle, by rows.
+    """
+    import ufl
+    from ufl.algorithms import expand_derivatives, replace
+    from ufl.classes import Label, Variable
+
+    gradient = ufl.grad(w)
+    # Labels of one's own, the same in every run: they are part of a form's name in the cache of compiled ones.
+    H, W = (Variable(of, Label(LABEL + k)) for k, of in enumerate((gradient, w)))
+    density = replace(expand_derivatives(density), {gradient: H, w: W})
+    _let_go()
+    allowed = {0, 1, 2} if on_faces else {3} if mixed else set()
+    if not (_components(density, W) <= allowed and _components(density, H) <= {0, 1, 2}):
+        raise NoModuliError("what no solid has")
+    at = [(0, (i, j)) for i in range(3) for j in range(3)] + [(1, (i,)) for i in sorted(allowed)]
+    variables = (H, W)
+    once = [ufl.diff(density, variable) for variable in variables]
+    twice = [[ufl.diff(first, variable) for variable in variables] for first in once]
+    second = [twice[a][b][(*i, *j)] for k, (a, i) in enumerate(at) for b, j in at[k:]]
+    places = ufl.SpatialCoordinate(w.function_space.mesh)
+    return ufl.as_vector([*second, *([places[i] for i in range(3)] if on_faces else [])])
+
+
+def _let_go() -> None:
+    """Empty what functools keeps of UFL's traversers from Python 3.13 on: each would hold its expression and mesh for good."""
+    from ufl.corealg.dag_traverser import DAGTraverser
+
+    kinds: list[type] = [DAGTraverser]
+    for kind in kinds:  # grows by those that are derived from each
+        kinds += kind.__subclasses__()
+        kept = getattr(vars(kind).get("process"), "_method_cache", None)
+        if kept is not None:
+            kept.clear()
+
+
+def _components(density: Expr, variable: Expr) -> set[int]:
+    """Which of the unknowns' components a density has of the unknowns' or their gradients' variable."""
+    from ufl.classes import FixedIndex, Grad, Indexed
+    from ufl.corealg.traversal import unique_pre_traversal
+
+    found: set[int] = set()
+    for node in unique_pre_traversal(density):
+        if variable not in node.ufl_operands:
+            continue
+        if isinstance(node, Grad):
+            raise NoModuliError("second gradients")
+        first = node.ufl_operands[1][0] if isinstance(node, Indexed) else None
+        found |= {int(first)} if isinstance(first, FixedIndex) else set(range(variable.ufl_shape[0]))
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Products with the tangent of a solid, by second derivatives of its energy densities that are kept at integration points.
+#
+# A form's product computes the law's second derivatives anew each time. They are the same for all products at a state, and
+# GMRES asks for half a dozen: here they are computed once, by an expression compiled from the potential, and C code
+# (``moduli.c``) multiplies with them, several cells or faces side by side.
+
+
+Ints = npt.NDArray[np.int32]
+
+LANES = 8
+"""Cells or faces that the C code works on side by side."""
+AT_ONCE = 512
+"""Cells or faces whose second derivatives are computed at once: what they are computed into stays in the processor's cache."""
+FACES = np.array([(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)])
+"""Corners of a reference tetrahedron's faces."""
+
+
+def known_cells(space: fem.FunctionSpace) -> bool:
+    """Whether the C code knows the cells of a potential's space: tetrahedra, straight or with a node on each edge."""
+    from dolfinx import mesh
+
+    of = space.mesh
+    return of.topology.cell_type == mesh.CellType.tetrahedron and of.geometry.cmaps[0].degree <= 2
+
+
+def cell_dofs(space: fem.FunctionSpace, mixed: bool) -> Ints:
+    """Unknowns of the cells: three of each node's displacement and, if mixed, p of each corner, shape (cells, 30 or 34)."""
+    vectors = space.sub(0) if mixed else space
+    parts = [np.array(vectors.sub(k).dofmap.list) for k in range(3)]
+    dofs = np.stack(parts, axis=2).reshape(len(parts[0]), 30)
+    return np.hstack([dofs, np.array(space.sub(1).dofmap.list)]) if mixed else dofs
+
+
+class QuadratureTangent:
+    """Second derivative of an energy of a solid.
+
+    Args:
+        energy: Its form, with one integral.
+        w: The unknowns in it, on `known_cells`.
+        force: Its compiled derivative.
+        dofs: `cell_dofs`.
+        mixed: Whether the last component of ``w`` is p.
+
+    Raises:
+        NoModuliError: The C code knows no such integral.
+    """
+
+    def __init__(self, energy: ufl.Form, w: fem.Function, force: fem.Form, dofs: Ints, mixed: bool):
+        import basix
+        from dolfinx import fem
+        from ufl.algorithms import extract_coefficients
+        from ufl.algorithms.analysis import extract_constants
+
+        integral = only_integral(energy)
+        on_faces = integral.integral_type() == "exterior_facet"
+        second = second_derivatives(integral.integrand(), w, on_faces, mixed)
+        cell = basix.CellType.triangle if on_faces else basix.CellType.tetrahedron
+        points, weights = basix.make_quadrature(cell, integral.metadata()["quadrature_degree"])
+        self._expression = fem.Expression(second, points, jit_options=JIT)
+        self._w, self._others = w, [c for c in extract_coefficients(second) if c != w]
+        self._constants = extract_constants(second)
+        self._mesh, self._known = w.function_space.mesh, np.empty(0)
+        compiled = force._cpp_object
+        entities = np.array(compiled.domains(next(iter(compiled.integral_types)), 0), dtype=np.int32)
+        c, rule = library(self._mesh.comm, "moduli"), (points, weights)
+        if on_faces:
+            pairs = entities.reshape(-1, 2)
+            self._blocks = [
+                _Block(c, self._mesh, dofs, pairs, int(side), rule, False) for side in np.unique(pairs[:, 1])
+            ]
+        else:
+            self._blocks = [_Block(c, self._mesh, dofs, entities.ravel(), None, rule, mixed)]
+
+    def add_product(self, x: Array, y: Array) -> None:
+        """Add its product at the current state to ``y``, both local dofs with ghosts; those of ghosts are for their owners."""
+        self._take()
+        for block in self._blocks:
+            block.add_product(x, y)
+
+    def add_to(self, rows: Rows, held: npt.NDArray[np.int8]) -> None:
+        """Add it at the current state to a matrix, which is not brought to its end.
+
+        Args:
+            rows: The matrix, with the pattern of the cells' dofs.
+            held: Local dofs whose rows and columns stay empty are 1.
+        """
+        self._take()
+        for block in self._blocks:
+            block.add_to(rows, held)
+
+    def _take(self) -> None:
+        """Compute the second derivatives, if the state is another."""
+        fields = [field.x.array for field in (self._w, *self._others)]
+        constants = [constant.value.ravel() for constant in self._constants]
+        here = np.concatenate([self._mesh.geometry.x.ravel(), *fields, *constants])
+        if not np.array_equal(here, self._known):
+            for block in self._blocks:
+                block.take(self._expression)
+            self._known = here
+
+
+class _Block:
+    """Cells, or faces that are the same side of their cells, and what the C code is given of them.
+
+    Args:
+        c: The C code.
+        mesh: The mesh.
+        dofs: `cell_dofs`.
+        entities: Local cells, or pairs of one and its side.
+        side: Which of the sides; None for cells.
+        rule: Points and weights of integration on the reference cell or triangle.
+        pressure: Whether p counts.
+    """
+
+    def __init__(
+        self,
+        c: ModuleType,
+        mesh: mesh.Mesh,
+        dofs: Ints,
+        entities: Ints,
+        side: int | None,
+        rule: tuple[Array, Array],
+        pressure: bool,
+    ):
+        import basix
+
+        self._mesh = mesh
+        self._entities = entities if side is None else entities[entities[:, 1] == side]
+        self._cells = self._entities if side is None else self._entities[:, 0]
+        self._side, (points, self._rule) = side, rule
+        if side is not None:
+            reference = basix.geometry(basix.CellType.tetrahedron)[FACES[side]]
+            points = reference[0] + points @ (reference[1:] - reference[0])
+        self._points = points
+        self._dofs = _side_by_side(dofs[self._cells, : 34 if pressure else 30])
+        quadratic, linear = (_tabulated(degree, points) for degree in (2, 1))
+        self._shapes, self._linear = np.ascontiguousarray(quadratic[0]), np.ascontiguousarray(linear[0])
+        self._slopes = np.ascontiguousarray(quadratic[1:].transpose(1, 2, 0))
+        strains = 12 if side is not None else 10 if pressure else 9
+        self._moduli = np.empty((len(self._dofs), len(points), strains * (strains + 1) // 2, LANES))
+        self._c = c
+        name = {9: "of_gradients", 10: "with_pressure", 12: "with_values"}[strains]
+        self._product, self._matrix = (getattr(c.lib, f"{made}_{name}") for made in ("moduli", "matrix"))
+        self._nodes = np.empty(0)
+
+    def _measure(self) -> None:
+        """Take up the places of the mesh's nodes: a design moves them."""
+        import basix
+
+        geometry = self._mesh.geometry
+        if np.array_equal(self._nodes, geometry.x):
+            return
+        self._nodes = geometry.x.copy()
+        nodes = self._nodes[geometry.dofmaps[0][self._cells]]
+        shapes = _tabulated(geometry.cmaps[0].degree, self._points)
+        slopes = np.einsum("jqa,nax->nqxj", shapes[1:], nodes)  # of the place by the reference's coordinates
+        if self._side is None:
+            size = np.abs(np.linalg.det(slopes))
+        else:
+            a, b, c = basix.geometry(basix.CellType.tetrahedron)[FACES[self._side]]
+            size = np.linalg.norm(np.cross(slopes @ (b - a), slopes @ (c - a)), axis=2)
+            self._places = np.einsum("qa,nax->nqx", shapes[0], nodes)
+        self._weights = np.ascontiguousarray(size * self._rule)
+        curved = geometry.cmaps[0].degree > 1
+        inverse = np.linalg.inv(slopes if curved else slopes[:, :1])
+        self._inverse = _side_by_side(inverse.reshape(len(nodes), -1))
+        tables = (self._inverse, self._shapes, self._slopes, self._linear, self._moduli)
+        self._tables = [len(self._dofs), len(self._points), curved, self._c.ffi.from_buffer("int32_t[]", self._dofs)]
+        self._tables += [self._c.ffi.from_buffer("double[]", table) for table in tables]
+
+    def take(self, expression: fem.Expression) -> None:
+        """Compute the second derivatives at the current state."""
+        self._measure()
+        buffer = self._c.ffi.from_buffer
+        points, entries = self._moduli.shape[1:3]
+        for first in range(0, len(self._entities), AT_ONCE):
+            some = self._entities[first : first + AT_ONCE]
+            values = expression.eval(self._mesh, some)
+            if self._side is not None:
+                values = self._in_order(values, self._places[first : first + AT_ONCE])
+            into, weights = self._moduli[first // LANES :], self._weights[first:]
+            arrays = [buffer("double[]", array) for array in (values, weights, into)]
+            self._c.lib.moduli_take(len(some), points, entries, *arrays)
+
+    @staticmethod
+    def _in_order(values: Array, places: Array) -> Array:
+        """Values at faces' points in the order of the rule: they come in one that a face's neighbours set.
+
+        Args:
+            values: Shape (faces, points, entries and 3): behind the entries are the points' places.
+            places: Those in the order of the rule.
+        """
+        far = np.abs(values[:, None, :, -3:] - places[:, :, None]).sum(axis=3)
+        return np.ascontiguousarray(np.take_along_axis(values[..., :-3], far.argmin(axis=2)[..., None], axis=1))
+
+    def add_product(self, x: Array, y: Array) -> None:
+        """Add the product with ``x`` to ``y``."""
+        buffer = self._c.ffi.from_buffer
+        self._product(*self._tables, buffer("double[]", x), buffer("double[]", y))
+
+    def add_to(self, rows: Rows, held: npt.NDArray[np.int8]) -> None:
+        """Add the second derivative itself to a matrix; see `QuadratureTangent.add_to`."""
+        held_c = self._c.ffi.from_buffer("int8_t[]", held)
+        rows.check(self._matrix(*self._tables, len(self._cells), held_c, rows.c))
+
+
+def _tabulated(degree: int, points: Array) -> Array:
+    """Shape functions of a reference tetrahedron and their derivatives at points, shape (1 + 3, points, nodes)."""
+    import basix
+
+    element = basix.create_element(basix.ElementFamily.P, basix.CellType.tetrahedron, degree)
+    return np.asarray(element.tabulate(1, points)[..., 0])
+
+
+def _side_by_side[T: np.generic](rows: npt.NDArray[T]) -> npt.NDArray[T]:
+    """Rows of entities, shape (n, k), with `LANES` of them as the last index: shape (n / LANES, k, LANES), filled up."""
+    count = -(-len(rows) // LANES)
+    filled = np.concatenate([rows, np.repeat(rows[-1:], count * LANES - len(rows), axis=0)])
+    return np.ascontiguousarray(filled.reshape(count, LANES, rows.shape[1]).transpose(0, 2, 1))
+
+
+class TangentOperator:
     """What multiplies with each term of a potential: kept second derivatives where they can be, else a compiled form.
 
     Args:
@@ -48,7 +362,7 @@ class Products:
         import ufl
 
         self._potential = potential
-        self.kept: list[Moduli] = []
+        self.kept: list[QuadratureTangent] = []
         self.by_forms: list[fem.Form] = []
         self.matrices: list[fem.Form] = []
         foreseen = potential.foreseen_tangents(potential.direction)
@@ -61,7 +375,9 @@ class Products:
             try:
                 if not known or number in foreseen:
                     raise NoModuliError("other cells, or another tangent than the energy's")
-                self.kept += [Moduli(energy, potential.w, force, dofs, potential.mixed) for energy, force in term]
+                self.kept += [
+                    QuadratureTangent(energy, potential.w, force, dofs, potential.mixed) for energy, force in term
+                ]
             except NoModuliError:
                 self.by_forms.append(compiled(potential.tangent(potential.direction)[number]))
                 self.matrices.append(compiled(potential.tangent(ufl.TrialFunction(potential.space))[number]))

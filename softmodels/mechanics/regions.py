@@ -16,24 +16,20 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from softmodels.materials.material import Material, MaterialError, parameter_fields
+from softmodels.materials.laws import Material, MaterialError, parameter_fields
 from softmodels.materials.silicones import material_of
-from softmodels.mechanics.body import Body
-from softmodels.mechanics.cell_measure import cell_measure
-from softmodels.mechanics.named_places import check_regions
-from softmodels.mechanics.parts import Part, PartError
-from softmodels.mechanics.region_space import numbered
+from softmodels.mechanics.assembly import numbered
+from softmodels.mechanics.body import Body, cell_measure
+from softmodels.mechanics.component import Component, ComponentError, check_regions
 from softmodels.mechanics.rigid import Rigid
 
 if TYPE_CHECKING:
     import ufl
     from dolfinx import fem, mesh
 
-Array = npt.NDArray[np.float64]
-
 
 @dataclasses.dataclass(frozen=True)
-class RegionPart(Part):
+class RegionPart(Component):
     """A region that has a law of its own; its name is the region's."""
 
     material: Material
@@ -43,7 +39,7 @@ class RegionPart(Part):
         super().__post_init__()
 
     def check_on(self, actuator: Actuator) -> None:
-        """Raise `PartError` where a device has no such region."""
+        """Raise `ComponentError` where a device has no such region."""
         check_regions(self.where, actuator, [self.name])
 
     @property
@@ -58,7 +54,7 @@ class RigidRegion(RegionPart):
     table: ClassVar[str] = "rigid"
 
 
-def check_compressible(main: Material, parts: Sequence[Part], mixed: bool) -> None:
+def check_compressible(main: Material, parts: Sequence[Component], mixed: bool) -> None:
     """Refuse an incompressible material without p as an unknown.
 
     Raises:
@@ -110,10 +106,10 @@ class Regions:
         numbers: Number of each local cell's region, 0 for the main one; None where that is the whole body.
 
     Raises:
-        PartError: A region that the mesh lacks, or regions that leave nothing to the main material.
+        ComponentError: A region that the mesh lacks, or regions that leave nothing to the main material.
     """
 
-    def __init__(self, body: Body, material: Material, parts: Sequence[Part]):
+    def __init__(self, body: Body, material: Material, parts: Sequence[Component]):
         self._body, self._material = body, material
         self._parts = [part for part in parts if isinstance(part, RegionPart)]
         named = {part.name for part in self._parts}
@@ -126,11 +122,11 @@ class Regions:
         for part in self._parts:
             if part.name not in body.regions:
                 known = ", ".join(body.regions) or "none"
-                raise PartError(f"{part.where}: the mesh has no cells of this name; it has {known}")
+                raise ComponentError(f"{part.where}: the mesh has no cells of this name; it has {known}")
         self.numbers = numbered(body.mesh, [body.regions[part.name] for part in self._parts])
         counts = body.mesh.comm.allreduce(np.bincount(self.numbers[: self._owned()], minlength=1 + len(self._parts)))
         if not counts[0]:
-            raise PartError(
+            raise ComponentError(
                 f"{self._parts[0].where}: the regions leave nothing to the main material; leave one of them out"
             )
 

@@ -19,20 +19,16 @@ import types
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from softmodels.materials.laws import Material
-from softmodels.materials.material import parameter_fields
+from softmodels.common.arrays import Array
+from softmodels.materials.laws import Material, parameter_fields
 from softmodels.materials.specimens import nudged
-from softmodels.mechanics.controls import Control
-from softmodels.mechanics.morphing import Reshaping
-from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.body import Reshaping
+from softmodels.mechanics.component import ComponentError
+from softmodels.mechanics.controls import Control, Tangent
 from softmodels.mechanics.regions import MaterialRegion
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
-from softmodels.mechanics.tangent import Tangent
-
-Array = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-10  # of the linear solves
 _STEP = 1e-30  # into the complex plane: exact to rounding
@@ -69,7 +65,7 @@ class Sensitivity:
         reshaping: Lengths of it that will be asked for; None for none.
 
     Raises:
-        PartError: Lengths of a device whose walls press on each other.
+        ComponentError: Lengths of a device whose walls press on each other.
     """
 
     def __init__(self, solver: Solver, reshaping: Reshaping | None = None):
@@ -77,7 +73,7 @@ class Sensitivity:
 
         self.solver, eq = solver, solver.system
         if reshaping is not None and reshaping.velocities and eq.assembled.slack:
-            raise PartError(
+            raise ComponentError(
                 "derivatives by lengths do not know walls that press on each other ([walls]); leave the lengths as they are, "
                 "or the walls out"
             )

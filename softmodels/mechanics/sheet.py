@@ -22,14 +22,19 @@ import dataclasses
 from typing import TYPE_CHECKING, ClassVar
 
 from geometries import Actuator
-from geometries.fields import field_of, settle
-from geometries.kinds import Quantity, Words
-from measurement.arguments import checked
+from softmodels.common.calls import checked
+from softmodels.common.schema import (
+    Quantity,
+    Words,
+    field_of,
+    settle,
+)
 from softmodels.materials.laws import MaterialError
 
 if TYPE_CHECKING:
     from dolfinx import fem
     from ufl.core.expr import Expr
+
 
 SOFTEST, STIFFEST = 1.0, 1e7
 """Stiffnesses in N/m that are taken: from a tenth of a millimetre of gel to a centimetre of nylon."""

@@ -7,24 +7,184 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from softmodels.mechanics.bordered import Bordered
-from softmodels.mechanics.callbacks import weakly
-from softmodels.mechanics.controls import Control, Curve, pressure_control
-from softmodels.mechanics.coupling import Coupling
-from softmodels.mechanics.earlier_answers import EarlierAnswers
-from softmodels.mechanics.kept_factorisation import KeptFactorisation
-from softmodels.mechanics.methods import chosen
-from softmodels.mechanics.mpi import total
-from softmodels.mechanics.newton import LOOSEST, Newton, NoConvergence
-from softmodels.mechanics.system import State, System
-from softmodels.mechanics.tangent import Tangent
+from softmodels.common import errors
+from softmodels.common.arrays import Array
+from softmodels.mechanics.controls import (
+    Control,
+    Coupling,
+    Curve,
+    Tangent,
+    pressure_control,
+)
+from softmodels.mechanics.direct import Factorisation, entries_here
+from softmodels.mechanics.iterative import PER_UNKNOWN, Multigrid, RigidCycle
+from softmodels.mechanics.mpi import (
+    GIGA,
+    TooLargeError,
+    available,
+    needed,
+    summed,
+    total,
+)
+from softmodels.mechanics.newton import (
+    LOOSEST,
+    Bordered,
+    LaggedPreconditioner,
+    Newton,
+    NoConvergence,
+    Preconditioner,
+    weakly,
+)
+from softmodels.mechanics.system import State, System, spread
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
     from petsc4py import PETSc
 
-Array = npt.NDArray[np.float64]
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A guess of a linear answer at one state from the answers at the states before it.
+
+
+MOST = 3
+"""Answers that are kept: with three, a path's curve is followed to its bend."""
+LIKE = 0.5
+"""What the states kept may leave of the way to a new one, in shares of it, for more than the last of them to count."""
+ALIKE = 1e-10
+"""Shares of the longest way below which two states do not differ in what the others know: their difference is rounding."""
+
+
+class EarlierAnswers:
+    """The answers to one load at the last states of a path.
+
+    Args:
+        comm: The ranks that hold a part of each.
+    """
+
+    def __init__(self, comm: MPI.Comm):
+        self.comm = comm
+        self._load: Array | None = None
+        self._known: list[tuple[Array, Array]] = []
+
+    def guess(self, load: Array, place: Array) -> Array | None:
+        """A guess of the answer at a state; None if nothing is known.
+
+        The sum of states with shares that add up to one that comes nearest to the state: the same sum of their answers.
+
+        Args:
+            load: What is answered; asked of another one, what is known of the last is forgotten.
+            place: Owned unknowns of the state.
+        """
+        if load is not self._load:
+            self._load, self._known = load, []
+        if not self._known:
+            return None
+        (last, answer), others = self._known[-1], self._known[:-1]
+        ways = np.array([place - last, *(w - last for w, _ in others)])
+        products = summed(self.comm, ways @ ways.T)
+        guess = answer.copy()
+        square, right = products[1:, 1:], products[1:, 0]
+        shares = np.linalg.lstsq(square, right, rcond=ALIKE)[0]
+        left = products[0, 0] - 2.0 * shares @ right + shares @ square @ shares
+        if left <= LIKE**2 * products[0, 0]:
+            for share, (_, x) in zip(map(float, shares), others, strict=True):
+                guess += share * (x - answer)
+        return guess
+
+    def keep(self, place: Array, answer: Array) -> None:
+        """Remember the answer at a state to the load that was asked of last."""
+        self._known = [*self._known[1 - MOST :], (place.copy(), answer.copy())]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How a device's linear systems are solved, chosen in one place: by a factorisation, or by iterations with multigrid.
+#
+# A factorisation takes memory that grows faster than the model (as n^(4/3) in three dimensions), iterations what grows as it
+# does. Both are known before they are allocated: the first from MUMPS' analysis, the second from the matrix' entries.
+
+
+METHODS = ("auto", "direct", "iterative")
+errors.choices(METHODS)
+AMPLE = 1e3
+"""Bytes that are more than enough for a factorisation, times the unknowns to the power 4/3: three times what a cube's takes in
+double precision (307, 297 and 295 at 15,468, 49,072 and 93,469 unknowns), and ten times a slab's. Where there is as much, it is
+not looked at more closely, which takes an assembly and an analysis."""
+MASS_ENTRY = 6
+"""Bytes that the mass matrix, by which modes are measured, takes per entry of K: it has two fifths of these."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SolverMethod:
+    """What was chosen.
+
+    Attributes:
+        name: ``"direct"`` or ``"iterative"``.
+        memory: Estimate of what it takes beside the model itself, bytes on all ranks; 0 if it was not looked at.
+        why: Why it is not the other one, a clause; empty where that was not asked.
+    """
+
+    name: str
+    memory: float = 0.0
+    why: str = ""
+
+    @property
+    def told(self) -> str:
+        """What a user wants to know of it; empty where nothing was decided."""
+        if not self.memory:
+            return ""
+        how = "iterations with multigrid" if self.name == "iterative" else "a factorisation"
+        return f"linear equations: {how}, about {self.memory / GIGA:.2g} GB" + (f" ({self.why})" if self.why else "")
+
+    def inverse(self, system: System) -> Preconditioner:
+        """What stands for the inverse of a system's tangent."""
+        return cycle_of(system)(system) if self.name == "iterative" else Factorisation(system.K, spread(system.matter))
+
+
+def cycle_of(system: System) -> type[Multigrid]:
+    """The kind of cycle that a system takes."""
+    return RigidCycle if system.unknowns.moving else Multigrid
+
+
+def select_solver(system: System, method: str) -> SolverMethod:
+    """The method that is taken where this one is asked for.
+
+    Args:
+        system: What is to be solved; assembled at rest and analysed where memory could be short.
+        method: One of `METHODS`.
+
+    Raises:
+        TooLargeError: The machine's memory holds neither, or not the one asked for.
+        ValueError: No such method.
+    """
+    if method not in METHODS:
+        raise ValueError(f"solver {method!r} is not one of {', '.join(METHODS)}")
+    unknowns, room = system.K.getSize()[0], available(system.comm)
+    if AMPLE * unknowns ** (4 / 3) < room * system.comm.size:
+        return SolverMethod("direct" if method == "auto" else method)
+    system.rest()
+    system.assemble_tangent()
+    mass = MASS_ENTRY * entries_here(system.K)
+    iterative = needed(system.comm, mass + cycle_of(system).memory(system))
+    fits = iterative[0] <= room
+    if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
+        return SolverMethod("iterative", iterative[1])
+    usual, most = Factorisation.memory(system.K, spread(system.matter))
+    beside = mass + 8 * PER_UNKNOWN * system.n  # GMRES and modes have as many vectors
+    direct = needed(system.comm, beside + most)
+    if direct[0] <= room and method != "iterative":
+        return SolverMethod("direct", needed(system.comm, beside + usual)[1])
+    if fits and method == "auto":
+        told = f"about {direct[1] / GIGA:.2g} GB, where {room * system.comm.size / GIGA:.2g} GB are free"
+        return SolverMethod("iterative", iterative[1], f"a factorisation would take {told}")
+    least = iterative if method == "iterative" else direct
+    advice = ", or --solver iterative" if fits else ""
+    raise TooLargeError(
+        f"the model has {unknowns} unknowns, and the solution of its equations would take about {least[1] / GIGA:.2g} GB "
+        f"of memory, where {room * system.comm.size / GIGA:.2g} GB are free; use a larger --cell-size, a smaller slice of "
+        f"the device{advice}"
+    )
+
 
 TANGENT_TOLERANCE = 1e-7
 """Of the linear solver for a path's direction, which decides how long steps are: at 1e-5 single precision's rounding shows."""
@@ -47,7 +207,7 @@ class Solver:
     """
 
     def __init__(self, system: System, method: str = "auto"):
-        self.system, self.method = system, chosen(system, method)
+        self.system, self.method = system, select_solver(system, method)
         self._make()
 
     def _make(self) -> None:
@@ -56,7 +216,7 @@ class Solver:
         system = self.system
         constraints = len(system.coupling.constraints)
         self.bordered = Bordered(system.K, self.method.inverse(system), weakly(system.tangent_product), constraints)
-        self.kept = KeptFactorisation(system, self.bordered)
+        self.kept = LaggedPreconditioner(system, self.bordered)
         self.newton = Newton(system, self.bordered, self.kept)
         self.bordered.precondition(self.newton.snes.getKSP(), LOOSEST)
         # Questions aside of the path have a solver of their own: its iterations do not count as the path's.
@@ -131,7 +291,7 @@ class Solver:
 
     @property
     def stale(self) -> bool:
-        """Whether a new factorisation is due; see `KeptFactorisation.stale`."""
+        """Whether a new factorisation is due; see `LaggedPreconditioner.stale`."""
         return self.kept.stale
 
     # -- linear answers -----------------------------------------------------------------------------------------------

@@ -8,37 +8,535 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from geometries.openings import check_closed
+from geometries.actuator import check_closed
+from softmodels.common.arrays import Array
 from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
-from softmodels.mechanics.assembled import AssembledTerms
-from softmodels.mechanics.assembly import Assembly
-from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError
+from softmodels.mechanics.assembly import (
+    AssembledTerms,
+    known_to_all,
+    mark_symmetric,
+    matrix_of,
+)
+from softmodels.mechanics.body import (
+    QUADRATURE_DEGREE,
+    Body,
+    BodyError,
+    cell_measure,
+    in_section,
+)
 from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.contact import Obstacle
-from softmodels.mechanics.coupling import Coupling
+from softmodels.mechanics.controls import Coupling
 from softmodels.mechanics.dead_loads import DeadLoads
 from softmodels.mechanics.holds import clamped, conditions
-from softmodels.mechanics.mpi import largest, total
-from softmodels.mechanics.parts import Part
+from softmodels.mechanics.mpi import any_rank, largest, total
 from softmodels.mechanics.potential import Potential
-from softmodels.mechanics.products import Products
-from softmodels.mechanics.region_space import matrix_of
+from softmodels.mechanics.products import TangentOperator
 from softmodels.mechanics.regions import MaterialRegion, check_compressible
-from softmodels.mechanics.rigid_nodes import still_pressures, unknowns_of
+from softmodels.mechanics.rigid import STILL, Rigid, RigidMotion
 from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
+    import ufl
     from dolfinx import fem
+    from dolfinx import mesh as meshes
+    from mpi4py import MPI
     from petsc4py import PETSc
 
-Array = npt.NDArray[np.float64]
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What Newton's method solves for, where that is not every dof: w = T(q).
+#
+# A state's dofs w stay whole everywhere else. Without rigid parts q is the owned part of w, and nothing here costs anything.
+# With them q has the same length and the same layout: a part's few unknowns (`RigidMotion`) sit in the slots of some of the
+# dofs that follow it, and the others' rows are the identity, as at held dofs. The residual is T^T r, the tangent T^T K T and,
+# where a part can turn, r times T's second derivative.
+
+
+Ints = npt.NDArray[np.int32]
+
+
+class Unknowns:
+    """The owned dofs themselves.
+
+    Args:
+        n: How many there are.
+
+    Attributes:
+        idle: Owned entries of q that stand for nothing.
+        turns: Whether T is other than linear.
+        moving: The motions of rigid parts by their names.
+        slots: For each of them the rank that has its unknowns, and the entries of q that they are there (none elsewhere).
+    """
+
+    idle: Ints = np.empty(0, dtype=np.int32)
+    turns = False
+    moving: Mapping[str, RigidMotion] = {}
+    slots: Sequence[tuple[int, npt.NDArray[np.int64]]] = ()
+
+    def __init__(self, n: int):
+        self.n = n
+
+    def begin(self, w: Array) -> Array:
+        """Take the state of local dofs w, from which unknowns count where a part can turn; its q, shape (n,)."""
+        return w[: self.n]
+
+    def take(self, w: Array) -> None:
+        """Take the state of local dofs w."""
+
+    def place(self, q: Array, w: Array) -> None:
+        """Take the state q, and put its dofs into w."""
+        w[: self.n] = q
+
+    def push(self, q: Array, w: Array) -> None:
+        """Put into w how the dofs change as the unknowns change by q."""
+        w[: self.n] = q
+
+    def nearest(self, w: Array) -> Array:
+        """The change of the unknowns by which the dofs change most nearly by w, shape (n,)."""
+        return w[: self.n]
+
+    def pull(self, b: Array) -> None:
+        """Turn owned entries conjugate to w into those conjugate to q."""
+
+    def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
+        """A matrix with the pattern of the reduced one.
+
+        Args:
+            whole: K, not yet assembled.
+            fill: Assembles it.
+        """
+        return whole
+
+    def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
+        """Put T^T K T, for the assembled K, and the second derivatives' part into what `matrix` made.
+
+        Args:
+            whole: K.
+            forces: Gives the residual conjugate to w, owned entries.
+        """
+
+    def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
+        """T^T M T of another matrix; what was made before is made anew where a part has turned."""
+        return whole
+
+    def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
+        """Add the second derivatives' part of the tangent times q to y; see `reduce`."""
+
+
+class RigidUnknowns(Unknowns):
+    """Unknowns of a body with rigid parts.
+
+    Args:
+        comm: Communicator.
+        n: Number of owned dofs.
+        motions: The parts' motions by their names; no dof follows two of them.
+        held: Local dofs that are held, where parts do not move either.
+
+    Raises:
+        ValueError: The mesh has too few dofs on a part for its unknowns.
+    """
+
+    def __init__(self, comm: MPI.Comm, n: int, motions: Mapping[str, RigidMotion], held: Ints):
+        super().__init__(n)
+        self.comm, self.moving, self.motions = comm, motions, tuple(motions.values())
+        self.turns = any(motion.turns for motion in self.motions)
+        self.slots = [_slots(comm, n, motion, held, name) for name, motion in motions.items()]
+        followers = np.concatenate([motion.dofs[motion.owned].ravel() for motion in self.motions])
+        mine = [slots for rank, slots in self.slots if rank == comm.rank]
+        self.idle = np.setdiff1d(followers, np.concatenate([*mine, np.empty(0, int)])).astype(np.int32)
+        self._curvatures: list[Array] | None = None
+
+    def begin(self, w: Array) -> Array:
+        self.take(w)
+        q = w[: self.n].copy()
+        q[self.idle] = 0.0
+        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
+            if rank == self.comm.rank:
+                q[slots] = motion.values
+        return q
+
+    def take(self, w: Array) -> None:
+        self._curvatures = None
+        for motion in self.motions:
+            motion.take(w)
+
+    def _values(self, q: Array) -> list[Array]:
+        """Each part's own values in q."""
+        own = [q[slots] if rank == self.comm.rank else None for rank, slots in self.slots]
+        if self.comm.size == 1:
+            return [values for values in own if values is not None]
+        return [self.comm.bcast(values, root=rank) for values, (rank, _) in zip(own, self.slots, strict=True)]
+
+    def place(self, q: Array, w: Array) -> None:
+        self._curvatures = None
+        w[: self.n] = q
+        for motion, values in zip(self.motions, self._values(q), strict=True):
+            motion.set(values)
+            w[motion.dofs] = motion.displacements()
+
+    def push(self, q: Array, w: Array) -> None:
+        w[: self.n] = q
+        for motion, values in zip(self.motions, self._values(q), strict=True):
+            w[motion.dofs] = motion.rates() @ values
+
+    def nearest(self, w: Array) -> Array:
+        q = w[: self.n].copy()
+        q[self.idle] = 0.0
+        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
+            values = motion.nearest_rate(w)
+            if rank == self.comm.rank:
+                q[slots] = values
+        return q
+
+    def pull(self, b: Array) -> None:
+        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
+            work = motion.work(b)
+            b[motion.dofs[motion.owned]] = 0.0
+            if rank == self.comm.rank:
+                b[slots] = work
+
+    # -- matrices -----------------------------------------------------------------------------------------------------
+
+    def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
+        from petsc4py import PETSc
+
+        fill()  # an empty matrix would lose its pattern
+        self._T = PETSc.Mat().createAIJ(whole.getSizes(), csr=self._rows(whole), comm=whole.comm)
+        self._product: PETSc.Mat = whole.ptap(self._T)
+        self._entries = whole.getInfo()["nz_used"]
+        self._ones = whole.createVecLeft()
+        self._ones.array_w[self.idle] = 1.0
+        diagonal = PETSc.Mat().createDiagonal(self._ones).convert("aij")
+        self._reduced: PETSc.Mat = self._product.copy()
+        self._reduced.axpy(1.0, diagonal, PETSc.Mat.Structure.DIFFERENT)  # type: ignore[arg-type]
+        diagonal.destroy()
+        mark_symmetric(self._reduced)
+        return self._reduced
+
+    def _rows(self, whole: PETSc.Mat) -> tuple[Ints, Ints, Array]:
+        """T, compressed by rows: the identity, and each part's rates."""
+        start = whole.getOwnershipRange()[0]
+        counts = np.ones(self.n, dtype=np.int32)
+        for motion in self.motions:
+            counts[motion.dofs[motion.owned]] = motion.freedom.count
+        pointers = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+        columns = np.repeat(np.arange(start, start + self.n, dtype=np.int32), counts)
+        values = np.ones(pointers[-1])
+        for motion, (rank, slots) in zip(self.motions, self.slots, strict=True):
+            at = self.comm.bcast(start + slots if rank == self.comm.rank else None, root=rank)
+            entries = pointers[motion.dofs[motion.owned]][..., None] + np.arange(motion.freedom.count)
+            columns[entries] = at
+            values[entries] = motion.rates()[motion.owned]
+        return pointers, columns, values
+
+    def reduce(self, whole: PETSc.Mat, forces: Callable[[], Array]) -> None:
+        from petsc4py import PETSc
+
+        self._take_rates(whole)
+        same = whole.getInfo()["nz_used"] == self._entries  # contact couples more and more of them
+        self._product = whole.ptap(self._T, self._product if same else None)
+        self._entries = whole.getInfo()["nz_used"]
+        self._reduced.zeroEntries()
+        structure = PETSc.Mat.Structure.SUBSET if same else PETSc.Mat.Structure.DIFFERENT
+        self._reduced.axpy(1.0, self._product, structure)  # type: ignore[arg-type]
+        mark_symmetric(self._reduced)
+        self._reduced.setDiagonal(self._ones, PETSc.InsertMode.ADD)
+        start = whole.getOwnershipRange()[0]
+        for second, (rank, slots) in zip(self._second(forces), self.slots, strict=False):
+            if rank == self.comm.rank:
+                at = (start + slots).astype(np.int32)
+                self._reduced.setValues(at, at, second, PETSc.InsertMode.ADD)  # type: ignore[arg-type]
+        self._reduced.assemble()
+
+    def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
+        if into is not None and not self.turns:
+            return into
+        self._take_rates(whole)
+        return whole.ptap(self._T, into)
+
+    def _take_rates(self, whole: PETSc.Mat) -> None:
+        """Take the present rates into T."""
+        if self.turns:
+            self._T.setValuesCSR(*self._rows(whole))  # type: ignore[arg-type]
+            self._T.assemble()
+
+    def _second(self, forces: Callable[[], Array]) -> list[Array]:
+        """Each part's second derivatives' part of the tangent; nothing where none can turn."""
+        if not self.turns:
+            return []
+        if self._curvatures is None:
+            b = forces()
+            self._curvatures = [motion.curvature(b) for motion in self.motions]
+        return self._curvatures
+
+    def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
+        for second, (rank, slots) in zip(self._second(forces), self.slots, strict=False):
+            if rank == self.comm.rank:
+                y[slots] += second @ q[slots]
+
+
+def _slots(comm: MPI.Comm, n: int, motion: RigidMotion, held: Ints, name: str) -> tuple[int, npt.NDArray[np.int64]]:
+    """The rank that has a part's unknowns, and the owned dofs in whose slots they are there (empty elsewhere)."""
+    free = np.setdiff1d(motion.dofs[motion.owned].ravel(), held)
+    counts = comm.allgather(len(free))
+    rank = int(np.argmax(counts))
+    if counts[rank] < motion.freedom.count:
+        raise ValueError(f"the mesh has too few nodes on the rigid part {name}; use smaller cells (--cell-size)")
+    mine = free[: motion.freedom.count] if rank == comm.rank else free[:0]
+    return rank, mine.astype(np.int64)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The residual and the tangent of a device's equations, assembled in the state that its functions hold.
+
+
+class Assembly:
+    """What the `System` assembles; its attributes are set there.
+
+    Vectors of all dofs are entries by w. Those of the unknowns are what Newton's method has: zero at held dofs, and with rigid
+    parts by the parts' own unknowns in place of the dofs that follow them.
+    """
+
+    potential: Potential
+    w: fem.Function
+    n: int
+    bcs: list[fem.DirichletBC]
+    unknowns: Unknowns
+    assembled: AssembledTerms
+    dead: DeadLoads
+    pressures: Array
+    _whole: PETSc.Mat
+    _vector: fem.Function
+    _internal: list[fem.Form]
+    _loads: list[list[fem.Form]]
+    _products: TangentOperator
+    form: Callable[[ufl.Form], fem.Form]
+
+    def assemble(self, forms: list[fem.Form], held: bool = False) -> Array:
+        """Sum of assembled linear forms, owned entries: by the unknowns and zero at held dofs, or by all dofs if ``held``.
+
+        It is a view that the next call overwrites.
+        """
+        from dolfinx import fem, la
+
+        b = self._vector.x
+        b.array[:] = 0.0
+        for form in forms:
+            fem.assemble_vector(b.array, form)
+        b.scatter_reverse(la.InsertMode.add)
+        return b.array[: self.n] if held else self._by_unknowns()
+
+    def by_unknowns(self, entries: Array) -> Array:
+        """Entries of owned dofs by the unknowns; a view that the next assembly overwrites."""
+        self._vector.x.array[: self.n] = entries
+        return self._by_unknowns()
+
+    def _by_unknowns(self) -> Array:
+        """What has been assembled by all dofs, by the unknowns."""
+        b = self._vector.x.array
+        for bc in self.bcs:
+            bc.set(b, alpha=0.0)
+        self.unknowns.pull(b)
+        return b[: self.n]
+
+    def internal_forces(self) -> Array:
+        """Derivative of the stored energy, owned entries; a view that the next assembly overwrites."""
+        self.assembled.add_forces(self.w.x.array, self.assemble(self._internal, held=True))
+        return self._by_unknowns()
+
+    def pressure_loads(self) -> Array:
+        """Each driver's load of a unit magnitude, shape (k, n): of the cavities' pressures, then of the dead loads."""
+        return np.array([self.assemble(load).copy() for load in self._loads])
+
+    def assemble_tangent(self) -> None:
+        """Put the current state's tangent into K."""
+        self._assemble_whole()
+        self.unknowns.reduce(self._whole, self.residual)
+
+    def _assemble_whole(self) -> None:
+        """Assemble the tangent by all dofs."""
+        self._whole.zeroEntries()
+        self._products.add_to(self._whole, self.bcs)
+        self._whole.assemble()
+        self.assembled.add_to(self._whole, self.w.x.array)
+
+    def tangent_product(self, x: Array, y: Array) -> None:
+        """Put the current state's tangent times x into y. Cheaper than assembling the matrix, and only good for products."""
+        from dolfinx import la
+
+        d = self.potential.direction.x
+        self.unknowns.push(x, d.array)
+        for bc in self.bcs:
+            bc.set(d.array, alpha=0.0)
+        d.scatter_forward()
+        b = self._vector.x
+        b.array[:] = 0.0
+        self._products.add(d.array, b.array)
+        b.scatter_reverse(la.InsertMode.add)
+        self.assembled.add_product(self.w.x.array, d.array, b.array[: self.n])
+        y[:] = self._by_unknowns()
+        self.unknowns.stiffen(x, y, self.residual)
+        for bc in self.bcs:  # held dofs: the identity, as in the assembled matrix
+            dofs, owned = bc.dof_indices()
+            y[dofs[:owned]] = x[dofs[:owned]]
+        y[self.unknowns.idle] = x[self.unknowns.idle]
+
+    def forces_and_loads(self) -> list[tuple[fem.Form, float]]:
+        """The potential's derivative by w in the current state: compiled forms with their factors."""
+        loads = zip(self._loads, -self.pressures, strict=True)
+        return [*((form, 1.0) for form in self._internal), *((form, factor) for load, factor in loads for form in load)]
+
+    @functools.cached_property
+    def _pressing(self) -> list[fem.Form]:
+        return [self.form(walls) for walls in self.potential.pressing()]
+
+    def surplus(self) -> Array:
+        """Forces on each owned dof that holders balance, with the sign of `residual`, and equal to it on free dofs.
+
+        On held dofs, and on rigid parts' as a whole, that is what holds them. The air pushes on its walls alone, see
+        `Body.pressing`, and all dead loads count.
+        """
+        found = self.residual()
+        for pressure, (load,), walls in zip(self.pressures, self._loads, self._pressing, strict=False):
+            found += pressure * self.assemble([load], held=True)
+            found -= pressure * self.assemble([walls], held=True)
+        return found
+
+    def residual(self) -> Array:
+        """Derivative of the potential by each owned dof, held ones and rigid parts' too."""
+        found = np.zeros(self.n)
+        for form, factor in self.forces_and_loads():
+            found += factor * self.assemble([form], held=True)
+        return self.assembled.add_forces(self.w.x.array, found, held=True)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where rigid parts sit on a mesh, and the unknowns that Newton's method has with them.
+
+
+class Nodes:
+    """The displacement's nodes in a function space.
+
+    Args:
+        space: Of w: mixed with p, or of the displacement alone.
+
+    Attributes:
+        dofs: Local dofs of w's components at each local node, shape (nodes, d).
+        places: Undeformed, in sizes of the device, shape (nodes, d).
+    """
+
+    def __init__(self, space: fem.FunctionSpace):
+        d = space.mesh.geometry.dim
+        mixed = space.dofmap.index_map_bs == 1  # the displacement alone is numbered in blocks
+        self.vectors, parents = space.sub(0).collapse() if mixed else (space, None)
+        self.places = self.vectors.tabulate_dof_coordinates()[:, :d]
+        every = np.arange(len(self.places) * d) if parents is None else np.asarray(parents)
+        self.dofs = every.astype(np.int32).reshape(-1, d)
+
+    def on(self, body: Body, part: Rigid) -> npt.NDArray[np.int32]:
+        """The local nodes on a part's face, or of its region.
+
+        Raises:
+            ComponentError: The mesh has no such face.
+        """
+        from dolfinx import fem
+
+        if part.region:
+            return np.asarray(
+                fem.locate_dofs_topological(self.vectors, body.mesh.topology.dim, body.regions[part.region])
+            )
+        if part.face not in body.entities:
+            raise ComponentError(f"{part.where}: the mesh has no face {part.face!r}; it has {', '.join(body.entities)}")
+        dimension, found = body.entities[part.face]
+        body.mesh.topology.create_connectivity(dimension, body.mesh.topology.dim)
+        return np.asarray(fem.locate_dofs_topological(self.vectors, dimension, found))
+
+
+def unknowns_of(
+    body: Body, space: fem.FunctionSpace, held: Sequence[fem.DirichletBC], parts: Sequence[Component]
+) -> Unknowns:
+    """What is solved for on a mesh: its owned dofs, fewer where there are rigid parts.
+
+    Args:
+        body: Mesh and roles.
+        space: Function space of w.
+        held: Conditions on dofs that are zero.
+        parts: What is added to the device, rigid parts among them.
+
+    Raises:
+        ComponentError: A rigid part on no face of the mesh, two that meet, or one that meets what holds the device.
+    """
+    n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+    rigid = [part for part in parts if isinstance(part, Rigid)]
+    if not rigid:
+        return Unknowns(n)
+    comm, nodes = body.mesh.comm, Nodes(space)
+    none = np.empty(0, dtype=np.int32)
+    still = np.concatenate([none, *(bc.dof_indices()[0] for bc in held)])
+    motions: dict[str, RigidMotion] = {}
+    taken = none
+    for part in rigid:
+        found = nodes.on(body, part)
+        dofs, places = nodes.dofs[found], nodes.places[found]
+        freedom = part.freedom(body.actuator, _centre(body, part))
+        motion = motions[part.label] = RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
+        if any_rank(comm, bool(np.isin(dofs, taken).any())):
+            raise ComponentError(f"{part.where} meets another rigid part; make them one")
+        if any_rank(comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > STILL)).any())):
+            raise ComponentError(
+                f"{part.where} meets the device's support along an edge, so it cannot move; guide it along what the support "
+                "leaves free, or use kind = 'held'"
+            )
+        taken = np.concatenate([taken, dofs.ravel()])
+    try:
+        return RigidUnknowns(comm, n, motions, still)
+    except ValueError as few:
+        raise ComponentError(str(few)) from None
+
+
+def _centre(body: Body, part: Rigid) -> Array:
+    """Centre of a part's whole undeformed face or region, in sizes of the device: what lies beyond cut planes counts too."""
+    import ufl
+    from dolfinx import fem
+
+    d = body.actuator.dimension
+    if d == 2:
+        return np.zeros(d)
+    area = body.sheet_face(part.face)[0] if part.face else cell_measure(body, body.regions[part.region])
+    X = ufl.SpatialCoordinate(body.mesh)
+    one = fem.Constant(body.mesh, 1.0)
+    size, *moments = (total(body.mesh.comm, fem.assemble_scalar(fem.form(f * area))) for f in (one, *X))
+    centre = np.array(moments) / size
+    normals = np.array([plane.normal for plane in body.actuator.cut_planes]).reshape(-1, d)
+    return np.asarray(centre - np.linalg.pinv(normals) @ normals @ centre)
+
+
+def still_pressures(body: Body, space: fem.FunctionSpace, parts: Sequence[Component]) -> list[fem.DirichletBC]:
+    """Conditions that hold p in rigid regions, where nothing strains: a region has its own p, see `region_space`.
+
+    Args:
+        body: The mesh; it has the regions, which `softmodels.mechanics.regions.Regions` checks.
+        space: Function space of w.
+        parts: What is added to the device, rigid regions among them.
+    """
+    from dolfinx import fem
+
+    regions = [part.region for part in parts if isinstance(part, Rigid) and part.region]
+    if not regions or space.dofmap.index_map_bs != 1:
+        return []
+    rows = np.array(space.sub(1).dofmap.list)
+    dofs = known_to_all(space, np.concatenate([rows[body.regions[name]].ravel() for name in regions]))
+    return [fem.dirichletbc(np.array(0.0), dofs, space.sub(1))]
+
 
 FORMULATIONS = ("mixed", "displacement")
 VOLUME_TOLERANCE = 0.1
@@ -73,7 +571,7 @@ class System(Assembly):
         formulation: ``"mixed"`` (P2 displacement, P1 pressure) or ``"displacement"`` (P2).
         sheet: A thin sheet bonded to one of the body's faces.
         obstacle: A rigid plane that stops some of the faces.
-        parts: What else is added to it; see `softmodels.mechanics.parts`.
+        parts: What else is added to it; see `softmodels.mechanics.component`.
 
     Attributes:
         potential: What all of it is derived from.
@@ -91,7 +589,7 @@ class System(Assembly):
         GeometryError: A cavity that is open.
         MaterialError: An incompressible material in the displacement formulation.
         ObstacleError: A plane that these faces cannot come to rest on.
-        PartError: A part that cannot be on this mesh.
+        ComponentError: A part that cannot be on this mesh.
     """
 
     potential_class: type[Potential] = Potential  # one's own may have further terms
@@ -103,7 +601,7 @@ class System(Assembly):
         formulation: str = "mixed",
         sheet: Sheet | None = None,
         obstacle: Obstacle | None = None,
-        parts: Sequence[Part] = (),
+        parts: Sequence[Component] = (),
     ):
         from dolfinx import fem
 
@@ -149,7 +647,7 @@ class System(Assembly):
             term.compile(self)
         self._stored = [form(energy) for energy in potential.energies]
         self._internal = [form(force) for force in potential.internal]
-        self._products = Products(potential, self._internal, [load for (load,) in self._loads], form)
+        self._products = TangentOperator(potential, self._internal, [load for (load,) in self._loads], form)
         self.points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
         strain = Strain(self.body.deformation_gradient(potential.displacement))
         self._J = fem.Expression(strain.J, self.points, jit_options=JIT)
@@ -278,3 +776,107 @@ class System(Assembly):
         from dolfinx import fem
 
         return total(self.comm, fem.assemble_scalar(form))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a region much stiffer than the silicone does to rounding errors: of its forces, and of a factorisation.
+
+
+def spread(regions: Sequence[MaterialRegion]) -> float:
+    """The stiffest region's shear modulus over the softest one's, at small strain."""
+    moduli = [region.material.shear_modulus_0 for region in regions]
+    return max(moduli) / min(moduli)
+
+
+def rounding_of_stress(system: System) -> float:
+    """What rounding leaves of the stiffest region's stress, in shear moduli of the main material; 0 where there is one region.
+
+    A place of about the device's size is known to a share of 2e-16, and the strain of a thin cell is the difference of two of
+    them over its thickness: of a sheet of 1 GPa and 0.2 mm in a silicone finger 1e-9 shear moduli are measured, and foretold.
+    """
+    if len(system.matter) == 1:
+        return 0.0
+    stiffest = max(region.material.shear_modulus_0 for region in system.matter) / system.stress_unit
+    return float(np.finfo(float).eps) * stiffest / _thinnest(system.body.mesh)
+
+
+def _thinnest(mesh: meshes.Mesh) -> float:
+    """Least height of a cell in the mesh's units, on all ranks."""
+    from mpi4py import MPI
+
+    dimension = mesh.topology.dim
+    corners = np.asarray(mesh.geometry.x)[mesh.geometry.dofmaps[0][:, : dimension + 1], :]
+    sides = corners[:, 1:] - corners[:, :1]
+    gram = np.linalg.det(sides @ sides.transpose(0, 2, 1))
+    faces = np.stack([np.delete(corners, k, axis=1) for k in range(dimension + 1)])
+    edges = faces[:, :, 1:] - faces[:, :, :1]
+    areas = np.linalg.det(edges @ edges.transpose(0, 1, 3, 2)).max(axis=0)
+    heights = np.sqrt(gram / areas)
+    return float(mesh.comm.allreduce(heights.min(initial=np.inf), op=MPI.MIN))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Forces with which a device pushes on what holds it.
+
+
+def held_force(system: System, role: str, component: int) -> float:
+    """Force of the current state on whatever holds a role along a component of w, of the slice, dimensionless.
+
+    It is what of the forces on the role's dofs nothing else balances, see `softmodels.mechanics.system.Assembly.surplus`.
+    """
+    from dolfinx import fem
+
+    dimension, found = system.body.entities[role]
+    dofs = fem.locate_dofs_topological(system.vectors.sub(component), dimension, found)
+    return total(system.comm, -float(system.surplus()[dofs[dofs < system.n]].sum()))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A dead load that is spread evenly over a face.
+
+
+def face_load(system: System, role: str, direction: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """A unit load on the slice, spread evenly over a role's undeformed facets: entries of all owned dofs.
+
+    Args:
+        system: The equations.
+        role: Of facets.
+        direction: Unit vector in device coordinates.
+
+    Returns:
+        Shape (n,), dimensionless; `System.by_unknowns` turns it into what Newton's method has.
+    """
+    import ufl
+    from dolfinx import fem
+
+    body = system.body
+    measure, _ = body.sheet_face(role)
+    test = ufl.TestFunction(system.space)
+    y = ufl.split(test)[0] if system.mixed else test
+    along = fem.Constant(body.mesh, in_section(direction, body.actuator.dimension))
+    spread = fem.form(ufl.dot(along, body.displacement(y)) * body.hoop * measure)
+    one = fem.Constant(body.mesh, 1.0)
+    return system.assemble([spread], held=True) / system.integral(fem.form(one * body.hoop * measure))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The dead loads of a device as forces on its nodes, for other programs.
+
+
+def nodal_forces(system: System) -> tuple[Array, Array]:
+    """All dead loads at their own magnitudes, on the modelled slice.
+
+    Args:
+        system: The equations of a solid with displacements alone, on one rank.
+
+    Returns:
+        Undeformed places of the nodes in m and forces on them in N, shape (n, 3) each, in device coordinates.
+    """
+    body, dead = system.body, system.dead
+    drives = dead.amounts / dead.units
+    held = [drive * system.assemble(forms, held=True) for drive, forms in zip(drives, dead.forms, strict=True)]
+    entries = np.sum(held, axis=0).reshape(-1, 3)
+    # Entries work on displacements along the rows of the skew basis.
+    forces = entries @ body.skew * system.stress_unit * system.length_unit**2
+    places = system.space.tabulate_dof_coordinates()[: len(forces)] * system.length_unit
+    return body.actuator.device_points(places), forces

@@ -16,11 +16,9 @@ import numpy.typing as npt
 
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.system import State
-from softmodels.path.continuation import LARGEST_GROWTH, Continuation
-from softmodels.path.modes import Mode
-from softmodels.path.points import PathEnd, Point
-from softmodels.path.prediction import predict
-from softmodels.path.quantities import ArcLength
+from softmodels.path.continuation import LARGEST_GROWTH, Continuation, predict
+from softmodels.path.points import ArcLength, PathEnd, Point
+from softmodels.path.stability import Mode
 
 AMOUNTS = (0.05, 0.1, 0.02, 0.2, 0.01)
 """Amounts of the mode tried in turn for the first state: largest displacement in sizes of the device."""

@@ -7,30 +7,883 @@ and lengthened where Newton is quick. A requested value that the control's line 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
-from softmodels.mechanics.controls import Control
+from softmodels.common.arrays import Array
+from softmodels.mechanics.component import PathFailure
+from softmodels.mechanics.controls import (
+    Control,
+    Curve,
+    Tangent,
+    volume_control,
+)
+from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import State
-from softmodels.path.corrector import Corrector
-from softmodels.path.critical_points import events
-from softmodels.path.modes import Mode
-from softmodels.path.passed_limits import PassedLimits
-from softmodels.path.points import PathEnd, Point
-from softmodels.path.quantities import AddedVolume, ArcLength, Followed, Plane, Pressure, Quantity
-from softmodels.path.snapping import check_yields, lost
-from softmodels.path.trail import Trail
+from softmodels.mechanics.solver import TANGENT_TOLERANCE, Solver
+from softmodels.mechanics.system import State, System
+from softmodels.path.points import (
+    AddedVolume,
+    ArcLength,
+    ArcLengthMetric,
+    ContinuationParameter,
+    PathEnd,
+    PathQuantity,
+    Point,
+    Pressure,
+)
+from softmodels.path.stability import Mode, Signature, Stability
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What the last points of a path and their tangents foretell: the next state, and then the direction of the path there.
+
+
+LONGEST = 3.0
+"""How far ahead, in distances between the last two points, a polynomial through both says more than the last tangent alone."""
+MIN_RELATIVE_DISTANCE = 1e-2
+"""The same of a new state that says something about the direction; nearer by, its change is rounding."""
+
+
+class Foretelling(Protocol):
+    """A state of a path and the path's direction there."""
+
+    @property
+    def state(self) -> State: ...
+
+    @property
+    def tangent(self) -> Tangent: ...
+
+
+def predict(points: Sequence[Foretelling], line: Curve) -> tuple[Array, float]:
+    """Guess (w, P) on a line from one point and its tangent, or from the cubic through two.
+
+    The parameter is the line's own left side; beyond a point where that turns, the tangent alone is used.
+
+    Raises:
+        NoConvergence: The path runs along the line.
+    """
+    places, rates = _along(points, line)
+    if 0.0 in rates:
+        raise NoConvergence("the path runs along the control's line")
+    if not _agree(places, rates, line.target):
+        points, places, rates = points[-1:], places[-1:], rates[-1:]
+    values, slopes = _weights(places, line.target)[0]
+    return _sum(points, values, slopes / rates)
+
+
+def predict_direction(points: Sequence[Foretelling], state: State, line: Curve) -> Tangent | None:
+    """Guess of the direction at a state beyond the last points, per unit of a line's left side; None if they foretell none.
+
+    It is that of the polynomial through the points, their tangents and the state itself.
+    """
+    if not points:
+        return None
+    places, rates = _along(points, line)
+    here = line.value(state.V, state.P)
+    if not _agree(places, rates, here):
+        points, places, rates = points[-1:], places[-1:], rates[-1:]
+    shortest = MIN_RELATIVE_DISTANCE * abs(places[-1] - places[0])
+    if rates[-1] <= 0.0 or here - places[-1] <= shortest:
+        return None
+    (values, slopes), (value_rates, slope_rates) = _weights(places, here)
+    # The state adds to the polynomial p through the points w - p times a product of squares, of (t - place) / (here - place)
+    # for each point. That is 1 here, and this is its slope.
+    own = 2.0 * float(np.sum(1.0 / (here - places)))
+    w, P = _sum(points, value_rates - own * values, (slope_rates - own * slopes) / rates)
+    return Tangent(w + own * state.w, P + own * state.P, 0.0)
+
+
+def _along(points: Sequence[Foretelling], line: Curve) -> tuple[Array, Array]:
+    """A line's left side at points, and its rates along their tangents."""
+    slopes = np.array([line.slopes(p.state.V, p.state.P) for p in points])
+    rates = np.einsum("pi,pi->p", slopes, [(p.tangent.V, p.tangent.P) for p in points])
+    return np.array([line.value(p.state.V, p.state.P) for p in points]), rates
+
+
+def _agree(places: Array, rates: Array, at: float) -> bool:
+    """Whether two points both foretell what is there."""
+    if len(places) < 2 or rates[0] * rates[1] <= 0.0:
+        return False
+    apart = places[1] - places[0]
+    return bool(apart != 0.0 and abs(at - places[1]) <= LONGEST * abs(apart))
+
+
+def _weights(places: Array, at: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Shares of the values and slopes at one or two places in the polynomial through them, at another; and their rates."""
+    if len(places) == 1:
+        one = np.ones(1)
+        return (one, one * (at - places[0])), (0.0 * one, one)
+    h = places[1] - places[0]
+    x = (at - places[0]) / h
+    values = np.array([(1 + 2 * x) * (1 - x) ** 2, x * x * (3 - 2 * x)])
+    slopes = h * np.array([x * (1 - x) ** 2, x * x * (x - 1)])
+    rate = 6 * x * (1 - x) / h
+    return (values, slopes), (np.array([-rate, rate]), np.array([(1 - x) * (1 - 3 * x), x * (3 * x - 2)]))
+
+
+def _sum(points: Sequence[Foretelling], values: Array, slopes: Array) -> tuple[Array, float]:
+    """Sum of the points' states and tangents, (w, P), with a share each."""
+    w, P = np.zeros_like(points[0].state.w), 0.0
+    for p, value, slope in zip(points, map(float, values), map(float, slopes), strict=True):
+        w += value * p.state.w
+        w += slope * p.tangent.w
+        P += value * p.state.P + slope * p.tangent.P
+    return w, P
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The end of a path: its last two points, from which the next is foretold, and what a restart needs to go on alike.
+
+
+class PathHistory:
+    """Last points of a path.
+
+    Args:
+        solver: The device.
+
+    Attributes:
+        points: The last one or two, in order.
+        modes: Those of the bifurcations that the path has passed: a state with much of one lies on another branch.
+        line: Name of what the path follows.
+        stability: Of the device.
+    """
+
+    def __init__(self, solver: Solver):
+        self.solver, self.stability = solver, Stability.of(solver)
+        self.points: list[Point] = []
+        self.modes: list[Mode] = []
+        self.line = ""
+
+    @property
+    def last(self) -> Point:
+        return self.points[-1]
+
+    def keep(self, point: Point) -> Point:
+        """Make a point the last one, with what a restart needs to go on as this path does."""
+        kept = self.solver.kept
+        self.solver.system.potential.keep(point.state.w)
+        point = dataclasses.replace(
+            point, factorised=kept.base is point.state, age=kept.age, worn=kept.worn,
+            largest=self.stability.largest,
+        )  # fmt: skip
+        self.points = [*self.points[-1:], point]
+        return point
+
+    def change_line(self, line: str, step: float) -> None:
+        """Follow something else from the last point on, with a step of this length."""
+        self.line = line
+        self.points[-1] = dataclasses.replace(self.last, step=step, line=line)
+
+    def begin_again(self, line: str) -> None:
+        """Forget all points and modes: what comes is another branch."""
+        self.points, self.modes, self.line = [], [], line
+
+    def restore(self, points: Sequence[Point], tangent: Callable[[State], Tangent]) -> None:
+        """Take up points of an earlier path: same predictor, same factorisation, same modes, so the same numbers.
+
+        Args:
+            points: In order, the last two, those before them at which the kept factorisation was made, and bifurcations.
+            tangent: Gives the direction at a state for points that were stored without.
+        """
+        self.points = []
+        for point in points:
+            if point.mode is not None:
+                self.modes.append(Mode(self.stability.mass, point.mode))
+                continue
+            if point.factorised:
+                self.solver.factorise(point.state)
+                self.stability.lowest()
+            known = point.tangent.w.any()
+            again = point if known else dataclasses.replace(point, tangent=tangent(point.state))
+            self.points = [*self.points[-1:], again]
+        last = self.last
+        self.line, self.stability.largest = last.line, last.largest
+        self.solver.kept.age, self.solver.kept.worn = last.age, last.worn
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# States of a path: solved for on a control's curve from what the last points foretell, and those between two points.
+
+
+LARGEST_MODE_SHARE = 0.5
+"""Share of a bifurcation's mode in a guess's error, over the step's size, above which the state lies on another branch."""
+FARTHEST = 4.0
+"""How far a dead load may move what it acts on in one step, in terms of what the step's beginning foretells."""
+MOST_SECANTS = 25
+"""Steps of the secant method in which a value between two points is found."""
+
+
+class Emptied(NoConvergence):
+    """A state in which a cavity has less than no volume: its walls have passed through each other."""
+
+
+class Corrector:
+    """Newton's method along a path.
+
+    Args:
+        solver: The device.
+        trail: The path's last points.
+        plane: Scales of volume and pressure.
+    """
+
+    def __init__(self, solver: Solver, trail: PathHistory, plane: ArcLengthMetric):
+        self.solver, self.trail, self.plane = solver, trail, plane
+        self.stability = trail.stability
+
+    def tangent(self, state: State, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
+        """Direction at a state, kept pointing forward; measured square to the last direction, so regular at limits."""
+        if not self.trail.points:
+            return self.solver.tangent(state, Control(1 / self.plane.V_scale, 1.0, 0.0), tolerance)
+        last = self.trail.last
+        line = self.plane.stiffened(last.stiffest).square_to(last.tangent, last.state)
+        # Where nothing moves, a guess is the states' rounding errors, and the direction has to be without any.
+        locked = self.plane.locked(last.tangent.compliance)
+        guess = None if locked else predict_direction(self.trail.points, state, line)
+        return self.solver.tangent(state, line, tolerance, guess)
+
+    def solve(self, line: Curve, around: Sequence[Point]) -> State:
+        """The state on a line, guessed by the cubic through one or two points and their tangents.
+
+        Past a bifurcation there are several. One with much more or less of the mode than foretold lies on another branch.
+
+        Raises:
+            NoConvergence: There is none, or it lies on another branch.
+        """
+        w, P = predict(around, line)
+        try:
+            state = self.solver.solve(line, w, P)
+        except NoConvergence:
+            if not self.solver.system.potential.foreseen:
+                raise
+            # A stiff sheet or stiff fibres may have been in the way.
+            state = self.solver.solve(line, w, P, since=around[-1].state.w)
+        for mode in self.trail.modes:
+            if abs(mode.share(state.w - w)) > LARGEST_MODE_SHARE * mode.size(w - around[-1].state.w):
+                raise NoConvergence("it jumped to another branch")
+        return state
+
+    def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
+        """The point of a state: its tangent and signature, factorised where these need it.
+
+        Args:
+            state: A state near the last point.
+            requested: Whether it is one of the requested values.
+            limit: Whether it is a limit point of the pressure.
+            step: Length of the next step; the last point's if None.
+        """
+        solver, last = self.solver, self.trail.last
+        stale = solver.stale
+        # At a limit point K is singular: no preconditioner to go on with, and a signature of rounding errors.
+        stale = (stale or self.stability.wants(state)) and not (limit and solver.bordered.factorisations)
+        if stale:
+            solver.factorise(state)
+        tangent, before = self.tangent(state), last.tangent
+        if limit:
+            # Which way the pressure goes there is a matter of rounding; like the signature, it is that of the state before.
+            tangent = dataclasses.replace(tangent, P=math.copysign(tangent.P, before.P))
+        turned = before.P * tangent.P < 0 or before.V * tangent.V < 0
+        negative = last.signature.negative_eigenvalues
+        if (turned or negative) and not stale and not limit:
+            stale = True
+            solver.factorise(state)
+        step = last.step if step is None else step
+        stiffest = min(last.stiffest, self.plane.felt(tangent.compliance))
+        if limit:
+            signature = Signature(negative, self.stability.critical_lowest(state, negative))
+        else:
+            signature = self.stability.signature(stale, negative)
+        return Point(
+            state, tangent, requested, limit, step, self.trail.line, stale, solver.kept.age, stiffest, signature
+        )
+
+    def check_branch(self, state: State, line: Curve) -> None:
+        """Refuse a state that Newton found on a line somewhere else: behind the last one, inside out, or through a wall.
+
+        A dead load's magnitude may be given beyond a limit point and met again far behind it, on a part that stiffens.
+
+        Raises:
+            NoConvergence: It lies there.
+            Emptied: A cavity's walls have passed through each other, which no short step mends.
+        """
+        s, t = self.trail.last.state, self.trail.last.tangent
+        system, plane = self.solver.system, self.plane.stiffened(self.trail.last.stiffest)
+        along = plane.product((state.V - s.V, state.P - s.P), (t.V, t.P))
+        if (system.volumes() <= 0.0).any():
+            raise Emptied("a cavity would be pressed empty")
+        if along <= 0.0:
+            raise NoConvergence("it jumped to another branch")
+        if not system.potential.admits(s.w, state.w):
+            raise NoConvergence("a wall passed through what stops it")
+        if not (line.needs_volume or system.drives_cavities):
+            foretold = t.V * (state.P - s.P) / t.P if t.P else math.inf
+            if abs(state.V - s.V) > FARTHEST * abs(foretold):
+                raise NoConvergence("it gave way too far for one step")
+
+    # -- between two points -------------------------------------------------------------------------------------------
+
+    def between(self, quantity: PathQuantity, before: Point, after: Point, value: float) -> Point:
+        """The point between two others at which a quantity has a value."""
+        try:
+            state = self.solve(quantity.curve(value), (before, after))
+            low, high = sorted((before.state.V, after.state.V))
+            margin = 1e-6 * (high - low)
+            if not low - margin <= state.V <= high + margin:
+                raise NoConvergence("another branch")
+        except NoConvergence:
+            state = self.root(before, after, lambda p: quantity.value(p.state.V, p.state.P) - value)
+        return self.point(state, requested=True)
+
+    def on_the_way(self, before: Point, after: Point, share: float) -> Point:
+        """A point between two, ``share`` of the way in volume."""
+        a, b = before.state, after.state
+        state = self.solve(volume_control(a.V + share * (b.V - a.V)), (before, after))
+        return dataclasses.replace(after, state=state, tangent=self.tangent(state), requested=False)
+
+    def interpolated(self, before: Point, after: Point, share: float) -> Point:
+        """A point between two close ones, interpolated and not solved for."""
+        a, b = before.state, after.state
+        line = volume_control(a.V + share * (b.V - a.V))
+        w, P = predict((before, after), line)
+        v, r = before.tangent, after.tangent
+        tangent = Tangent(
+            (1 - share) * v.w + share * r.w, (1 - share) * v.P + share * r.P, (1 - share) * v.V + share * r.V
+        )
+        return dataclasses.replace(after, state=State(w, P, line.target), tangent=tangent)
+
+    def middle(self, before: Point, after: Point) -> Point:
+        """The point half way between two, with its signature."""
+        state = self.on_the_way(before, after, 0.5).state
+        self.solver.factorise(state)
+        return dataclasses.replace(
+            after, state=state, tangent=self.tangent(state), requested=False, limit=False,
+            signature=self.stability.signature(exact=True),
+        )  # fmt: skip
+
+    def root(self, low: Point, high: Point, f: Callable[[Point], float]) -> State:
+        """Root of f between two points by the Illinois variant of the secant, on lines of given volume.
+
+        Each value is a solve, started from the bracket's own two points, which a root finder for plain numbers does not
+        know; and it ends as soon as f is small beside its ends.
+        """
+        f_low, f_high = f(low), f(high)
+        scale = max(abs(f_low), abs(f_high))
+        best, side = low, 0
+        for _ in range(MOST_SECANTS):
+            V = (low.state.V * f_high - high.state.V * f_low) / (f_high - f_low)
+            state = self.solve(volume_control(V), (low, high))
+            best = dataclasses.replace(high, state=state, tangent=self.tangent(state, 1e-9))
+            value = f(best)
+            if abs(value) <= 1e-7 * scale or abs(high.state.V - low.state.V) <= 1e-9 * self.plane.V_scale:
+                break
+            if (value > 0) == (f_high > 0):
+                high, f_high = best, value
+                f_low /= 2 if side == 1 else 1
+                side = 1
+            else:
+                low, f_low = best, value
+                f_high /= 2 if side == -1 else 1
+                side = -1
+        return best.state
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Limit points that a path has passed: they decide where it ends, and where a device would have jumped.
+
+
+@dataclasses.dataclass
+class PassedLimits:
+    """What a path has passed so far.
+
+    Attributes:
+        limit: The first limit point of the pressure.
+        turn: The last limit point of the requested quantity itself.
+        jumping: Whether the path is between that one and where the device lands.
+    """
+
+    limit: Point | None = None
+    turn: Point | None = None
+    jumping: bool = False
+
+    @classmethod
+    def among(cls, points: Sequence[Point], requested: PathQuantity) -> PassedLimits:
+        """Those among the points, in order, from which a path goes on."""
+        limit = next((point for point in points if point.limit), None)
+        turn = next((point for point in reversed(points) if point.turn), None)
+        jumping = turn is not None and _value(requested, turn) > _value(requested, points[-1])
+        return cls(limit, turn, jumping)
+
+    def ended(self, end: PathEnd, requested: PathQuantity) -> PathEnd:
+        """The end of a path, with the limit point that the requested quantity has met."""
+        limit = requested.limit_met(self.limit, self.turn)
+        return PathEnd(str(end), limit, end.cause if limit is None else None)
+
+
+def _value(requested: PathQuantity, point: Point) -> float:
+    return requested.value(point.state.V, point.state.P)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Ends of a path that are the device's own, beside limit points of what drives it: there is no state of rest beyond them.
+
+
+EMPTIED = PathFailure(
+    "a cavity is pressed empty, so that its walls would pass through each other",
+    "Take less of the load, a stiffer silicone or thicker walls, or let the cavity's walls rest on each other ([walls] with "
+    "faces = 'cavity')",
+)
+LOCKED = PathFailure(
+    "what is asked to change cannot, whatever the pressure or force: what is held leaves the device no way to give",
+    "Hold less of it; a cavity in incompressible silicone (poisson = 0.5) that is held all around keeps its volume, and "
+    "takes a pressure alone",
+)
+SNAPPED = PathFailure(
+    "the device snaps: the pressures and forces have a limit point, and the volumes and travels that they work on turn back "
+    "there too, so that neither can be raised further",
+    "Stay below, or leave out what turns it over",
+)
+
+
+def folded(cells: float, place: str, at: str) -> PathFailure:
+    """The end of a path at which nothing but a cell or a few of them turn over.
+
+    Args:
+        cells: How many take part in it.
+        place: Undeformed place of the one that moves most, with its unit.
+        at: What it is at, a clause that begins with a comma; empty inside.
+    """
+    few = "one cell" if cells < 1.5 else f"{cells:.0f} cells"
+    return PathFailure(
+        f"{few} of the mesh would fold at {place} of the undeformed device{at}, and what is asked for turns back with that: a "
+        "fold of the mesh at a sharp edge, and no limit of the device",
+        "Round that edge (--fillet, --rounding or --clamp-rounding, as the device has it), let the faces beside it meet what "
+        "they are pressed on, or take larger cells there (--cell-size, fewer cells --through); the states up to here are not "
+        "affected",
+        of_mesh=True,
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What ended a path where no step succeeds: whether the device is locked, snaps, or has broken down in a part of it.
+#
+# Pressure and volume may turn back both at once: a small part of the device snaps, and hardly any air goes with it. Then no
+# line in their plane leads on, however short the step. The states beyond are still found where it is given how far that part
+# has gone, which is regular there, as near a bifurcation (`softmodels.path.branching`).
+
+
+MOST_STATES = 24
+"""States beyond the last one that are looked at."""
+SNAP_STEP_GROWTH = 1.5
+"""From one step to the next."""
+HALVINGS = 10
+"""Of a step that fails."""
+ASTRAY = 2.0
+"""Length of a step over the foretold one, above which Newton's method has found another branch."""
+TOLERANCE = 1e-10
+"""Of the directions, relative: what they have beyond the whole's motion may be a thousandth of it."""
+FEW = (6.0, 0.1)
+"""Cells that take part in a motion, and share of all, up to which it is a fold of the mesh."""
+FALLING = 2
+"""States in a row with less than the one before, from which what is requested has turned back."""
+
+
+def check_yields(first: Point, plane: ArcLengthMetric, *followed: ContinuationParameter) -> None:
+    """Raise the `PathEnd` of a path that has to follow a volume, or a travel, which nothing changes.
+
+    Args:
+        first: Its first point.
+        plane: Its scales.
+        followed: What is requested of it and what it follows.
+    """
+    if first.stiffest <= plane.felt(0.0) and any(isinstance(one, AddedVolume) for one in followed):
+        raise PathEnd("nothing gives way", cause=LOCKED)
+
+
+def lost(corrector: Corrector, requested: PathQuantity, why: str, failure: NoConvergence) -> PathEnd:
+    """The end of a path that could not be followed from its last point, with its cause if that is the device's own.
+
+    Args:
+        corrector: Of the path; its factorisation is not kept.
+        requested: What is requested.
+        why: A clause.
+        failure: What the solver reported.
+    """
+    return PathEnd(f"{why} ({failure})", cause=_cause_of(corrector, requested, failure))
+
+
+def _cause_of(corrector: Corrector, requested: PathQuantity, failure: NoConvergence) -> PathFailure | None:
+    if isinstance(failure, Emptied):
+        return EMPTIED
+    system = corrector.solver.system
+    system.load(corrector.trail.last.state)
+    for term in system.potential.terms.values():
+        if cause := term.breakdown(system):
+            return cause
+    try:
+        part = snapping(corrector, requested)
+    except NoConvergence:
+        return None
+    if part is None:
+        return None
+    fold = Concentration(system, part)
+    return folded(fold.cells, *fold.place) if fold.local else SNAPPED
+
+
+def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
+    """The motion of what snaps, local dofs, if what is requested turns back just beyond a path's last point; else None.
+
+    It does where the device loses its stability there.
+
+    Args:
+        corrector: Of the path; its factorisation is not kept.
+        requested: What is requested.
+
+    Raises:
+        NoConvergence: There are no states near beyond it.
+    """
+    last, points = corrector.trail.last, corrector.trail.points
+    value = requested.value(last.state.V, last.state.P)
+    if len(points) < 2 or not requested.rate(last.state, last.tangent) > 0.0:  # the first point has come from nowhere
+        return None
+    ahead, fallen, unstable = Ahead(corrector), 0, _unstable(requested, last)
+    for _ in range(MOST_STATES):
+        ahead.step()
+        now = requested.value(ahead.state.V, ahead.state.P)
+        fallen = fallen + 1 if now < value else 0
+        value = now
+        if fallen == FALLING:
+            # Where it only seems to turn back, as Newton's method has found another branch, nothing has become unstable.
+            corrector.solver.factorise(ahead.state)
+            signature = corrector.stability.signature(exact=True)
+            beyond = dataclasses.replace(last, state=ahead.state, tangent=ahead.tangent, signature=signature)
+            return ahead.part if _unstable(requested, beyond) != unstable else None
+    return None
+
+
+def _unstable(requested: PathQuantity, point: Point) -> int:
+    """Directions in which a state falls to less energy while what is requested is kept; see `Point.stable_under`."""
+    return point.signature.negative_eigenvalues - int(requested.rate(point.state, point.tangent) * point.tangent.P < 0)
+
+
+class Ahead:
+    """States beyond a path's last point, by how far the part that snaps has gone.
+
+    The whole device moves on as it did before, and turns back with pressure and volume. What the motion has beyond that is
+    the part's: it grows without bound as the path nears the state where it snaps, and leads on through it. It may be so little
+    beside the whole that no measure of the whole shows it.
+
+    Args:
+        corrector: Of the path, with its last two points.
+
+    Attributes:
+        state: The last state found.
+        tangent: Direction of the path there, its dofs of unit length.
+
+    Raises:
+        NoConvergence: The path has no direction there.
+    """
+
+    def __init__(self, corrector: Corrector):
+        self.solver, self._mass = corrector.solver, corrector.stability.mass
+        before, last = corrector.trail.points
+        self._whole = self._direction(before.state, self._measure(before.tangent.w))
+        self.state, self.tangent = last.state, self._direction(last.state, self._measure(last.tangent.w))
+        self._amount = abs(self._part().share(last.state.w - before.state.w))
+
+    def step(self) -> None:
+        """Go on to the next state.
+
+        Raises:
+            NoConvergence: There is none near.
+        """
+        state, rate, part = self.state, self.tangent, self._part()
+        for _ in range(HALVINGS):
+            far = self._amount / part.share(rate.w)
+            try:
+                found = self.solver.solve_along(
+                    part.image, state.w, self._amount, state.w + far * rate.w, state.P + far * rate.P
+                )
+                if (
+                    self._measure(found.w - state.w).length < ASTRAY * far
+                    and (self.solver.system.volumes() > 0.0).all()
+                ):
+                    self.state, self.tangent = found, self._direction(found, part)
+                    self._amount *= SNAP_STEP_GROWTH
+                    return
+            except NoConvergence:
+                pass
+            self._amount /= 2
+            self.solver.factorise(state)
+        raise NoConvergence("no state near beyond the last one")
+
+    @property
+    def part(self) -> Array:
+        """What the motion has beyond that of the whole, local dofs."""
+        whole, w = self._measure(self._whole.w), self.tangent.w
+        return np.asarray(w - whole.share(w) * self._whole.w)
+
+    def _part(self) -> Mode:
+        """The same as a measure of unit length."""
+        beyond = self.part
+        length = self._measure(beyond).length
+        if not length:
+            raise NoConvergence("the whole device moves on as before")
+        return self._measure(beyond / length)
+
+    def _measure(self, w: Array) -> Mode:
+        return Mode(self._mass, w)
+
+    def _direction(self, state: State, along: Mode) -> Tangent:
+        """The path's direction at a state, towards more of a measure, its dofs of unit length."""
+        self.solver.factorise(state)
+        rate = self.solver.tangent_along(state, along.image, TOLERANCE)
+        length = self._measure(rate.w).length
+        return Tangent(rate.w / length, rate.P / length, rate.V / length)
+
+
+class Concentration:
+    """In how many cells a motion is, by the squares of its gradient: a fold hardly moves the rest, but carries it along.
+
+    Args:
+        system: The equations; w is overwritten.
+        shape: Local dofs, shape as `State.w`.
+
+    Attributes:
+        cells: (sum e)^2 / sum e^2 of the cells' integrals e: 1 where one has all of it, all of them where all have as much.
+    """
+
+    def __init__(self, system: System, shape: Array):
+        import ufl
+        from dolfinx import fem
+
+        self.system, body = system, system.body
+        system.w.x.array[:] = shape[: system.dofs]
+        test = ufl.TestFunction(fem.functionspace(body.mesh, ("DG", 0)))
+        slope = body.deformation_gradient(system.potential.displacement) - ufl.Identity(3)
+        form = system.form(ufl.inner(slope, slope) * test * body.hoop * body.measures()[0])
+        self._shares = fem.assemble_vector(form).array[: len(system.cells)]
+        whole, squares = (total(system.comm, float((self._shares**k).sum())) for k in (1, 2))
+        self.cells = whole**2 / squares if squares else math.inf
+
+    @property
+    def local(self) -> bool:
+        """Whether it is in a few cells, of many."""
+        return self.cells <= min(FEW[0], FEW[1] * total(self.system.comm, float(len(self.system.cells))))
+
+    @property
+    def place(self) -> tuple[str, str]:
+        """Undeformed middle of the cell with most of it, in mm, and the faces that it is at: the same on all ranks."""
+        from dolfinx import mesh as meshes
+
+        system, body = self.system, self.system.body
+        mesh, comm = body.mesh, system.comm
+        mine = int(self._shares.argmax()) if len(self._shares) else 0
+        best = float(self._shares[mine]) if len(self._shares) else -math.inf
+        found = ("", "")
+        if best == largest(comm, best):
+            middle = (
+                meshes.compute_midpoints(mesh, mesh.topology.dim, np.array([mine], dtype=np.int32)) * system.length_unit
+            )
+            place = body.actuator.device_points(middle)[0] * 1e3
+            corners = set(mesh.topology.connectivity(mesh.topology.dim, 0).links(mine).tolist())
+            cut = {plane.name for plane in body.actuator.cut_planes} | {"axis"}
+            faces = [
+                role
+                for role, (dimension, entities) in body.entities.items()
+                if dimension == mesh.topology.dim - 1 and role not in cut and self._touches(entities, corners)
+            ]
+            found = (
+                f"({', '.join(f'{x:.4g}' for x in place)}) mm",
+                f", where it is at {' and '.join(faces)}" if faces else "",
+            )
+        else:
+            mesh.topology.create_connectivity(mesh.topology.dim - 1, 0)
+        return next(one for one in comm.allgather(found) if one[0])
+
+    def _touches(self, entities: npt.NDArray[np.int32], corners: set[int]) -> bool:
+        topology = self.system.body.mesh.topology
+        topology.create_connectivity(topology.dim - 1, 0)
+        links = topology.connectivity(topology.dim - 1, 0).links
+        return any(not corners.isdisjoint(links(facet).tolist()) for facet in entities)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where a path loses or regains stability: every change of the tangent's signature between two points, located.
+#
+# Two things change the number of negative eigenvalues along a path. At a limit point the pressure turns and K's singular mode
+# is the path's own direction. At a bifurcation K is singular in a mode that leaves the volume as it is (q . mode = 0), the
+# path goes straight on, and another branch crosses it. A turn of the volume leaves K regular.
+
+
+Known = tuple[float, Point]
+"""An eigenvalue and the state it belongs to."""
+
+DEEPEST = 10
+"""Halvings of an interval that holds several events; those closer together are told as one."""
+SPREADS = (0.5, 0.2, 0.08)
+"""Where the eigenvalue is asked for around its expected root, in shares of the way to the interval's farther end.
+
+Not closer: a mesh without the device's symmetry bends the path towards the branch where K is nearly singular, and a state
+near by would have a part of the mode and show the imperfect mesh's eigenvalue instead of the device's. The eigenvalue is a
+smooth function of the volume, so what is left is interpolated."""
+TOO_NEAR = 3e-3
+"""Eigenvalue, in shares of the largest on the path at hand, below which a state is not used for the interpolation."""
+SAMPLES = 4
+"""States whose eigenvalues the interpolation uses."""
+
+
+def unexplained(before: Point, after: Point) -> int:
+    """Negative eigenvalues gained between two points beyond what turns of the pressure account for."""
+    gained = after.signature.negative_eigenvalues - before.signature.negative_eigenvalues
+    turned_P, turned_V = before.tangent.P * after.tangent.P < 0, before.tangent.V * after.tangent.V < 0
+    if turned_P and turned_V:
+        return 0 if abs(gained) == 1 else gained
+    if turned_P:
+        return gained - (int(after.tangent.compliance < 0) - int(before.tangent.compliance < 0))
+    return gained
+
+
+def events(
+    corrector: Corrector, requested: PathQuantity, before: Point, after: Point, report: Callable[[str], None]
+) -> list[Point]:
+    """Limit points, of the pressure and of what is requested, and bifurcations between two neighbouring points, in order.
+
+    The kept factorisation is that of ``after`` then: none of the states solved for in between leaves a trace in what
+    follows, which a run that is gone on with could not follow.
+
+    Args:
+        corrector: Of the path, whose last point is ``before``.
+        requested: What is requested of the path.
+        before, after: The points.
+        report: Takes a sentence on a bifurcation that cannot be located.
+    """
+    solver, stability = corrector.solver, corrector.stability
+    kept = solver.kept.base, stability.modes
+    found = changes(corrector, before, after, report)
+    if turn := own_limit(corrector, requested, before, after):
+        found = sorted([*turn, *found], key=lambda point: abs(point.state.V - before.state.V))
+    if solver.kept.base is not kept[0] or stability.modes is not kept[1]:
+        solver.factorise(after.state)
+        stability.lowest()
+    return found
+
+
+def own_limit(corrector: Corrector, requested: PathQuantity, before: Point, after: Point) -> list[Point]:
+    """The limit point of what is requested between two points, if it has one: of a stroke, where the gas goes on to push."""
+    if not requested.has_limits or requested.slope(before) <= 0.0 or requested.slope(after) >= 0.0:
+        return []
+    return [dataclasses.replace(corrector.point(corrector.root(before, after, requested.slope)), turn=True)]
+
+
+def limit(corrector: Corrector, before: Point, after: Point) -> Point:
+    """The limit point of the pressure between two points, to about 1e-10 of the pressure."""
+    state = corrector.root(before, after, lambda point: point.tangent.P / point.tangent.V)
+    return corrector.point(state, limit=True)
+
+
+def changes(
+    corrector: Corrector, before: Point, after: Point, report: Callable[[str], None], depth: int = 0
+) -> list[Point]:
+    """Changes of the signature between two neighbouring points: limit points of the pressure and bifurcations, in order."""
+    turned = before.tangent.P * after.tangent.P < 0
+    gained = unexplained(before, after)
+    if gained == 0:
+        return [limit(corrector, before, after)] if turned else []
+    if (turned or abs(gained) > 1) and depth < DEEPEST:
+        try:
+            middle = corrector.middle(before, after)
+        except NoConvergence as failure:
+            report(f"several changes of stability between two points could not be told apart ({failure})")
+            return [limit(corrector, before, after)] if turned else []
+        return [
+            *changes(corrector, before, middle, report, depth + 1),
+            *changes(corrector, middle, after, report, depth + 1),
+        ]
+    try:
+        return [bifurcation(corrector, before, after)]
+    except NoConvergence as failure:
+        # The signature says that there is one; the next points' signatures go on saying so.
+        report(f"a bifurcation between two points could not be located ({failure})")
+        corrector.solver.factorise(after.state)
+        return []
+
+
+def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
+    """The bifurcation between two points: the root of the eigenvalue that changes its sign there.
+
+    Raises:
+        NoConvergence: No state in between could be solved for.
+    """
+    stability = corrector.stability
+    # The negative eigenvalue nearest to zero is the one that has just changed its sign, or is about to.
+    fewer, more = sorted((before, after), key=lambda point: point.signature.negative_eigenvalues)
+    _, mode = stability.critical(more.state, fewer.signature.negative_eigenvalues)
+    f_low, f_high = (stability.like(point.state, mode)[0] for point in (before, after))
+    if f_low * f_high > 0:
+        raise NoConvergence("the eigenvalue that changes its sign was not found")
+    known = [(f_low, before), (f_high, after)]
+    scale = max(stability.largest, abs(f_low), abs(f_high))
+    start, width = before.state.V, after.state.V - before.state.V
+    for spread in SPREADS:
+        root = _root(known, scale)
+        reach = max(abs(root - start), abs(root - after.state.V))
+        for V in (root - spread * reach, root + spread * reach):
+            corrector.solver.factorise(before.state)
+            try:
+                point = corrector.on_the_way(before, after, min(max((V - start) / width, -1.0), 2.0))
+                known.append((stability.like(point.state, mode)[0], point))
+            except NoConvergence:  # too near: K is singular there in every control
+                continue
+    low, high = _around(_far(known, scale))
+    root = _root(known, scale)
+    point = corrector.interpolated(low[1], high[1], (root - low[1].state.V) / (high[1].state.V - low[1].state.V))
+    _, mode = stability.like(point.state, mode)
+    lowest = stability.critical_lowest(
+        point.state, min(before.signature.negative_eigenvalues, after.signature.negative_eigenvalues)
+    )
+    corrector.solver.factorise(after.state)  # the singular K just factorised is no preconditioner to go on with
+    signature = Signature(before.signature.negative_eigenvalues, lowest)
+    return dataclasses.replace(point, mode=mode, limit=False, requested=False, signature=signature, factorised=False)
+
+
+def _root(known: list[Known], scale: float) -> float:
+    """Volume at which the eigenvalue is zero, by the polynomial through the states around it that are far enough from it."""
+    import scipy
+
+    far = _far(known, scale)
+    (_, low), (_, high) = _around(far)
+    middle = (low.state.V + high.state.V) / 2
+    used = sorted(far, key=lambda entry: abs(entry[1].state.V - middle))[:SAMPLES]
+    through = scipy.interpolate.BarycentricInterpolator(
+        [point.state.V for _, point in used], [value for value, _ in used]
+    )
+    return float(scipy.optimize.brentq(through, low.state.V, high.state.V, xtol=1e-13 * abs(middle)))
+
+
+def _around(known: list[Known]) -> tuple[Known, Known]:
+    """The neighbours between which the eigenvalue changes its sign."""
+    return next((a, b) for a, b in itertools.pairwise(known) if a[0] * b[0] <= 0)
+
+
+def _far(known: list[Known], scale: float) -> list[Known]:
+    """Those states, by rising volume, that are far enough from the singular one; all, where they leave it on one side."""
+    every = sorted(
+        {point.state.V: (value, point) for value, point in known}.values(), key=lambda entry: entry[1].state.V
+    )
+    far = [entry for entry in every if abs(entry[0]) > TOO_NEAR * scale]
+    return far if len({value > 0 for value, _ in far}) == 2 else every
+
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
 QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it shrinks
-GROWTH = 1.7
+STEP_GROWTH = 1.7
 SOFTENING = 4.0  # growth of dV/dP (or dV/dS of a stroke) over its least at which `auto` leaves it for the volume
 PAST_LIMIT = 0.1  # how far `auto` goes on past a limit point, in volumes added up to it
-SHORTEST = 1e-3  # of the first step: a path that needs shorter ones has met something that steps do not mend
+SHORTEST_STEP = 1e-3  # of the first step: a path that needs shorter ones has met something that steps do not mend
 LARGEST_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control is ended
 
 
@@ -53,7 +906,7 @@ class Continuation:
     """
 
     solver: Solver
-    requested: Quantity = dataclasses.field(default_factory=Pressure)
+    requested: PathQuantity = dataclasses.field(default_factory=Pressure)
     control: str = "auto"
     largest_step: float = math.inf
     largest_growth: float = LARGEST_GROWTH
@@ -72,13 +925,13 @@ class Continuation:
         V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.scales())
         start = rest if self.start is None else self.start
         solver.system.potential.keep(start.w, anew=self.start is None)
-        self.trail = Trail(solver)  # before there are factors: to make its mass matrix takes memory
+        self.trail = PathHistory(solver)  # before there are factors: to make its mass matrix takes memory
         solver.factorise(start)
         tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
-        self.V0, self.plane = start.V, Plane.of(V_scale, tangent.compliance)
+        self.V0, self.plane = start.V, ArcLengthMetric.of(V_scale, tangent.compliance)
         self.requested = self.requested.counted(self.V0, rest.V)
         known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), self.requested)
-        self._known: dict[str, Followed] = {one.name: one for one in known}
+        self._known: dict[str, ContinuationParameter] = {one.name: one for one in known}
         self.trail.line = self.requested.name if self.control == "auto" else self.control
         self.corrector = Corrector(solver, self.trail, self.plane)
         if not self.requested.starts_forward(start, tangent):  # it starts where the device is unstable
@@ -90,7 +943,7 @@ class Continuation:
         return self.keep(first)
 
     def resume(self, points: Sequence[Point]) -> None:
-        """Go on from points of an earlier trace; see `Trail.restore`."""
+        """Go on from points of an earlier trace; see `PathHistory.restore`."""
         self.begin()
         self.recall()
         self.trail.restore(points, self.corrector.tangent)
@@ -103,7 +956,7 @@ class Continuation:
         return self.trail.last
 
     @property
-    def followed(self) -> Followed:
+    def followed(self) -> ContinuationParameter:
         return self._known[self.trail.line]
 
     @property
@@ -149,7 +1002,7 @@ class Continuation:
             except NoConvergence as failure:
                 self.report(f"step of {share:.3g} failed ({failure}); halved")
                 step = share / 2
-                shortest = SHORTEST * self.first_step
+                shortest = SHORTEST_STEP * self.first_step
                 if self.may_follow_volume and direct and step < max(0.02 * self.last.step, shortest):
                     self.follow(AddedVolume.name)  # which passes a limit point, and so tells one from a failure
                     step, direct = self.last.step, False
@@ -165,7 +1018,7 @@ class Continuation:
         self.corrector.check_branch(state, line)
         state = state if goal is None else self.requested.exactly(state, goal)
         count = state.iterations - self.solver.system.assembled.slack
-        change = GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6
+        change = STEP_GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6
         following = max(step, share) * change if change > 1 else share * change
         return self.corrector.point(state, requested=goal is not None, step=following)
 

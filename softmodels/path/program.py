@@ -15,14 +15,22 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from measurement.arguments import checked
-from measurement.units import WATER_DENSITY, UnitError, brief, pascal_per_cm, quantity
-from measurement.units import numbers as as_numbers
-from measurement.wording import Spoken
+from softmodels.common.calls import checked
+from softmodels.common.errors import Spoken
+from softmodels.common.units import (
+    WATER_DENSITY,
+    UnitError,
+    brief,
+    pascal_per_cm,
+    quantity,
+)
+from softmodels.common.units import (
+    numbers as as_numbers,
+)
 
 
 @dataclasses.dataclass(frozen=True)
-class Given:
+class ProgramValue:
     """What a series gives.
 
     Attributes:
@@ -36,12 +44,12 @@ class Given:
     scale: float = 1.0
 
 
-KEYS = {"pressure_cm": Given("cm"), "volume_ml": Given("ml", True, 1e-6)}
+KEYS = {"pressure_cm": ProgramValue("cm"), "volume_ml": ProgramValue("ml", True, 1e-6)}
 """What can be given of a cavity, as in the case file."""
 LOAD_KEYS = {
-    "gravity": {"share": Given("of the weight")},
-    "force": {"force_N": Given("N"), "travel_mm": Given("mm", True, 1e-3)},
-    "moment": {"moment_Nmm": Given("Nmm", scale=1e-3), "turn_deg": Given("deg", True, math.pi / 180)},
+    "gravity": {"share": ProgramValue("of the weight")},
+    "force": {"force_N": ProgramValue("N"), "travel_mm": ProgramValue("mm", True, 1e-3)},
+    "moment": {"moment_Nmm": ProgramValue("Nmm", scale=1e-3), "turn_deg": ProgramValue("deg", True, math.pi / 180)},
 }
 """The same of a dead load, by its table."""
 EVERY_KEY = {key: given for keys in (KEYS, *LOAD_KEYS.values()) for key, given in keys.items()}
@@ -140,7 +148,7 @@ def _in_cm(name: str, table: object) -> str:
     return f"; {text} are {height:.5g} cm of the usual column: {name}.pressure_cm = {height:.5g}" if height else ""
 
 
-def _series(name: str, table: object, keys: Mapping[str, Given]) -> Series:
+def _series(name: str, table: object, keys: Mapping[str, ProgramValue]) -> Series:
     if not isinstance(table, Mapping) or len(table) != 1 or (key := next(iter(table))) not in keys:
         raise ProgramError(
             f"{name} needs one of {' or '.join(keys)}, such as {name}.{next(iter(keys))} = [20, 40]{_in_cm(name, table)}"

@@ -1,21 +1,182 @@
 """A device taken through a load program, step by step.
 
 Each step changes either pressures, forces and the like, or volumes and travels, and is followed by its own pair (P, V), see
-`softmodels.mechanics.coupling`.
+`softmodels.mechanics.controls`.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.common.arrays import Array
+from softmodels.mechanics.controls import Coupling
+from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
-from softmodels.path.points import Point
+from softmodels.mechanics.system import State
+from softmodels.path.continuation import Continuation, trace
+from softmodels.path.points import (
+    ArcLength,
+    PathEnd,
+    PathQuantity,
+    Point,
+    Pressure,
+    VolumeGain,
+)
 from softmodels.path.program import Program, begins_at_rest
-from softmodels.path.stages import Stage, Stop, at_rest
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Stages of a load: all drivers change together from one state to another, in proportion, as one path.
+#
+# The drivers are the cavities and behind them the dead loads, see `softmodels.mechanics.controls`. A stage changes magnitudes
+# (pressures, forces) or what they work on (volumes, travels). A device with dead loads first hangs: a stage of its own.
+
+
+POINTS_PER_STAGE = 4
+"""At least this many points in each stage, for curves worth drawing."""
+
+
+class HangingEnd(PathEnd):
+    """A device does not bear what acts on it before it is inflated.
+
+    Attributes:
+        what: What was being applied, a clause.
+        share: How much of it was reached.
+    """
+
+    def __init__(self, end: PathEnd, what: str, share: float):
+        super().__init__(str(end), end.limit, end.cause)
+        self.what, self.share = what, share
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class StageEnd:
+    """Where a stage has come to its end; dimensionless.
+
+    Attributes:
+        number: The stage's.
+        state: The state.
+        drives: Magnitudes of all drivers there, shape (k,).
+        driven: What they work on there, shape (k,).
+    """
+
+    number: int
+    state: State
+    drives: Array
+    driven: Array
+
+
+def at_rest(solver: Solver) -> StageEnd:
+    """The undeformed state under nothing."""
+    system = solver.system
+    state = system.rest()
+    driven = system.driven()
+    return StageEnd(0, state, np.zeros(len(driven)), driven)  # whatever the coupling of an earlier path keeps
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Stage:
+    """One stage.
+
+    Attributes:
+        start: Where it begins.
+        coupling: Of the drivers.
+        requested: What is asked for: the magnitude, or the volume, that stands for all.
+        goal: How far it goes.
+    """
+
+    start: StageEnd
+    coupling: Coupling
+    requested: PathQuantity
+    goal: float
+
+    @classmethod
+    def between(cls, start: StageEnd, change: Array, held: Sequence[int], volumes: Array) -> Stage:
+        """A stage that changes either magnitudes or what they work on.
+
+        Args:
+            start: Where it begins.
+            change: By how much each driver changes, shape (k,): of those held what it works on.
+            held: Drivers whose volume or travel is given.
+            volumes: What is worked on where it begins, shape (k,).
+        """
+        by_volume = any(change[driver] for driver in held)
+        make = Coupling.by_volume if by_volume else Coupling.by_pressure
+        requested = VolumeGain() if by_volume else Pressure()
+        return cls(start, make(start.drives, change, held, volumes), requested, float(np.abs(change).max()))
+
+    def follow(self, solver: Solver, control: str, report: Callable[[str], None]) -> Iterator[tuple[float, Point]]:
+        """Follow the stage to its end.
+
+        Yields:
+            Which share of it is done, and the point; the first one is its beginning.
+
+        Raises:
+            PathEnd: Its end is not on the path that begins there.
+        """
+        start = solver.couple(self.coupling, self.start.state, self.start.drives)
+        largest = self.goal / POINTS_PER_STAGE
+        path = Continuation(solver, self.requested, control, largest, start=start, report=report)
+        for point in trace(path, [self.goal]):
+            yield path.value(point.state) / self.goal, point
+
+    def stop(self, solver: Solver, point: Point, number: int) -> StageEnd:
+        """Where the path stands, once the stage has been followed to this point."""
+        system = solver.system
+        system.load(point.state)
+        return StageEnd(number, point.state, system.drives_at(point.state), system.driven())
+
+
+def hang(
+    solver: Solver,
+    targets: Sequence[tuple[str, Array]],
+    report: Callable[[str], None] = lambda text: None,
+    control: str = "auto",
+) -> StageEnd:
+    """Apply magnitudes one after the other from the undeformed state on, such as the dead loads and then a pressure.
+
+    Args:
+        solver: The device; the coupling of its drivers is changed.
+        targets: What is applied, a clause, and the magnitudes of all drivers then, dimensionless, shape (k,).
+        report: Takes sentences on what is going on.
+        control: What is followed, as in `Continuation`.
+
+    Raises:
+        HangingEnd: There is no such state on the path.
+    """
+    here = at_rest(solver)
+    for what, magnitudes in targets:
+        change = np.asarray(magnitudes, dtype=float) - here.drives
+        if not change.any():
+            continue
+        stage = Stage.between(here, change, (), here.driven)
+        come: list[tuple[float, Point]] = []
+        try:
+            come.extend(stage.follow(solver, control, report))
+        except (PathEnd, NoConvergence) as failure:
+            end = failure if isinstance(failure, PathEnd) else PathEnd(str(failure))
+            raise HangingEnd(end, what, come[-1][0] if come else 0.0) from failure
+        here = stage.stop(solver, come[-1][1], here.number)
+    return here
+
+
+def inflate_from(solver: Solver, hung: StageEnd) -> State:
+    """Couple the cavities by the device's pressure ratios from where it hangs, its dead loads kept; the state P starts from."""
+    system = solver.system
+    cavities = len(system.body.actuator.ratios)
+    dead = hung.drives[cavities:]
+    return solver.couple(Coupling.proportional(system.body.actuator.ratios, dead), hung.state, hung.drives)
+
+
+def load_from(solver: Solver, hung: StageEnd, driver: int) -> State:
+    """Couple the drivers so that P is one dead load's magnitude, all others kept; the state P starts from."""
+    change = np.zeros(len(hung.drives))
+    change[driver] = 1.0
+    return solver.couple(Coupling.by_pressure(hung.drives, change, (), hung.driven), hung.state, hung.drives)
 
 
 def follow(
@@ -24,8 +185,8 @@ def follow(
     pascal_per_cm: float,
     control: str,
     report: Callable[[str], None],
-    begin: Stop | None = None,
-    hung: Stop | None = None,
+    begin: StageEnd | None = None,
+    hung: StageEnd | None = None,
 ) -> Iterator[tuple[float, Point]]:
     """Take a device through a program.
 
@@ -97,3 +258,129 @@ def in_drivers(
         values[:, place] = np.array(series.values) * unit
         held += [place] if series.is_volume else []
     return values, sorted(held)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Up and down under a dead pressure: what a water column does that is slowly raised and lowered again.
+#
+# The states of equilibrium form one curve through stable and unstable parts. A given pressure holds the device on a stable
+# part until that ends at a limit point; there it jumps, at that pressure, to the next stable part the curve leads to. On
+# the way down it stays on that part until its own limit point, so the way back is another: hysteresis.
+#
+# The curve is followed once by arc length; both ways are then read off it, every state solved for at its own pressure.
+
+
+LARGEST_GROWTH_OF_CYCLE = 500.0
+"""Cavity volumes up to which a second stable part is looked for: a balloon of eight times its radius."""
+
+
+@dataclasses.dataclass(frozen=True)
+class CyclePart:
+    """A stable part of the curve: points with rising pressure, limit points at ends where there are any."""
+
+    points: tuple[Point, ...]
+
+    @property
+    def lowest(self) -> float:
+        return self.points[0].state.P
+
+    @property
+    def highest(self) -> float:
+        return self.points[-1].state.P
+
+
+def cycle(path: Continuation, goals: Sequence[float]) -> Iterator[Point]:
+    """Raise the pressure through the goals and lower it through them again.
+
+    Args:
+        path: A new path, its quantity the pressure; what it follows is chosen here.
+        goals: Dimensionless pressures, rising.
+
+    Yields:
+        Points with their stable states alone, in the order in which they happen; the first one after a jump is marked.
+
+    Raises:
+        PathEnd: There is no stable state at the highest pressure. What can be reached has been yielded.
+    """
+    path.control, path.largest_growth = ArcLength.name, LARGEST_GROWTH_OF_CYCLE
+    points: list[Point] = []
+    lost = None
+    try:
+        points.extend(trace(path, [goals[-1]]))
+    except PathEnd as end:
+        points, lost = points or list(path.trail.points), end
+    parts = _stable_parts(points)
+    here = yield from _along(path, parts, 0, goals, 1)
+    if here is None:
+        limit = next((point for point in points if point.limit), None)
+        if len(parts) > 1 or limit is None:
+            why = f"past the jumps so far, {lost}" if len(parts) > 1 else str(lost)
+            raise PathEnd(why, cause=None if lost is None else lost.cause)
+        raise PathEnd("the pressure has a limit point, and no stable state was found at that pressure beyond it", limit)
+    yield from _along(path, parts, here, [*goals[::-1], *([0.0] if goals[0] > 0 else [])], -1)
+
+
+def _stable_parts(points: Sequence[Point]) -> list[CyclePart]:
+    """The curve's stable parts in order; limit points belong to the part they end."""
+    parts: list[list[Point]] = []
+    current: list[Point] = []
+    for point in points:
+        if point.limit:
+            if current:
+                parts.append([*current, point])
+                current = []
+            else:
+                current = [point]  # a least pressure: a stable part may begin here
+        elif point.stable_under_pressure and point.tangent.P > 0 and not point.bifurcation:
+            current.append(point)
+        elif current:
+            if len(current) > 1:
+                parts.append(current)
+            current = []
+    if len(current) > 1:
+        parts.append(current)
+    return [CyclePart(tuple(part)) for part in parts]
+
+
+def _along(path: Continuation, parts: list[CyclePart], here: int, goals: Sequence[float], way: int):  # type: ignore[no-untyped-def]
+    """Points from the part ``here`` through the goals, up (1) or down (-1); returns the last part, or None if stuck."""
+    at = parts[here].points[0].state.P if way > 0 else math.inf
+    left = list(goals)
+    landed: Point | None = None
+    while True:
+        part = parts[here]
+        end = part.highest if way > 0 else part.lowest
+        if landed is not None:
+            yield landed
+        reached = [goal for goal in left if (goal - end) * way <= 1e-12]
+        last = reached[-1] if len(reached) == len(left) else end
+        between = [
+            p
+            for p in part.points
+            if not p.requested and (p.state.P - at) * way > 1e-9 and (last - p.state.P) * way > 1e-9
+        ]
+        stops = [(p.state.P, p) for p in between] + [(goal, None) for goal in reached]
+        for P, known in sorted(stops, key=lambda stop: stop[0] * way):
+            if known is None or not math.isclose(P, at, rel_tol=1e-9):
+                yield dataclasses.replace(known, jump=False) if known is not None else _state(path, part, P)
+        left = left[len(reached) :]
+        if not left:
+            return here
+        edge = part.points[-1 if way > 0 else 0]
+        yield dataclasses.replace(edge, requested=False)
+        options = range(here + way, len(parts) if way > 0 else -1, way)
+        found = next((k for k in options if parts[k].lowest <= end <= parts[k].highest), None)
+        if found is None or not edge.limit:
+            return None
+        here, at = found, end
+        landed = dataclasses.replace(_state(path, parts[here], end), requested=False, jump=True)
+
+
+def _state(path: Continuation, part: CyclePart, P: float) -> Point:
+    """The state of a stable part at a pressure."""
+    for before, after in zip(part.points, part.points[1:], strict=False):
+        if before.state.P <= P <= after.state.P:
+            if P == before.state.P and not before.limit:
+                return dataclasses.replace(before, requested=True)
+            return path.between(before, after, P)
+    return dataclasses.replace(part.points[-1], requested=True)

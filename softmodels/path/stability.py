@@ -15,26 +15,618 @@ cells, and lambda / density is the square of a natural frequency. M has no entri
 
 from __future__ import annotations
 
+import abc
+import contextlib
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from softmodels.common.arrays import Array
+from softmodels.mechanics.assembly import entries_of, sparse_matrix
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.petsc_matrices import sparse_matrix
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
-from softmodels.path.modes import Mode
-from softmodels.path.spectra import spectrum_of
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
 
-Array = npt.NDArray[np.float64]
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Shapes in which a device leaves its path, as measures of other shapes, and the operator whose eigenvectors they are.
+
+
+if TYPE_CHECKING:
+    Solve = Callable[[PETSc.Vec, PETSc.Vec], object]
+
+
+class Mode:
+    """A shape in which a device leaves its path, as a measure of other shapes.
+
+    Args:
+        M: Mass matrix of the device, see `Stability`.
+        shape: Local dofs, shape as `State.w`.
+
+    Attributes:
+        image: M times the shape over shape.M.shape, a PETSc vector: its product with dofs is what they have of the shape.
+    """
+
+    def __init__(self, M: PETSc.Mat, shape: Array):
+        self._M = M
+        self._vector, self.image = self._M.createVecRight(), self._M.createVecLeft()
+        self._size = self._length(shape)
+        self._M.mult(self._vector, self.image)
+        self.image.scale(1 / self._size**2)
+
+    @property
+    def length(self) -> float:
+        """That of the shape in the norm of M."""
+        return self._size
+
+    def share(self, w: Array) -> float:
+        """What dofs (shape as `State.w`) have of the mode."""
+        self._vector.array_w[:] = w[: self._vector.getLocalSize()]
+        return float(self.image.dot(self._vector))
+
+    def size(self, w: Array) -> float:
+        """How large dofs are, with the mode as the unit."""
+        return self._length(w) / self._size
+
+    def _length(self, w: Array) -> float:
+        self._vector.array_w[:] = w[: self._vector.getLocalSize()]
+        pushed = self._M.createVecLeft()
+        self._M.mult(self._vector, pushed)
+        return float(self._vector.dot(pushed) ** 0.5)
+
+
+class ShiftInvert:
+    """PETSc's context of K^-1 M with a kept factorisation of K."""
+
+    def __init__(self, solve: Solve, M: PETSc.Mat):
+        self.solve, self.M, self.image = solve, M, M.createVecLeft()
+
+    @classmethod
+    def matrix(cls, solve: Solve, M: PETSc.Mat) -> PETSc.Mat:
+        from petsc4py import PETSc
+
+        made = PETSc.Mat().createPython(M.getSizes(), context=cls(solve, M), comm=M.comm)
+        made.setUp()
+        return made
+
+    def mult(self, mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        self.M.mult(x, self.image)
+        self.solve(self.image, y)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The lowest eigenvalue of K x = lambda M x by Lanczos' method on K^-1 M, held against its residual and K's inertia.
+#
+# K is symmetric and may be indefinite, M symmetric and positive but for a null space (the pressures of a mixed form). K^-1 M is
+# self-adjoint in the inner product of M, with eigenvalues nu = 1/lambda. Where K has no negative eigenvalue, the lowest lambda
+# belongs to the largest nu. Where it has k of them, it belongs to the negative nu nearest to zero: Lanczos' matrix never has
+# more negative eigenvalues than K (Cauchy's interlacing), so once it has k of them, none has been overlooked.
+# Parlett 1998, The Symmetric Eigenvalue Problem, chapters 11 to 13; the semi-inner product: Nour-Omid, Parlett, Ericsson and
+# Jensen 1987, doi 10.1090/S0025-5718-1987-0878698-5.
+
+
+TOLERANCE = 1e-7
+"""Residual of K^-1 M x = nu x, in the norm of M and in shares of nu; the eigenvalue's error is about its square."""
+ROUNDING = 1e-12
+"""Share of the largest nu below which one is zero: it belongs to the null space of M."""
+MOST_STEPS = 150
+"""Back-substitutions after which an eigenvalue counts as not found."""
+
+
+def lowest(
+    solve: Solve, M: PETSc.Mat, start: PETSc.Vec, negatives: int, count: int = 1, tolerance: float = TOLERANCE
+) -> tuple[float, list[PETSc.Vec]]:
+    """The lowest eigenvalue, its vector, and approximations of the next ones.
+
+    Args:
+        solve: ``solve(b, x)`` puts K^-1 b into x (PETSc vectors).
+        M: PETSc matrix.
+        start: PETSc vector with a part of every mode.
+        negatives: Number of negative eigenvalues of K where M counts.
+        count: How many vectors; fewer if fewer were found.
+        tolerance: Of the residual, as `TOLERANCE`.
+
+    Returns:
+        lambda, and vectors of length 1 in the norm of M, the one of lambda first.
+
+    Raises:
+        NoConvergence: The residual did not fall below the tolerance, or K's inertia says otherwise.
+    """
+    w, image = M.createVecRight(), M.createVecLeft()
+    M.mult(start, image)
+    solve(image, w)  # in the range of K^-1 M, where M is an inner product
+    basis: list[PETSc.Vec] = []
+    images: list[PETSc.Vec] = []
+    diagonal: list[float] = []
+    beside: list[float] = []
+    M.mult(w, image)
+    length = w.dot(image) ** 0.5
+    while len(basis) < MOST_STEPS:
+        if not np.isfinite(length) or length == 0.0:
+            break
+        basis.append(w.copy())
+        images.append(image.copy())
+        basis[-1].scale(1 / length)
+        images[-1].scale(1 / length)
+        solve(images[-1], w)
+        diagonal.append(w.dot(images[-1]))
+        for _ in range(2):  # against all before, twice: Lanczos' own recurrence forgets them
+            w.maxpy([-share for share in w.mDot(images)], basis)
+        M.mult(w, image)
+        length = max(w.dot(image), 0.0) ** 0.5
+        values, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(beside, -1))  # of which it reads the lower half
+        below = int(np.count_nonzero(values < -ROUNDING * np.abs(values).max()))
+        if below > negatives:
+            break
+        if below == negatives:
+            chosen = negatives - 1 if negatives else len(values) - 1
+            if length * abs(vectors[-1, chosen]) <= tolerance * abs(values[chosen]):
+                others = [k for k in range(len(values) - 1, -1, -1) if k != chosen][: count - 1]
+                found = [M.createVecRight() for _ in (chosen, *others)]
+                for x, k in zip(found, (chosen, *others), strict=True):
+                    x.maxpy([float(share) for share in vectors[:, k]], basis)
+                return 1 / float(values[chosen]), found
+        beside.append(length)
+    raise NoConvergence(f"the lowest eigenvalue was not found in {len(basis)} steps")
+
+
+def grown(square: npt.NDArray[np.float64], column: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """A symmetric matrix with one more column and row."""
+    column = np.asarray(column)
+    return np.block([[square, column[:-1, None]], [column[None, :-1], column[-1:, None]]])
+
+
+def generalised(
+    A: npt.NDArray[np.float64], C: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Eigenvalues, rising, and vectors as columns of A x = value C x for small symmetric matrices, x of length 1 in C.
+
+    NumPy has no routine for two matrices, and SciPy's takes longer to load than a section's path to solve.
+
+    Raises:
+        numpy.linalg.LinAlgError: C is not positive definite.
+    """
+    inverse = np.linalg.inv(np.linalg.cholesky(C))
+    values, vectors = np.linalg.eigh(inverse @ A @ inverse.T)
+    return values, inverse.T @ vectors
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Eigenvalues of K x = lambda M x nearest zero, and all negative ones, from rough answers of K^-1: Davidson's method.
+#
+# Rayleigh's quotient is made stationary over a growing space. Each new direction is a residual times K^-1, by loose iterations
+# or a factorisation in single precision, so that the space grows as that of inverse iteration does. A mode that is known from a
+# state near by is where it begins. Davidson 1975, doi 10.1016/0021-9991(75)90065-0; Morgan and Scott 1986, doi 10.1137/0907054.
+
+
+MOST_DIRECTIONS = 32
+"""Size of the space at which it is cut back to the best modes."""
+MOST_SOLVES = 150
+"""Solves after which an eigenvalue counts as not found, if no other number is given."""
+LOOSE, TIGHT = 1e-2, 1e-3
+"""Tolerances of the solves: looser ones leave p that do not belong to their displacements, tighter ones gain nothing."""
+POLISH = 1e-2
+"""Share of an eigenvalue that its last correction may move it by, whose part of p need not belong to its displacement."""
+DEPENDENT = 1e-8
+"""Share of a new direction that has to be left beside the space."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Pencil:
+    """K and M as maps of PETSc vectors.
+
+    Attributes:
+        product: ``product(x, y)`` puts K x into y.
+        M: The mass matrix, positive but for a null space.
+        solve: ``solve(b, x, tolerance)`` puts K^-1 b into x, to a relative tolerance.
+    """
+
+    product: Callable[[PETSc.Vec, PETSc.Vec], None]
+    M: PETSc.Mat
+    solve: Callable[[PETSc.Vec, PETSc.Vec, float], object]
+
+
+class Space:
+    """Directions x, orthonormal in M, with K x and M x."""
+
+    def __init__(self, pencil: Pencil):
+        self.pencil = pencil
+        self.x: list[PETSc.Vec] = []
+        self.Kx: list[PETSc.Vec] = []
+        self.Mx: list[PETSc.Vec] = []
+        self.K = np.empty((0, 0))
+
+    def add(self, x: PETSc.Vec) -> bool:
+        """Add a direction, which is overwritten; whether there was anything new in it."""
+        M, Mx, Kx = self.pencil.M, self.pencil.M.createVecLeft(), self.pencil.M.createVecLeft()
+        M.mult(x, Mx)
+        size = x.dot(Mx)
+        if not math.isfinite(size) or size <= 0.0:
+            return False
+        for _ in range(2 if self.x else 0):
+            x.maxpy([-share for share in x.mDot(self.Mx)], self.x)
+        M.mult(x, Mx)
+        left = x.dot(Mx)
+        if not left > DEPENDENT**2 * size:
+            return False
+        x.scale(left**-0.5)
+        Mx.scale(left**-0.5)
+        self.pencil.product(x, Kx)
+        self.x, self.Kx, self.Mx = [*self.x, x], [*self.Kx, Kx], [*self.Mx, Mx]
+        self.K = grown(self.K, Kx.mDot(self.x))
+        return True
+
+    def combined(self, shares: Array, vectors: Sequence[PETSc.Vec]) -> PETSc.Vec:
+        made = self.pencil.M.createVecRight()
+        made.maxpy([float(share) for share in shares], list(vectors))
+        return made
+
+    def cut(self, shares: Array) -> None:
+        """Keep only these combinations, columns of an orthogonal matrix."""
+        for name in ("x", "Kx", "Mx"):
+            setattr(self, name, [self.combined(column, getattr(self, name)) for column in shares.T])
+        self.K = shares.T @ self.K @ shares
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Modes:
+    """Eigenvalues in rising order, all negative ones among them, and their vectors, of length 1 in the norm of M."""
+
+    values: Array
+    vectors: list[PETSc.Vec]
+
+    @property
+    def negative(self) -> int:
+        return int(np.count_nonzero(self.values < 0.0))
+
+
+def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[float], most: int = MOST_SOLVES) -> Modes:
+    """Eigenvalues nearest zero, and all negative ones.
+
+    Args:
+        pencil: K and M.
+        start: Vectors near the modes, or one with a part of each, in the range of K^-1 M.
+        tolerances: Of the residual K^-1 (K x - lambda M x), length in the norm of M, for the lowest eigenvalue, the next,
+            and so on; as many are looked for. An eigenvalue's error is about the residual's square. Infinite for one that
+            is taken as the start's vectors have it.
+        most: Solves after which an eigenvalue counts as not found.
+
+    Raises:
+        NoConvergence: A residual did not fall below its tolerance.
+    """
+    space, count = Space(pencil), len(tolerances)
+    for x in start:
+        space.add(x.copy())
+    first, found, polished = len(space.x), list[float](), dict[int, float]()
+    for _ in range(most):
+        values, shares = np.linalg.eigh(space.K)
+        chosen = _chosen(values, shares[:first], count)
+        if len(space.x) > MOST_DIRECTIONS:
+            first = len(chosen)
+            near = [k for k in np.argsort(np.abs(values)) if k not in chosen]
+            space.cut(shares[:, [*chosen, *near[:count]]])
+            continue
+        here = values[chosen]
+        slack = max(filter(math.isfinite, tolerances)) ** 2 * np.abs(here).max()
+        while found and abs(found[-1] - here[len(found) - 1]) > slack:  # a lower one has come up since
+            found.pop()
+            polished.pop(len(found), None)
+        while len(found) < len(chosen) >= count and math.isinf(tolerances[min(len(found), count - 1)]):
+            found.append(here[len(found)])
+        if len(found) == len(chosen) >= count:
+            best = np.array([polished.get(k, value) for k, value in enumerate(here)])
+            return Modes(best, [space.combined(column, space.x) for column in shares[:, chosen].T])
+        place = min(len(found), len(chosen) - 1)
+        tolerance = tolerances[min(place, count - 1)]
+        size, new = _correction(space, here[place], shares[:, chosen[place]], min(LOOSE, max(TIGHT, tolerance)))
+        if size <= tolerance and len(found) < len(chosen):
+            found.append(here[place])
+            polished[place] = _polished(space, here[place], new)
+        elif not (math.isfinite(size) and space.add(new)):
+            break
+    raise NoConvergence("the lowest modes were not found")
+
+
+def _polished(space: Space, value: float, new: PETSc.Vec) -> float:
+    """An eigenvalue over the space with its last correction too, which is not kept: small ones may be rounding alone."""
+    kept = space.x, space.Kx, space.Mx, space.K
+    if not space.add(new):
+        return value
+    values = np.linalg.eigvalsh(space.K)
+    space.x, space.Kx, space.Mx, space.K = kept
+    best = float(values[np.argmin(np.abs(values - value))])
+    return best if abs(best - value) <= POLISH * abs(value) else value
+
+
+def _chosen(values: Array, of_first: Array, count: int) -> npt.NDArray[np.intp]:
+    """Indices of the values nearest zero, and of the negative ones that the first directions had, by rising value.
+
+    Other negative ones far from zero are of directions whose p does not belong to their displacements.
+    """
+    near = np.argsort(np.abs(values), kind="stable")[:count]
+    known = (of_first**2).sum(axis=0) > 0.5
+    return np.union1d(near, np.flatnonzero(known & (values < 0.0)))  # values are in rising order
+
+
+def _correction(space: Space, value: float, shares: Array, tolerance: float) -> tuple[float, PETSc.Vec]:
+    """K^-1 times the residual of a mode of the space, to a tolerance and without the mode's own part, and its length."""
+    pencil = space.pencil
+    residual, new = pencil.M.createVecLeft(), pencil.M.createVecRight()
+    residual.maxpy([float(share) for share in shares], space.Kx)
+    residual.maxpy([float(-value * share) for share in shares], space.Mx)
+    pencil.solve(residual, new, tolerance)
+    x, image = space.combined(shares, space.x), space.combined(shares, space.Mx)
+    new.axpy(-new.dot(image), x)
+    pencil.M.mult(new, residual)
+    return max(new.dot(residual), 0.0) ** 0.5, new
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The lowest eigenvalues of a device's tangent, by its factorisation where there is one and else by iterations.
+
+
+BLOCK = 4
+"""Modes of the last factorised point from which the lowest eigenvalue of a point without factorisation is found."""
+MOST_CORRECTIONS, CLOSE = 6, 1e-3
+"""Corrections of that mode, and the share of the eigenvalue that the last one may move it by, as expected and as found:
+its own error is about a tenth of that then. Where K has changed so much that its kept inverse expects less than comes, or where
+a mode does not get there in as many corrections, the point is factorised."""
+EIGENVALUE = 1e-10
+"""What back-substitutions are refined to where a factorisation is in single precision, in shares of the answer, for the lowest
+eigenvalue where K was factorised. Corrections of its mode elsewhere are not refined: they are directions to search in."""
+ROUGH, REFINED = 1e-3, 3e-5
+"""Residuals to which it is looked for in single precision alone, and then refined by corrections of its mode: the eigenvalue's
+own error is about the square of the second."""
+MOST_REFINEMENTS = 30
+"""Such corrections; where they are not enough, Lanczos' method is with refined back-substitutions from the start."""
+LOWEST, OTHERS, LOCATED = 3e-4, 5e-2, 1e-5
+"""Residuals of modes that are found in this way: of the lowest along a path, of those kept to begin the next search with, and
+of all where a bifurcation is located."""
+
+
+class Spectrum(abc.ABC):
+    """Lowest eigenvalues of a solver's K x = lambda M x.
+
+    Args:
+        solver: The device.
+        M: Mass matrix by its unknowns; its values may change.
+
+    Attributes:
+        seed: A vector with a part of every mode, with which a search begins.
+    """
+
+    seed: PETSc.Vec
+
+    def __init__(self, solver: Solver, M: PETSc.Mat):
+        self.solver, self.M = solver, M
+
+    @property
+    @abc.abstractmethod
+    def negative_eigenvalues(self) -> int:
+        """Negative eigenvalues of the K that was factorised, or looked at, last."""
+
+    @abc.abstractmethod
+    def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
+        """The lowest eigenvalue at the state that K was factorised at, its mode, and approximations of the next ones.
+
+        Args:
+            modes: Those of a state near by; may be none.
+
+        Raises:
+            NoConvergence: It was not found.
+        """
+
+    @abc.abstractmethod
+    def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
+        """Lowest eigenvalue of another state, from modes of the last one, without a factorisation of its own.
+
+        Raises:
+            NoConvergence: The mode changes too much between the two states.
+        """
+
+    @abc.abstractmethod
+    def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
+        """At least so many eigenvalues nearest zero with their vectors, at the state that K was factorised at.
+
+        Raises:
+            NoConvergence: They were not found.
+        """
+
+
+def spectrum_of(solver: Solver, M: PETSc.Mat) -> Spectrum:
+    """The eigenvalues of a device, found as its linear systems are solved."""
+    return (Factorised if solver.bordered.inverse.exact else Iterated)(solver, M)
+
+
+class Factorised(Spectrum):
+    """By Lanczos' method on K^-1 M, and K's inertia."""
+
+    def __init__(self, solver: Solver, M: PETSc.Mat):
+        super().__init__(solver, M)
+        eq = solver.system
+        self.constraints = entries_of(eq.space, 1) - eq.still_pressures if eq.mixed else 0
+
+    @property
+    def negative_eigenvalues(self) -> int:
+        return self.solver.bordered.negative_eigenvalues() - self.constraints
+
+    def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
+        bordered, negatives = self.solver.bordered, self.negative_eigenvalues
+
+        def solve(b: PETSc.Vec, x: PETSc.Vec) -> None:
+            bordered.solve(b, x, EIGENVALUE)
+
+        if bordered.inverse.rounded:
+            with contextlib.suppress(NoConvergence):
+                return self._refined(negatives)
+        return lowest(solve, self.M, self.seed, negatives, BLOCK)
+
+    def _refined(self, negatives: int) -> tuple[float, list[PETSc.Vec]]:
+        """`lowest` from a search in single precision, whose modes are then corrected by their residuals in double precision.
+
+        A correction takes one back-substitution, where a refined one of Lanczos' method takes two or three.
+        """
+        bordered = self.solver.bordered
+
+        def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
+            if bordered.constraint_columns:  # pressures that hold volumes are large beside a small residual
+                bordered.solve(b, x, EIGENVALUE)
+            else:
+                bordered.solve_roughly(b, x)
+
+        _, start = lowest(bordered.solve_roughly, self.M, self.seed, negatives, BLOCK, ROUGH)
+        tolerances = [REFINED, *[math.inf] * (len(start) - 1)]
+        found = nearest(Pencil(bordered.K.mult, self.M, solve), start, tolerances, MOST_REFINEMENTS)
+        if found.negative != negatives:
+            raise NoConvergence("the modes in single precision are other ones")
+        # The others as they were found first: what corrections of the lowest change in them is single precision's rounding.
+        return float(found.values[0]), [found.vectors[0], *start[1:]]
+
+    def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
+        """See `Spectrum.corrected`.
+
+        Davidson's method: Rayleigh's quotient is made stationary over those modes and corrections of the lowest, each the
+        residual times the kept K^-1. Its error is quadratic in the mode's.
+        """
+        eq, M = self.solver.system, self.M
+        eq.load(state)
+        basis: list[PETSc.Vec] = []
+        products: list[PETSc.Vec] = []
+        images: list[PETSc.Vec] = []
+        new, before, close, value = list(modes), np.empty(0), False, math.inf
+        A = C = np.empty((0, 0))
+        for left in reversed(range(MOST_CORRECTIONS + 1)):
+            for x in new:
+                Kx, Mx = M.createVecLeft(), M.createVecLeft()
+                eq.tangent_product(x.array_r, Kx.array_w)
+                M.mult(x, Mx)
+                basis, products, images = [*basis, x], [*products, Kx], [*images, Mx]
+                A, C = grown(A, Kx.mDot(basis)), grown(C, Mx.mDot(basis))
+            values, vectors = generalised(A, C)
+            # The same mode as before: a subspace of a saddle point's has stationary values that are no eigenvalues.
+            likeness = np.abs(before @ C[: len(before)] @ vectors) if len(before) else -values
+            chosen = int(np.argmax(likeness))
+            moved, value, before = abs(value - float(values[chosen])), float(values[chosen]), vectors[:, chosen]
+            if close and moved <= CLOSE * abs(value):
+                return value
+            if not left:
+                break
+            shares = [float(share) for share in before]
+            residual, correction = M.createVecLeft(), M.createVecRight()
+            residual.maxpy(shares, products)
+            residual.maxpy([-value * share for share in shares], images)
+            self.solver.bordered.solve_roughly(residual, correction)
+            # The work of the residual, of first order: a correction's length says little of it where its motions are stiff.
+            change = correction.dot(residual)
+            M.mult(correction, residual)
+            size = max(correction.dot(residual), 0.0) ** 0.5
+            if not math.isfinite(size) or size == 0.0:
+                break
+            correction.scale(1 / size)
+            close = abs(change) <= CLOSE * abs(value)
+            new = [correction]
+        raise NoConvergence("the lowest mode changes too much without a factorisation")
+
+    def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
+        from petsc4py import PETSc
+        from slepc4py import SLEPc
+
+        eq = self.solver.system
+        solver = SLEPc.EPS().create(eq.comm)
+        # The largest eigenvalues of K^-1 M in the inner product of M. K^-1 M maps p-parts to displacements alone, so the
+        # constraint's infinite eigenvalues are zeros here, far from those wanted.
+        solver.setOperators(ShiftInvert.matrix(self.solver.bordered.solve, self.M))
+        solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
+        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
+        solver.setDimensions(count, max(2 * count + 8, 16))
+        solver.setTolerances(1e-10, 200)
+        solver.setInitialSpace([self.seed])
+        try:
+            solver.solve()
+        except (PETSc.Error, SystemError) as error:  # SLEPc's own errors come as either
+            raise NoConvergence("the modes of the tangent were not found") from error
+        found = []
+        for i in range(solver.getConverged()):
+            vector = eq.K.createVecRight()
+            found.append((1 / solver.getEigenpair(i, vector).real, vector))
+        solver.destroy()
+        if not found:
+            raise NoConvergence("the modes of the tangent were not found")
+        return found
+
+
+class Iterated(Spectrum):
+    """By Davidson's method, from state to state: an eigenvalue changes its sign only where it is among those nearest zero."""
+
+    def __init__(self, solver: Solver, M: PETSc.Mat):
+        super().__init__(solver, M)
+        self._negative = self._turn = self._counted = 0
+        self._modes: Sequence[PETSc.Vec] = ()
+        # The lowest mode of the state before the last: with its own the two foretell.
+        self._before: list[PETSc.Vec] = []
+
+    @property
+    def negative_eigenvalues(self) -> int:
+        """Those of the state that is loaded; where they are not found, those of the state before."""
+        if self._counted != self.solver.kept.made:
+            with contextlib.suppress(NoConvergence):
+                self.lowest(self._modes)
+        return self._negative
+
+    def _take(self, found: Modes) -> Modes:
+        """Remember what was found at the state that is loaded."""
+        self._negative, self._counted, self._modes = found.negative, self.solver.kept.made, found.vectors
+        return found
+
+    def _pencil(self) -> Pencil:
+        solver = self.solver
+
+        def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
+            solver.system.tangent_product(x.array_r, y.array_w)
+
+        def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
+            solver.bordered.iterate(b, x, tolerance)
+            solver.bordered.keep_volumes(x)  # to the last digits: a loose solve changes them a little
+
+        return Pencil(product, self.M, solve)
+
+    def _start(self, modes: Sequence[PETSc.Vec]) -> Sequence[PETSc.Vec]:
+        """Where a search begins: with the modes known, or in the range of K^-1 M; with motions that keep the held volumes."""
+        if modes:
+            kept = [mode.copy() for mode in modes]
+            for mode in kept:
+                self.solver.bordered.keep_volumes(mode)
+            return kept
+        image, lifted = self.M.createVecLeft(), self.M.createVecRight()
+        self.M.mult(self.seed, image)
+        self.solver.bordered.iterate(image, lifted, OTHERS)
+        return [lifted]
+
+    def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
+        tolerances = [LOWEST, *[OTHERS] * (BLOCK - 1)]
+        if modes:  # one of the others in turn
+            self._turn = self._turn % (BLOCK - 1) + 1
+            tolerances = [OTHERS if k == self._turn else math.inf for k in range(BLOCK)]
+            tolerances[0] = LOWEST
+        found = self._take(nearest(self._pencil(), self._start([*modes, *self._before] if modes else ()), tolerances))
+        self._before = list(modes[:1])
+        return float(found.values[0]), found.vectors
+
+    def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
+        raise NoConvergence("every state is looked at for itself: that costs a few solves")
+
+    def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
+        found = self._take(nearest(self._pencil(), self._start(()), [LOCATED] * count))
+        return list(zip(map(float, found.values), found.vectors, strict=True))
+
 
 ALWAYS = 6000
 """Unknowns up to which every point is factorised: it costs no more there than the iterations it saves."""

@@ -6,43 +6,103 @@ first and need no rendering; a machine that cannot render still gets them, and t
 
 from __future__ import annotations
 
+import contextlib
+import json
+import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
 
 import click
 import matplotlib
 import numpy as np
 
-from measurement.folder_lock import InUseError
-from measurement.own_folder import PATIENCE, OwnFolderError
-from measurement.terminal import say
-from softmodels.case.case import Case, CaseError
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
+from softmodels.common.arrays import Array
+from softmodels.common.commands import unswept
+from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError
+from softmodels.common.terminal import say
 from softmodels.pictures import (
-    hot_spots,
-    outline_curves,
-    path_curves,
-    program_curves,
+    curves,
+    offscreen,
     report,
-    section_pictures,
-    solid_pictures,
+    section,
+    solid,
 )
-from softmodels.pictures.drawn_folder import DrawnFolder
-from softmodels.pictures.makers import Makers, get_ready, orders
-from softmodels.pictures.offscreen import can_render
-from softmodels.pictures.rigid_bodies import draw_outlines
-from softmodels.pictures.style import STYLE, headline
-from softmodels.pictures.viewpoint import Look, look
-from softmodels.results.cut_lines import axes_of, cut_line
-from softmodels.results.picture_files import picture_files, picture_folder
-from softmodels.results.store import ResultsError
-from softmodels.results.stored import States
-from softmodels.results.triangles import Array
+from softmodels.pictures.film import Film
+from softmodels.pictures.offscreen import (
+    Look,
+    can_render,
+    draw_outlines,
+    look,
+)
+from softmodels.pictures.solid import AtRest
+from softmodels.pictures.style import STYLE, DrawnFolder, headline
+from softmodels.runs.store import ResultsError, picture_files, picture_folder
+from softmodels.runs.stored import States, axes_of, cut_line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What makes the pictures of a run and can begin before the run ends: the film's process, and the pictures at rest.
+
+
+class Makers:
+    """Makers of pictures, ready to begin; as a context they end with the film's process.
+
+    Args:
+        beside: Make the film in a process of its own, in a program that has not rendered.
+        rendered: Whether this machine can render.
+    """
+
+    def __init__(self, beside: bool, rendered: bool):
+        self.film, self.rest = Film(beside and rendered), AtRest(rendered)
+
+    def __enter__(self) -> Makers:
+        self.film.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.film.__exit__(kind, error, trace)
+
+    def draw_early(self, folder: Path, name: str) -> None:
+        """Do what can be done as soon as a run has stored its first state.
+
+        Args:
+            folder: Results with their ``case.toml``.
+            name: Stem of the result files.
+        """
+        if self.rest.rendered:
+            self.film.rehearse(folder, name)
+        self.rest.draw_early(folder, name)
+
+
+def orders() -> Iterator[list[Any]]:
+    """Orders from standard input, each a list in JSON on a line: of those that have come meanwhile the last."""
+    left = b""
+    while data := os.read(0, 1 << 16):
+        *whole, left = (left + data).split(b"\n")
+        if whole:
+            yield json.loads(whole[-1])
+
+
+def get_ready(beside: bool) -> Makers:
+    """Load what renders and see whether this machine can, before there is anything to draw; ``beside`` as of `Makers`."""
+    with unswept():  # taking VTK apart at the end would be a tenth of all drawing
+        import pyvista.plotting  # noqa: F401
+
+        with contextlib.suppress(OwnModuleError):  # reported when something is drawn
+            import_own_modules()
+    return Makers(beside, can_render())
+
 
 NO_RENDERING = "this machine cannot render, so the pictures of the solid and the film are left out; the rest is drawn"
 
@@ -114,7 +174,7 @@ def _draw(states: States, out: DrawnFolder, name: str, say: Callable[[str], obje
         if rendered:
             _solids(shown, out)
             _stress(shown, out)
-            out.save("cut", solid_pictures.cut(shown))
+            out.save("cut", solid.cut(shown))
             page = report.Report(shown, out.path, name)  # while the film is being made
             written, left_out = makers.film.made()
             for path in written:
@@ -146,24 +206,22 @@ def _draw_few(states: States, out: DrawnFolder, name: str, say: Callable[[str], 
 def _curves(states: States, out: DrawnFolder) -> None:
     actuator = states.actuator
     if states.case.program:
-        out.save(actuator.gauge, program_curves.steps(states.rows, states.words))
+        out.save(actuator.gauge, curves.steps(states.rows, states.words))
     else:
-        over = path_curves.over_of(states.case)
-        figure = path_curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch, over, states.sources)
+        over = curves.over_of(states.case)
+        figure = curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch, over, states.sources)
         out.save(actuator.gauge, figure)
     if states.case.gauges.plane:
         out.save("profile", _cut_profile(states))
         return
     if not actuator.on_profile(states.points).any():
         return
-    rest = outline_curves.profile(states.points, np.zeros_like(states.points), actuator)
+    rest = curves.profile(states.points, np.zeros_like(states.points), actuator)
     lines = {
-        step: outline_curves.profile(states.points, states.field(step, "displacement"), actuator)
-        for step in outline_curves.profile_steps(states.rows, states.words)
+        step: curves.profile(states.points, states.field(step, "displacement"), actuator)
+        for step in curves.profile_steps(states.rows, states.words)
     }
-    out.save(
-        "profile", outline_curves.profiles(lines, rest, (states.rows, states.words), actuator.axial, _plate(states))
-    )
+    out.save("profile", curves.profiles(lines, rest, (states.rows, states.words), actuator.axial, _plate(states)))
 
 
 def _cut_profile(states: States) -> Figure:
@@ -175,12 +233,10 @@ def _cut_profile(states: States) -> Figure:
     def line(displacement: Array) -> Array:
         return cut_line(states.skin, states.points, displacement, normal, at, actuator.size)
 
-    steps = outline_curves.profile_steps(states.rows, states.words)
+    steps = curves.profile_steps(states.rows, states.words)
     lines = {step: line(states.field(step, "displacement")) for step in steps}
     rest = line(np.zeros_like(states.points))
-    return outline_curves.cut_profiles(
-        lines, rest, (states.rows, states.words), axes_of(normal, actuator.lift), gauges.plane
-    )
+    return curves.cut_profiles(lines, rest, (states.rows, states.words), axes_of(normal, actuator.lift), gauges.plane)
 
 
 def _plate(states: States) -> float | None:
@@ -200,21 +256,17 @@ def _sections(states: States, out: DrawnFolder) -> None:
     if (at := states.bifurcation) is not None:
         out.save(
             "mode",
-            section_pictures.section_mode(
-                points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], words
-            ),
+            section.section_mode(points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], words),
         )
-    stretch, hot = states.field(step, "largest_stretch"), hot_spots.hot_spots_of(states, step)
-    out.save("hot-spots", section_pictures.section_hot(moved, cells, stretch, hot, states.rows[step]))
+    stretch, hot = states.field(step, "largest_stretch"), offscreen.hot_spots_of(states, step)
+    out.save("hot-spots", section.section_hot(moved, cells, stretch, hot, states.rows[step]))
 
 
 def _slice(states: States, out: DrawnFolder) -> None:
     """The stress in a section."""
     step, plate = states.main, _plate(states)
     points, moved, values = states.points, states.moved(step), states.field(step, "von_mises")
-    stress = section_pictures.section_stress(
-        points, moved, states.cells, values, states.rows[step], states.words, plate
-    )
+    stress = section.section_stress(points, moved, states.cells, values, states.rows[step], states.words, plate)
     draw_outlines(stress.axes[0], states, step)
     out.save("slice", stress)
 
@@ -224,16 +276,16 @@ def _solids(shown: Look, out: DrawnFolder) -> None:
     states = shown.states
     if states.actuator.dimension == 3:
         if len(states.skin.planes):
-            out.save("slice", solid_pictures.slice_stress(shown))
-        out.save("hot-spots", solid_pictures.hot_spots(shown))
+            out.save("slice", solid.slice_stress(shown))
+        out.save("hot-spots", solid.hot_spots(shown))
         if states.bifurcation is not None:
-            out.save("mode", solid_pictures.mode(shown, states.bifurcation))
+            out.save("mode", solid.mode(shown, states.bifurcation))
 
 
 def _stress(shown: Look, out: DrawnFolder) -> None:
     """The solid with its stress at the requested values."""
     rows, words = shown.states.rows, shown.states.words
-    images, camera, scale = solid_pictures.stress(shown)
+    images, camera, scale = solid.stress(shown)
     texts = {
         "Camera": camera.text,
         "Scale": f"{scale.low:g} to {scale.top:.9g} {scale.unit}",
@@ -241,8 +293,8 @@ def _stress(shown: Look, out: DrawnFolder) -> None:
     }
     for k, (step, image) in enumerate(images, 1):
         title = headline(rows[step], words)
-        out.save(f"stress-{k}", solid_pictures.page(image, title, scale), {**texts, "Title": title})
-    out.save("stress", solid_pictures.sheet(images, rows, words, scale), texts)
+        out.save(f"stress-{k}", solid.page(image, title, scale), {**texts, "Title": title})
+    out.save("stress", solid.sheet(images, rows, words, scale), texts)
 
 
 def draw_folder(folder: Path, name: str | None = None, few: bool = False, makers: Makers | None = None) -> None:

@@ -6,26 +6,263 @@ A program of its own, because VTK and DOLFINx each bring an HDF5. It reads ``des
 
 from __future__ import annotations
 
+import itertools
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import matplotlib
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 
-from measurement.page import image_uri, render
-from measurement.terminal import say
-from measurement.user_file import read_text
-from softmodels.case.case import Case, CaseError
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
-from softmodels.pictures import design_curves, design_shapes
+from softmodels.common.arrays import Array
+from softmodels.common.files import read_text, write_text
+from softmodels.common.page import image_uri, render
+from softmodels.common.terminal import say
+from softmodels.design.result import DesignTold, ParameterTold, TrialTold
+from softmodels.pictures.curves import kilopascals, limits, smooth
 from softmodels.pictures.design_files import CAPTIONS, REPORT
-from softmodels.pictures.drawn_folder import DrawnFolder
-from softmodels.pictures.offscreen import can_render
-from softmodels.pictures.style import STYLE
-from softmodels.results.store import ResultsError
-from softmodels.results.stored import States
-from softmodels.results.writing import write_text
+from softmodels.pictures.offscreen import (
+    PIXELS,
+    Image,
+    Look,
+    ViewCamera,
+    can_render,
+    look,
+    studio,
+)
+from softmodels.pictures.style import (
+    BRANCH,
+    CURVE,
+    DPI,
+    FAINT,
+    FOOT,
+    INK,
+    STYLE,
+    WARNING,
+    WIDTH,
+    DrawnFolder,
+    Scale,
+    headline,
+    wrapped,
+)
+from softmodels.runs.grid import outline
+from softmodels.runs.row import Row
+from softmodels.runs.store import ResultsError
+from softmodels.runs.stored import States
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Curves of a design: both paths, the history of the search, the parameters before and after. They need no rendering.
+
+
+SHOWN_LIMITS = 7
+"""Most limits with a curve of their own in the history: those that come nearest."""
+BEFORE, AFTER = BRANCH, CURVE
+COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
+NEAR = -0.3
+"""Share of a limit within which it has a curve."""
+DEEPEST = -0.6
+"""Lowest share of a limit that the history shows: what is further inside says no more."""
+
+
+def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm: float) -> Figure:
+    """The gauge's rise over the pressure, as given and in the design.
+
+    Args:
+        before, after: Rows of ``path.csv``.
+        gauge: The device's `Actuator.gauge`.
+        pascal_per_cm: Pa in one cm of the column.
+    """
+    figure = Figure((WIDTH, 6.2), dpi=DPI, layout="constrained")
+    axes, column = figure.subplots(), f"{gauge}_mm"
+    for rows, colour, words in ((before, BEFORE, "as given"), (after, AFTER, "design")):
+        places = np.array([[row["pressure_cm"], row[column]] for row in rows])
+        asked = places[[bool(row["requested"]) for row in rows]]
+        end = f": {asked[-1, 1]:.4g} mm at {asked[-1, 0]:.4g} cm" if len(asked) else ""
+        axes.plot(*smooth(places).T, color=colour, label=f"{words}{end}")
+        axes.plot(*places.T, "o", color=colour, markersize=3.5)
+        axes.plot(*asked.T, "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
+        for row in limits(rows):
+            axes.plot(row["pressure_cm"], row[column], "D", color=WARNING, markersize=9,
+                      label=f"limit point, {words}: {row['pressure_cm']:.4g} cm")  # fmt: skip
+    axes.set(xlabel="pressure in cm of water", ylabel=f"rise of the {gauge} in mm")
+    axes.margins(0.06)
+    kilopascals(axes, pascal_per_cm)
+    axes.legend(loc="best")
+    return figure
+
+
+def history(told: DesignTold) -> Figure:
+    """What is asked for and the limits, over the designs in the order of their evaluation; ``told`` is ``design.json``."""
+    figure = Figure((WIDTH, 8.4), dpi=DPI, layout="constrained")
+    top, below = figure.subplots(2, sharex=True)
+    trials, objective = told["trials"], told["objective"]
+    numbers = np.array([trial["number"] for trial in trials])
+    values = _numbers(objective["values"])
+    worst = np.where(np.isfinite(values), -1.0, np.nan)
+    for limit in told["limits"]:
+        worst = np.maximum(worst, _numbers(limit["passed"]))
+    kept = worst <= 1e-9
+    starts = np.array([trial["start"] for trial in trials])
+    for start in dict.fromkeys(starts):
+        mine = starts == start
+        top.plot(numbers[mine], values[mine], "-", color=FAINT, linewidth=1.2)
+    top.plot(numbers[kept], values[kept], "o", color=CURVE, markersize=7, label="all limits kept")
+    passed = ~kept & np.isfinite(values)
+    if passed.any():
+        top.plot(numbers[passed], values[passed], "o", color=WARNING, mfc="white", markersize=7, label="a limit passed")
+    best = numbers == told["best"]
+    top.plot(numbers[best], values[best], "o", color=CURVE, mfc="none", markersize=14, label="the design")
+    _failures(top, below, trials)
+    _limit_curves(below, told, numbers, starts)
+    unit = f" in {objective['unit']}" if objective["unit"] else ""
+    top.set_ylabel(wrapped(f"{objective['words']}{unit}", 3.6, 12))
+    top.legend(loc="best")
+    below.set(xlabel="design", ylabel="share by which a limit is passed")
+    below.xaxis.get_major_locator().set_params(integer=True)
+    return figure
+
+
+def _numbers(values: Sequence[float | None]) -> Array:
+    """Numbers with nan where there is none."""
+    return np.array([float("nan") if value is None else value for value in values])
+
+
+def _failures(top: Axes, below: Axes, trials: Sequence[TrialTold]) -> None:
+    """Designs without a state, and where starts begin, as lines across both panels."""
+    label = "no state or no device"
+    for trial in trials:
+        if trial["failure"]:
+            top.axvline(trial["number"], color=WARNING, linestyle=":", linewidth=1.4, label=label)
+            below.axvline(trial["number"], color=WARNING, linestyle=":", linewidth=1.4)
+            label = ""
+    fresh = "confirmed, and gone on with on a fresh mesh"
+    for before, after in itertools.pairwise(trials):
+        if after["mesh"] != before["mesh"] and after["start"] == before["start"]:
+            top.axvline(after["number"] - 0.5, color=FAINT, linestyle="--", linewidth=1.2, label=fresh)
+            below.axvline(after["number"] - 0.5, color=FAINT, linestyle="--", linewidth=1.2)
+            fresh = ""
+        if after["start"] != before["start"]:
+            for axes in (top, below):
+                axes.axvline(after["number"] - 0.5, color=INK, linewidth=0.8)
+            top.annotate(f"start {after['start']}", (after["number"] - 0.4, 1.0), xycoords=("data", "axes fraction"),
+                         va="top", fontsize=10, color=INK)  # fmt: skip
+
+
+def _limit_curves(axes: Axes, told: DesignTold, numbers: Array, starts: Array) -> None:
+    axes.axhline(0.0, color=INK, linewidth=1.2)
+    nearest = sorted(
+        told["limits"], key=lambda limit: -max([v for v in limit["passed"] if v is not None], default=-np.inf)
+    )
+    near = [limit for limit in nearest if np.nanmax(_numbers(limit["passed"]), initial=-np.inf) > NEAR][:SHOWN_LIMITS]
+    for k, limit in enumerate(near):
+        passed = np.maximum(_numbers(limit["passed"]), DEEPEST)
+        for n, start in enumerate(dict.fromkeys(starts)):
+            mine = starts == start
+            axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=COLOURS[k % len(COLOURS)],
+                      label=wrapped(limit["words"], 4.4, 10) if n == 0 else "")  # fmt: skip
+    if not nearest:
+        axes.annotate("no limits were asked for", (0.5, 0.5), xycoords="axes fraction", ha="center", color=FAINT)
+        return
+    if near:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, fontsize=9.5, frameon=False)
+    if rest := len(nearest) - len(near):
+        axes.set_title(f"{rest} further limit{'s' if rest > 1 else ''}, well inside, not shown", fontsize=11)
+
+
+def parameters(told: Sequence[ParameterTold]) -> Figure:
+    """Each free parameter between its bounds, before and after."""
+    figure = Figure((WIDTH, 1.5 + 0.62 * len(told)), dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    for k, one in enumerate(told):
+        width = one["high"] - one["low"]
+        before, after = ((one[name] - one["low"]) / width for name in ("before", "after"))
+        axes.plot([0, 1], [k, k], color=FAINT, linewidth=1.2)
+        axes.plot([0, 1], [k, k], "|", color=FAINT, markersize=14)
+        axes.annotate(
+            "", (after, k), (before, k), arrowprops={"arrowstyle": "-|>", "color": AFTER, "mutation_scale": 15}
+        )
+        axes.plot(
+            before, k, "o", color=BEFORE, mfc="white", markersize=9, markeredgewidth=2, label="" if k else "as given"
+        )
+        axes.plot(after, k, "o", color=AFTER, markersize=8, label="" if k else "design")
+        axes.text(-0.02, k, f"{one['low']:.4g}", ha="right", va="center", fontsize=10, color=FAINT)
+        axes.text(1.02, k, f"{one['high']:.4g} {one['unit']}", ha="left", va="center", fontsize=10, color=FAINT)
+        text = f"{one['before']:.4g} to {one['after']:.4g} {one['unit']}"
+        axes.text(0.5, k - 0.3, text, ha="center", va="center", fontsize=10, color=INK)
+    axes.set_yticks(range(len(told)), [one["name"] for one in told])
+    axes.set(xlim=(-0.16, 1.2), ylim=(len(told) - 0.4, -0.75), xticks=[])
+    axes.grid(False)
+    axes.tick_params(axis="y", length=0)
+    for side in ("top", "right", "bottom", "left"):
+        axes.spines[side].set_visible(False)
+    axes.legend(loc="upper right", ncols=2, bbox_to_anchor=(1.0, 1.12 if len(told) < 4 else 1.04), frameon=False)
+    return figure
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The device as given and the design side by side, deformed: one camera, one colour scale.
+
+
+NAMES = ("as given", "design")
+
+
+def shapes(pair: tuple[States, States]) -> Figure:
+    """Both devices at their last requested state, coloured by von Mises stress."""
+    looks = [look(states) for states in pair]
+    scales = [one.scale([one.states.main]) for one in looks]
+    scale = max(scales, key=lambda one: one.top)
+    scale.largest = max(one.largest for one in scales)
+    clouds = [one.points(step) for one in looks for step in (0, one.states.main)]
+    camera = ViewCamera.around(clouds, looks[0].direction, looks[0].up, PIXELS // 2, 1.1)
+    images = [_image(one, camera, scale) for one in looks]
+    wide, tall = WIDTH / 2, WIDTH / 2 * images[0].shape[0] / images[0].shape[1]
+    head = 0.85
+    whole = head + tall + FOOT
+    figure = Figure((WIDTH, whole), dpi=DPI)
+    for k, (one, image, name) in enumerate(zip(looks, images, NAMES, strict=True)):
+        axes = figure.add_axes((k * 0.5, FOOT / whole, 0.5, tall / whole))
+        axes.imshow(image)
+        axes.set_axis_off()
+        states = one.states
+        title = wrapped(f"{name}: {headline(states.rows[states.main], states.words)}", wide, 12)
+        figure.text(0.25 + 0.5 * k, 1 - 0.15 / whole, title, ha="center", va="top", fontsize=12)
+    scale.bar(figure)
+    return figure
+
+
+def _image(one: Look, camera: ViewCamera, scale: Scale) -> Image:
+    with studio(camera) as shoot:
+        shot: Image = shoot(one.coloured(one.states.main, scale))
+    return shot
+
+
+def sections(pair: tuple[States, States]) -> Figure:
+    """Outlines of both half sections, at rest and deformed; of axisymmetric devices."""
+    figure = Figure((WIDTH, 5.6), dpi=DPI, layout="constrained")
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    for axes, states, name in zip(panels, pair, NAMES, strict=True):
+        title = f"{name}: {headline(states.rows[states.main], states.words)}"
+        for points, colour in ((states.points, FAINT), (states.moved(states.main), INK)):
+            flat = list(outline(points[:, ::2] * 1e3, states.cells))
+            axes.add_collection(LineCollection(flat, colors=colour, linewidths=1.4))
+        axes.autoscale_view()
+        axes.set_aspect("equal")
+        axes.set_title(wrapped(title, WIDTH / 2, 12), fontsize=12)
+        axes.set_xlabel("radius in mm")
+    panels[0].set_ylabel("height in mm")
+    return figure
 
 
 def draw(folder: Path) -> list[Path]:
@@ -45,13 +282,13 @@ def draw(folder: Path) -> list[Path]:
     before, after = (_states(folder / name) for name in ("before", "after"))
     actuator = before.actuator
     with DrawnFolder(folder) as out, matplotlib.rc_context(STYLE):
-        out.save("paths", design_curves.paths(before.rows, after.rows, actuator.gauge, before.case.cm))
-        out.save("history", design_curves.history(told))
-        out.save("parameters", design_curves.parameters(told["parameters"]))
+        out.save("paths", paths(before.rows, after.rows, actuator.gauge, before.case.cm))
+        out.save("history", history(told))
+        out.save("parameters", parameters(told["parameters"]))
         if actuator.dimension == 2:
-            out.save("sections", design_shapes.sections((before, after)))
+            out.save("sections", sections((before, after)))
         if can_render():
-            out.save("shapes", design_shapes.shapes((before, after)))
+            out.save("shapes", shapes((before, after)))
     pictures = [(image_uri(folder / name), text) for name, text in CAPTIONS.items() if (folder / name) in out.written]
     rows = [
         (one["name"], *(f"{one[name]:.5g} {one['unit']}".strip() for name in ("low", "before", "after", "high")))

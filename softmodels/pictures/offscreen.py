@@ -16,13 +16,60 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image as Picture
 
-from softmodels.pictures.lighting import add_lights, shade
-from softmodels.pictures.style import DPI, WIDTH
-from softmodels.results.triangles import Array, Cells
+from softmodels.common.arrays import Array
+from softmodels.mechanics.contact import RigidShape, surface_of
+from softmodels.pictures.style import (
+    DPI,
+    EDGE,
+    INK,
+    WARNING,
+    WIDTH,
+    Scale,
+    load,
+    number,
+)
+from softmodels.runs.grid import CUT, OUTSIDE, Cells
+from softmodels.runs.stored import States
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.colors import Colormap
-    from pyvista import Plotter, PolyData
+    from pyvista import Actor, Plotter, PolyData
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The lights of rendered pictures, and how they shade a surface.
+#
+# VTK works out a gloss for each light and each pixel, which takes nearly half of a picture's time where there is no graphics
+# card. Nothing here is glossy, and without the gloss every pixel comes out the same.
+
+
+HEADLIGHT, LAMP = 0.5, 0.35
+"""Intensities of a light at the viewer, and of another one."""
+LAMP_PLACE = (-0.4, 1.0, 0.3)
+"""From where the other one shines: to the right, upwards, towards the viewer."""
+SHADING = """
+  float facing = max(0.0, normalVCVSOutput.z);
+  float lit = max(0.0, dot(normalVCVSOutput, vec3({:.9f}, {:.9f}, {:.9f})));
+  gl_FragData[0] = vec4(ambientColor + diffuseColor * ({:.9f} * facing + {:.9f} * lit), opacity);
+"""
+"""In VTK's own names, for parallel projection."""
+
+
+def add_lights(plotter: Plotter) -> None:
+    """The lights as VTK's own: what `shade` has not been called for is shaded by these."""
+    import pyvista
+
+    plotter.add_light(pyvista.Light(light_type="headlight", intensity=HEADLIGHT))
+    plotter.add_light(pyvista.Light(light_type="camera light", position=LAMP_PLACE, intensity=LAMP))
+
+
+def shade(actor: Actor) -> None:
+    """Shade a surface by the lights, without a gloss."""
+    lamp = np.array(LAMP_PLACE) / np.linalg.norm(LAMP_PLACE)
+    code = SHADING.format(*lamp, HEADLIGHT, LAMP)
+    actor.GetShaderProperty().AddFragmentShaderReplacement("//VTK::Light::Impl", True, code, False)
+
 
 PIXELS = round(WIDTH * DPI)
 """Width of a picture."""
@@ -96,7 +143,7 @@ def _probe(arguments: list[str]) -> bool:
 
 
 @dataclasses.dataclass(frozen=True)
-class Camera:
+class ViewCamera:
     """From where something is seen, in parallel projection.
 
     Attributes:
@@ -116,7 +163,7 @@ class Camera:
     @classmethod
     def around(
         cls, clouds: Sequence[Array], direction: Array, up: Array, width: int = PIXELS, tallest: float = 0.62
-    ) -> Camera:
+    ) -> ViewCamera:
         """The camera that sees all of some clouds of points, each (n, 3) in m, and not much more.
 
         Args:
@@ -144,7 +191,7 @@ class Camera:
         names = ("direction", "up", "focus", "scale", "size")
         return "; ".join(f"{name} {np.round(getattr(self, name), 9).tolist()}" for name in names)
 
-    def smaller(self, width: int) -> Camera:
+    def smaller(self, width: int) -> ViewCamera:
         """The same view in fewer pixels."""
         return dataclasses.replace(self, size=(width, 2 * round(width * self.size[1] / self.size[0] / 2)))
 
@@ -205,7 +252,7 @@ def _plotter(multisampled: bool, process: int) -> Plotter:
 
 
 @contextlib.contextmanager
-def studio(camera: Camera, draft: bool = False) -> Iterator[Shoot]:
+def studio(camera: ViewCamera, draft: bool = False) -> Iterator[Shoot]:
     """A place to take pictures in, with one camera: gives a function from layers to an image, shape (height, width, 3).
 
     One at a time in a process.
@@ -252,3 +299,389 @@ def studio(camera: Camera, draft: bool = False) -> Iterator[Shoot]:
         yield shoot
     finally:
         plotter.clear_actors()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Rigid shapes that stop a device, in its pictures: their surfaces in the rendered ones, their outlines in sections.
+
+
+AROUND, ALONG = 48, 16
+"""Facets around a shape, and from an end to its middle."""
+
+
+def profile(shape: RigidShape, reach: float) -> Array:
+    """Half the outline of a shape by its axis: distance along it and radius in m, shape (n, 2).
+
+    Args:
+        shape: The shape.
+        reach: Half the length in m of which a cylinder without ends is drawn, and the radius of a plane's disk.
+    """
+    if shape.shape == "plane":
+        return np.array([[0.0, 0.0], [0.0, reach]])
+    if shape.shape == "cylinder":
+        return np.array([[-reach, shape.radius], [reach, shape.radius]])
+    angle = np.linspace(0.0, np.pi / 2, ALONG)
+    end = shape.radius * np.column_stack([np.sin(angle), np.cos(angle)])
+    shift = np.array([shape.length / 2, 0.0])
+    return np.concatenate([end[::-1] * (-1, 1) - shift, end + shift])
+
+
+def shape_surface(shape: RigidShape, reach: float) -> tuple[Array, Cells]:
+    """Points in m, shape (n, 3), and triangles of a shape."""
+    if shape.file:
+        return surface_of(shape)
+    axis = shape.direction
+    first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    first /= np.linalg.norm(first)
+    angle = np.linspace(0.0, 2 * np.pi, AROUND + 1)[:-1]
+    spokes = np.outer(np.cos(angle), first) + np.outer(np.sin(angle), np.cross(axis, first))
+    line = profile(shape, reach)
+    points = np.asarray(shape.at) + line[:, 0, None, None] * axis + line[:, 1, None, None] * spokes
+    here = np.arange(AROUND) + AROUND * np.arange(len(line) - 1)[:, None]
+    side = np.roll(np.arange(AROUND), -1) + AROUND * np.arange(len(line) - 1)[:, None]
+    quads = np.stack([here, side, side + AROUND, here + AROUND], axis=-1).reshape(-1, 4)
+    return points.reshape(-1, 3), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def shapes_of(states: States) -> list[RigidShape]:
+    return [part for part in states.case.parts if isinstance(part, RigidShape)]
+
+
+def way(states: States, shape: RigidShape, step: float) -> Array:
+    """How far a shape has given way at a step or between two, in m, shape (3,)."""
+    if not shape.guide:
+        return np.zeros(3)
+    ways = [row[f"{shape.label}_way_mm"] for row in states.rows]
+    return 1e-3 * float(np.interp(step, np.arange(len(ways)), ways)) * shape.gives_way
+
+
+def shape_layers(states: States, step: float) -> list[Layer]:
+    """Translucent surfaces of the shapes beside a device at a step; a cylinder and a plane overtop it a little."""
+    style: Style = {"color": WARNING, "opacity": 0.25, "smooth_shading": True}
+    skin, shapes, found = states.skin, shapes_of(states), list[Layer]()
+    if not shapes:
+        return found
+    device = skin.device(skin.points(states.moved(states.main)))
+    for shape in shapes:
+        drawn, reach = shape, 1.1 * float(np.abs((device - np.asarray(shape.at)) @ shape.direction).max())
+        if shape.shape == "plane":
+            drawn, reach = below(shape, device)
+        points, triangles = shape_surface(drawn, reach)
+        found.append((surface(points + way(states, shape, step), triangles), style))
+    return found
+
+
+def below(plane: RigidShape, device: Array) -> tuple[RigidShape, float]:
+    """A plane with its point next to the middle of a device, points of shape (n, 3), and the radius of what is drawn of it."""
+    middle, normal = (device.min(axis=0) + device.max(axis=0)) / 2, plane.direction
+    foot = middle - ((middle - np.asarray(plane.at)) @ normal) * normal
+    beside = device - foot
+    beside = beside - np.outer(beside @ normal, normal)
+    return dataclasses.replace(plane, at=tuple(map(float, foot))), 1.1 * float(np.linalg.norm(beside, axis=1).max())
+
+
+def draw_outlines(axes: Axes, states: States, step: int) -> None:
+    """Draw the outlines of shapes at a step into an axisymmetric section in millimetres, whose limits stay."""
+    limits = axes.get_xlim(), axes.get_ylim()
+    for shape in shapes_of(states):
+        line = profile(shape, 10.0)
+        side = np.sign(shape.direction[2]) if shape.shape != "sphere" else 1.0
+        middle = shape.at[2] + way(states, shape, step)[2]
+        axes.plot(1e3 * line[:, 1], 1e3 * (middle + side * line[:, 0]), color=WARNING, linewidth=1.5, linestyle="--")
+    axes.set(xlim=limits[0], ylim=limits[1])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How a device is shown: which images of its slice, and from where. The same for every picture of a run.
+
+
+SOLID_STYLE: Style = {"smooth_shading": True, "culling": "back"}
+"""Of a solid's closed surface: of what faces away nothing is ever seen."""
+BESIDE = 0.5
+"""How far beside a device rigid shapes are in the picture, in sizes of the device."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Look:
+    """A device to look at.
+
+    Attributes:
+        states: Its states.
+        kept: The images of the slice that are shown; of a round device about a quarter is left out, to see inside.
+        direction: From the device to the viewer, shape (3,).
+    """
+
+    states: States
+    kept: npt.NDArray[np.intp]
+    direction: Array
+
+    @property
+    def opened(self) -> bool:
+        """Whether images are left out, so that cuts are seen."""
+        return len(self.kept) < len(self.states.skin.images)
+
+    @property
+    def up(self) -> Array:
+        return np.asarray(self.states.actuator.lift)
+
+    def points(self, step: float, kept: npt.NDArray[np.intp] | None = None) -> Array:
+        """Deformed vertices of the shown images in m, shape (n, 3)."""
+        skin = self.states.skin
+        moved = self.states.points + self.states.between(step, "displacement")
+        return skin.device(skin.points(moved), self.kept if kept is None else kept)
+
+    def camera(self, steps: list[int], width: int = PIXELS, tallest: float = 0.62) -> ViewCamera:
+        """The camera that sees the whole of some states, and of rigid shapes beside them what is near."""
+        clouds = [self.points(step) for step in steps]
+        low, high = (limit([limit(cloud, axis=0) for cloud in clouds], axis=0) for limit in (np.min, np.max))
+        around = BESIDE * float(np.max(high - low))
+        shapes = [np.asarray(data.points) for step in steps for data, _ in shape_layers(self.states, step)]
+        clouds += [np.clip(cloud, low - around, high + around) for cloud in shapes]
+        if self.plate is not None:
+            clouds.append(self.plate)
+        return ViewCamera.around(clouds, self.direction, self.up, width, tallest)
+
+    @functools.cached_property
+    def plate(self) -> Array | None:
+        """Corners of the rigid plane that stops the device, as far as it is drawn, in m, shape (k, 3); None without one.
+
+        A cut plane on which walls meet their mirror image is the device's own middle, and is not drawn.
+        """
+        obstacle, skin = self.states.case.obstacle, self.states.skin
+        if obstacle is None or obstacle.on_cut:
+            return None
+        point, normal = (np.asarray(vector) for vector in obstacle.place(self.states.actuator))
+        shown = np.concatenate([skin.device(skin.points(self.states.moved(step))) for step in (0, self.states.main)])
+        first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+        along = np.array([first / np.linalg.norm(first), np.cross(normal, first / np.linalg.norm(first))])
+        flat = (shown - point) @ along.T
+        middle, half = (flat.min(axis=0) + flat.max(axis=0)) / 2, np.ptp(flat, axis=0) / 2
+        if self.states.actuator.axial and abs(normal @ self.up) > 1 - 1e-9:
+            around = np.linspace(0.0, 2 * np.pi, 97)[:-1]
+            corners = np.column_stack([np.cos(around), np.sin(around)])
+        else:
+            corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+        return np.asarray(point + (middle + half * corners) @ along)
+
+    def plate_layers(self, step: float) -> list[Layer]:
+        """Layers of what stops the device at a step: shapes, and the plane with a border; none without any."""
+        shapes = shape_layers(self.states, step)
+        if self.plate is None:
+            return shapes
+        count = len(self.plate)
+        fan = np.column_stack([np.zeros(count - 2, int), np.arange(1, count - 1), np.arange(2, count)])
+        ring = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
+        style: Style = {"color": WARNING, "opacity": 0.05, "ambient": 1.0}
+        border: Style = {"color": WARNING, "line_width": 2.0}
+        return [*shapes, (surface(self.plate, fan), style), (lines(self.plate, ring), border)]
+
+    def scale(self, steps: Sequence[int], field: str = "von_mises") -> Scale:
+        """One scale for what is seen in some states: everything where a cut is seen, else the outside alone."""
+        states, skin = self.states, self.states.skin
+        rows = [states.rows[step] for step in steps]
+        if self.opened:
+            return Scale(np.array([states.field(step, field) for step in steps]), field, rows=rows)
+        seen = np.unique(skin.nodes[skin.triangles[skin.part == OUTSIDE][self._facing(steps[-1])]])
+        return Scale(np.array([states.field(step, field)[seen] for step in steps]), field, "on what is seen", rows)
+
+    def _facing(self, step: int) -> npt.NDArray[np.bool_]:
+        """Which triangles of the outside face the viewer in one of the images, shape (t,)."""
+        skin = self.states.skin
+        a, b, c = skin.points(self.states.moved(step))[skin.triangles[skin.part == OUTSIDE]].transpose(1, 0, 2)
+        towards = np.linalg.inv(skin.images[self.kept]) @ self.direction
+        flipped = np.sign(np.linalg.det(skin.images[self.kept]))
+        return np.asarray((np.cross(b - a, c - a) @ towards.T * flipped > 0).any(axis=1))
+
+    def coloured(self, step: float, scale: Scale) -> list[Layer]:
+        """Layers of a state, coloured, with its sharp edges."""
+        states, skin = self.states, self.states.skin
+        moved = skin.points(states.points + states.between(step, "displacement"))
+        values = np.tile(scale.share(states.between(step, scale.field))[skin.nodes], len(self.kept))
+        shown = skin.device(moved, self.kept)
+        data = surface(shown, self.visible, skin.device(skin.normals(moved), self.kept), values)
+        style: Style = {**SOLID_STYLE, "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+        pairs = skin.device_lines(skin.edges, self.kept)
+        if self.opened:
+            pairs = np.concatenate([pairs, self.open_rims])
+        edges: list[Layer] = [(lines(shown, pairs), {"color": INK, "line_width": 1.5})] if len(pairs) else []
+        return [(data, style), *edges, *self.plate_layers(step)]
+
+    def translucent(self, step: float, opacity: float, walls: Style | None) -> list[Layer]:
+        """Layers of a state with a translucent outside; its cavities' walls before it in a style, None leaves them out."""
+        states, skin = self.states, self.states.skin
+        moved = skin.points(states.moved(int(step)))
+        everything = np.arange(len(skin.images))
+        shown, normals = skin.device(moved), skin.device(skin.normals(moved))
+        found: list[Layer] = []
+        outside: Style = {"color": "#8fa8c0", "opacity": opacity, "culling": "back"}
+        for part, style in ((1, walls), (0, outside)):
+            chosen = skin.part > OUTSIDE if part else skin.part == OUTSIDE
+            if chosen.any() and style is not None:
+                data = surface(shown, skin.device_triangles(chosen, everything), normals)
+                found.append((data, {"smooth_shading": True, **style}))
+        if len(skin.edges):
+            edge = lines(shown, skin.device_lines(skin.edges))
+            found.append((edge, {"color": EDGE, "line_width": 1.5, "opacity": 0.6}))
+        return found
+
+    @functools.cached_property
+    def open_rims(self) -> npt.NDArray[np.int64]:
+        """Edges of the cuts at the two ends of the shown images, as vertices of these."""
+        return self._single(self.states.skin.device_lines(self.states.skin.rims, self.kept))
+
+    @functools.cached_property
+    def visible(self) -> npt.NDArray[np.int64]:
+        """Triangles that can be seen, over the vertices of the shown images.
+
+        A whole device hides its cavities, an opened one the cuts between its images.
+        """
+        skin = self.states.skin
+        if not self.opened:
+            return skin.device_triangles(skin.part == OUTSIDE, self.kept)
+        cuts = self._single(skin.device_triangles(skin.part == CUT, self.kept))
+        return np.concatenate([skin.device_triangles(skin.part != CUT, self.kept), cuts])
+
+    def _single(self, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Of lines or triangles between the shown images, those that are there once; vertices, shape (k, 2 or 3)."""
+        states = self.states
+        places = states.skin.device(states.skin.points(states.points), self.kept)[corners].mean(axis=1)
+        # Off the round numbers that meshes like, where the last digit would decide.
+        rounded = np.floor(places / states.actuator.size * 1e6 + 0.4142).astype(np.int64)
+        _, first, count = np.unique(rounded, axis=0, return_index=True, return_counts=True)
+        return np.asarray(corners[first[count == 1]])
+
+
+def direction(azimuth: float, elevation: float, up: Array) -> Array:
+    """Unit vector at an azimuth and an elevation in degrees, above the plane across ``up``, an axis."""
+    a, e = np.radians(azimuth), np.radians(elevation)
+    turned = np.roll(
+        np.eye(3), int(np.argmax(np.abs(up))) - 2, axis=1
+    )  # rows: x, y and z of a device that rises along z
+    return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]) @ turned
+
+
+def look(states: States) -> Look:
+    """How a device is shown: a round one without a quarter, another one whole, from the side of its free end."""
+    skin, up = states.skin, np.asarray(states.actuator.lift)
+    whole = np.arange(len(skin.images))
+    if not states.actuator.axial:
+        return Look(states, whole, direction(-58.0, 24.0, up))
+    if len(whole) == 1:
+        return Look(states, whole, direction(-45.0, 32.0, up))
+    begin = np.degrees(np.arctan2(skin.planes[0][0], -skin.planes[0][1]))  # across the plane's normal (y, -x)
+    centre = skin.points(states.points).mean(axis=0)
+    x, y, _ = (skin.images @ centre).T
+    around = (np.degrees(np.arctan2(y, x)) - begin) % 360.0
+    angle = 360.0 / len(whole)
+    removed = max(1, round(len(whole) / 4))
+    order = np.argsort(around)
+    return Look(states, order[: len(whole) - removed], direction(begin - removed * angle / 2, 32.0, up))
+
+
+def towards_slice(states: States) -> Array:
+    """From where a slice is seen: across its first cut plane, a little from the side and from above."""
+    up = np.asarray(states.actuator.lift)
+    planes = states.skin.planes
+    if not len(planes):
+        return look(states).direction
+    # A wide slice shows its second cut plane too, unless that is seen edge on.
+    side = np.cross(up, planes[0])
+    turned = np.radians(28.0 if len(planes) > 1 and len(states.skin.images) >= 4 else 14.0)
+    flat = np.cos(turned) * planes[0] + np.sin(turned) * side
+    return np.cos(np.radians(24.0)) * flat + np.sin(np.radians(24.0)) * up
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where the silicone is stretched most: the hundredth of its surface with the largest stretch, bounded by an isoline.
+#
+# The stretch is the nodal field, continuous over the cells; cells as a whole would make ragged patches of it.
+
+
+HOT = 1.0
+"""Share of the surface, outside and walls of cavities, in percent, that is shown as hot."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class HotSpots:
+    """What of a state is stretched most.
+
+    Attributes:
+        limit: The largest stretch that `HOT` percent of the surface exceeds.
+        peak: Where the largest stretch is in the deformed slice, m, shape (3,); None if that is not known.
+        note: Its value and place in words.
+    """
+
+    limit: float
+    peak: Array | None
+    note: str
+
+
+def hot_spots_of(states: States, step: int) -> HotSpots:
+    """What of a state is stretched most."""
+    return HotSpots(hot_limit(states, step), peak_place(states, step), peak_text(states, step))
+
+
+def hot_limit(states: States, step: int) -> float:
+    """The largest stretch that `HOT` percent of the device's surface (at rest) exceeds."""
+    skin = states.skin
+    triangles = skin.triangles[skin.part != CUT]
+    a, b, c = skin.points(states.points)[triangles].transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    value = states.field(step, "largest_stretch")[skin.nodes][triangles].mean(axis=1)
+    order = np.argsort(value)
+    covered = np.cumsum(area[order]) / area.sum()
+    return float(value[order][min(int(np.searchsorted(covered, 1 - HOT / 100)), len(order) - 1)])
+
+
+def hot_layers(states: States, step: int, limit: float, scale: Scale) -> list[Layer]:
+    """Walls of the cavities coloured by stretch, what of the outside is above a limit, and the isoline of the limit."""
+    skin = states.skin
+    stretch = states.field(step, scale.field)[skin.nodes]
+    everything = np.arange(len(skin.images))
+    points = skin.device(skin.points(states.moved(step)))
+    layers: list[Layer] = []
+    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "ambient": 0.7}
+    for inside in (True, False):
+        chosen = skin.part > OUTSIDE if inside else skin.part == OUTSIDE
+        if not chosen.any():
+            continue
+        data = surface(points, skin.device_triangles(chosen, everything))
+        data.point_data["stretch"] = np.tile(stretch, len(everything))
+        data.point_data["values"] = np.tile(scale.share(states.field(step, scale.field))[skin.nodes], len(everything))
+        shown = data if inside else data.clip_scalar(scalars="stretch", invert=False, value=limit)
+        if shown.n_cells:
+            layers.append((shown, style))
+        lines = data.contour([limit], scalars="stretch")
+        if lines.n_cells:
+            layers.append((lines, {"color": "black", "line_width": 2.5}))
+    return layers
+
+
+def hot_title(limit: float) -> str:
+    """What is shown as hot, in words."""
+    return f"The {HOT:g} % of the surface that is stretched most: by more than {limit:.3g}, inside the black line"
+
+
+def peak_text(states: States, step: int) -> str:
+    """Value and place of the largest stretch of a state, from ``path.csv``."""
+    row, words = states.rows[step], states.words
+    under = load(row, words) if "load_step" in row else words.under(row, f"{number(row['pressure_cm'])} cm")
+    if "max_stretch" not in row:
+        return f"largest stretch at a node {states.field(step, 'largest_stretch').max():.4g} at {under}"
+    text = f"largest stretch {row['max_stretch']:.4g} at {under}"
+    if "max_stretch_x_mm" not in row:
+        return text
+    place = ", ".join(f"{axis} = {row[f'max_stretch_{axis}_mm']:.2f}" for axis in "xyz")
+    return f"{text}; at the ring, of the undeformed device at {place} mm"
+
+
+def peak_place(states: States, step: int) -> Array | None:
+    """Where the largest stretch of ``path.csv`` is in the deformed slice, m, shape (3,); None if that is not known."""
+    row = states.rows[step]
+    if "max_stretch_x_mm" not in row:
+        return None
+    place = np.array([row[f"max_stretch_{axis}_mm"] for axis in "xyz"]) * 1e-3
+    if states.actuator.dimension == 2:
+        place = np.array([np.hypot(place[0], place[1]), 0.0, place[2]])
+    nearest = np.argsort(np.linalg.norm(states.points - place, axis=1))[:4]
+    return np.asarray(place + states.field(step, "displacement")[nearest].mean(axis=0))

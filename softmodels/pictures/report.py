@@ -5,31 +5,271 @@ Pictures, film, curves and the 3-D view are inside the file. Whatever columns ``
 
 from __future__ import annotations
 
+import base64
+import gzip
 import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypedDict
 
 import matplotlib
+import numpy as np
+import numpy.typing as npt
 from markupsafe import Markup
 from matplotlib.figure import Figure
 from PIL import Image as Picture
 
-from measurement.page import data_uri, image_uri, render
-from measurement.user_file import check_file, read_text
-from softmodels.pictures import path_curves, program_curves
-from softmodels.pictures.report_case import case_tables
-from softmodels.pictures.style import STYLE, load
-from softmodels.pictures.viewpoint import Look
-from softmodels.pictures.web_view import view
-from softmodels.results.columns import term
-from softmodels.results.notes import left_out, notes_of
-from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM
-from softmodels.results.row import Cell, Row
-from softmodels.results.stability_report import stability_text
-from softmodels.results.state_words import StateWords
-from softmodels.results.stored import States
-from softmodels.results.writing import write_text
+from geometries import registry as geometry_table
+from softmodels.case import materials
+from softmodels.common import schema
+from softmodels.common.arrays import Array
+from softmodels.common.files import check_file, read_text, write_text
+from softmodels.common.page import data_uri, image_uri, render
+from softmodels.common.schema import about
+from softmodels.common.units import readable
+from softmodels.materials.laws import parameter_fields
+from softmodels.path.program import named
+from softmodels.pictures import curves
+from softmodels.pictures.offscreen import Look
+from softmodels.pictures.style import (
+    COLOURS,
+    STYLE,
+    Scale,
+    headline,
+    load,
+)
+from softmodels.runs.columns import StateLabels, term
+from softmodels.runs.fields import coloured
+from softmodels.runs.grid import CUT, OUTSIDE
+from softmodels.runs.notes import left_out, notes_of, stability_text
+from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
+from softmodels.runs.row import Cell, Row
+from softmodels.runs.stored import States
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The case of a report: device, material, load and solver as tables with units.
+
+
+Table = tuple[str, list[tuple[str, str, str]]]
+"""A heading, and for each parameter its name, its value and what it is."""
+
+
+def case_tables(states: States) -> list[Table]:
+    """All tables of a case."""
+    return [_device(states), _material(states), _load(states)]
+
+
+def _device(states: States) -> Table:
+    device = states.actuator
+    table = geometry_table.to_table(device, readable)
+    fields = about(device)
+    rows = [(name, value, fields[name].help) for name, value in table.items() if name != "device"]
+    return _parameters(f"Device: {type(device).__name__}", rows)
+
+
+def _material(states: States) -> Table:
+    material = states.case.material
+    table = materials.to_table(material, readable)
+    texts = {field.name: field.metadata["help"] for field in parameter_fields(material)}
+    texts["fitted_stretch"] = "range of stretch that the law was fitted over"
+    rows = [(name, value, texts.get(name, "")) for name, value in table.items() if name != "law"]
+    initial = f"{material.shear_modulus_0 / 1e3:.4g} kPa"
+    return _parameters(
+        f"Material: {material.name}", [*rows, ("initial shear modulus", initial, "of all terms together")]
+    )
+
+
+def _load(states: States) -> Table:
+    case = states.case
+    asked = [(case.load.requested.words, case.values, case.unit)]
+    if case.program:
+        asked = [
+            (name, series.values, f"{series.unit}{' added' if series.key == 'volume_ml' else ''}")
+            for name, series in named(case.program).items()
+        ]
+    rows = [
+        *(
+            (what, ", ".join(f"{value:g}" for value in values) + f" {unit}", "requested")
+            for what, values, unit in asked
+        ),
+        *(
+            [("water density", f"{case.water_density:g} kg/m^3", f"1 cm is {case.cm:.4g} Pa")]
+            if case.load.has_pressure
+            else []
+        ),
+        ("control", case.control, "what the path follows"),
+        ("formulation", case.formulation, "unknowns of the equations"),
+    ]
+    if case.sheet is not None:
+        rows.append(("sheet", f"{case.sheet.face}, {case.sheet.stiffness:g} N/m", "bonded thin sheet"))
+    if case.obstacle is not None:
+        rows.append(("contact", f"{case.obstacle.faces} on {case.obstacle.plane}", "rigid plane without friction"))
+        unit = "shear moduli of pressure per sinking in by one size of the device"
+        rows.append(("contact stiffness", f"{case.obstacle.stiffness:g}", unit))
+    for part in case.parts:
+        words, texts = part.write_table(readable), part.explained
+        rows += [(f"{part.where.strip('[]')} {name}", str(value), texts.get(name, "")) for name, value in words.items()]
+    if case.supply is not None:
+        texts = {field.key or name: field.help for name, field in about(case.supply).items()}
+        rows += [(name, value, texts[name]) for name, value in schema.to_table(case.supply, readable).items()]
+    return _parameters("Load and solver", rows)
+
+
+def _parameters(title: str, rows: Sequence[tuple[str, object, str]]) -> Table:
+    return title, [(name.replace("_", " "), _text(value), words) for name, value, words in rows]
+
+
+def _text(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_text, value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The interactive 3-D view of a report: the surface of all steps packed small, and the page's own program that draws it.
+#
+# A program of its own in WebGL, of 13 kB, in place of a library: Plotly's would add 4.8 MB to every report and hold each
+# step's whole device as numbers of 8 bytes; three.js and vtk.js come from servers or from another language's packages. This
+# one needs neither network nor installation, keeps one slice and its images, and 10 bytes per vertex and step before packing.
+
+
+VALUES = 2_500_000
+"""Vertices times steps that a view may hold; of more steps, some are left out."""
+FULL = 65535
+
+
+class FieldColours(TypedDict):
+    """The colour scale of a field, in its unit: see `Scale`."""
+
+    what: str
+    unit: str
+    low: float
+    power: float
+    top: float
+    outside: float
+
+
+class StepLabel(TypedDict):
+    """A step and its title."""
+
+    step: int
+    label: str
+
+
+class Description(TypedDict):
+    """What the view's program reads beside the packed numbers; lengths in m."""
+
+    vertices: int
+    triangles: int
+    outside: int
+    low: list[float]
+    span: float
+    planes: list[list[float]]
+    images: list[list[float]]
+    box: list[list[float]]
+    direction: list[float]
+    up: list[float]
+    focus: list[float]
+    scale: float
+    aspect: float
+    colours: list[list[int]]
+    fields: list[FieldColours]
+    steps: list[StepLabel]
+
+
+def view(look: Look) -> dict[str, object]:
+    """What the template ``web_view.html`` shows: the controls' ranges, the data and their description."""
+    states = look.states
+    steps = _steps(states)
+    meta, data = packed(look, steps)
+    return {
+        "last": len(steps) - 1, "begin": steps.index(states.main), "axial": states.actuator.axial,
+        "fields": [field["what"] for field in meta["fields"]], "left_out": _left_out(states, steps),
+        "gradient": ",".join(f"rgb({r},{g},{b})" for r, g, b in meta["colours"][::8]),
+        "meta": Markup(json.dumps(meta).replace("</", "<\\/")), "data": base64.b64encode(data).decode(),
+    }  # fmt: skip
+
+
+def _steps(states: States) -> list[int]:
+    """Steps of the view: all, or as many as it may hold with the requested ones among them first."""
+    count = len(states.rows)
+    most = max(VALUES // max(len(states.skin.nodes), 1), 2)
+    if count <= most:
+        return list(range(count))
+    spread = {int(k) for k in np.linspace(0, count - 1, most).round()}
+    return sorted(spread | {0, states.main, *states.shown()})
+
+
+def _left_out(states: States, steps: list[int]) -> str:
+    left = len(states.rows) - len(steps)
+    return f"{left} of {len(states.rows)} steps are left out here." if left else ""
+
+
+def packed(look: Look, steps: list[int]) -> tuple[Description, bytes]:
+    """What the view's program reads.
+
+    Args:
+        look: The device.
+        steps: Its steps that are in the view.
+
+    Returns:
+        The description (lengths in m), and the packed numbers: triangles, then for each step places and fields.
+    """
+    states, skin = look.states, look.states.skin
+    order = np.argsort(skin.part[skin.part != CUT], kind="stable")  # the outside first
+    corners = skin.triangles[skin.part != CUT][order]
+    used, triangles = np.unique(corners, return_inverse=True)
+    triangles = triangles.reshape(-1, 3)
+    places = [skin.points(states.moved(step))[used] for step in steps]
+    low = np.min([place.min(axis=0) for place in places], axis=0)
+    span = float(max(np.max([place.max(axis=0) for place in places], axis=0) - low))
+    scales = {name: _scales(look, name, steps) for name in coloured()}
+    pieces = [_bytes((triangles & 0xFFFF).ravel()), _bytes((triangles >> 16).ravel())]
+    before: list[Array | float] = [0] * (1 + len(scales))
+    for step, place in zip(steps, places, strict=True):
+        columns = [np.round((place - low) / span * FULL).ravel()]
+        for name, (everything, _) in scales.items():
+            columns.append(np.round(everything.share(states.field(step, name)[skin.nodes[used]]) * FULL))
+        for k, column in enumerate(columns):
+            pieces.append(_bytes(column - before[k]))
+            before[k] = column
+    rest = skin.device(skin.points(states.points))
+    camera = look.camera([0, states.main])
+    colours = (matplotlib.colormaps[COLOURS](np.linspace(0, 1, 128))[:, :3] * 255).round().astype(int)
+    meta: Description = {
+        "vertices": len(used), "triangles": len(triangles), "outside": int((skin.part == OUTSIDE).sum()),
+        "low": low.tolist(), "span": span, "planes": skin.planes.tolist(),
+        "images": skin.images.reshape(-1, 9).round(12).tolist(),
+        "box": [rest.min(axis=0).tolist(), rest.max(axis=0).tolist()],
+        "direction": list(camera.direction), "up": list(camera.up), "focus": list(camera.focus),
+        "scale": 1.1 * camera.scale, "aspect": camera.size[0] / camera.size[1], "colours": colours.tolist(),
+        "fields": [_colours(everything, outside) for everything, outside in scales.values()],
+        "steps": [{"step": step, "label": headline(states.rows[step], states.words)} for step in steps],
+    }  # fmt: skip
+    return meta, gzip.compress(b"".join(pieces), 6, mtime=0)
+
+
+def _scales(look: Look, name: str, steps: list[int]) -> tuple[Scale, Scale]:
+    """One colour scale of a field over all steps, for everything and for the outside alone."""
+    spread = sorted({look.states.main, steps[-1], *look.states.shown(6)})
+    everything = Scale(np.array([look.states.field(step, name) for step in spread]), name)
+    outside = look.scale(spread, name)
+    everything.top = max(everything.top, outside.top)
+    return everything, outside
+
+
+def _colours(everything: Scale, outside: Scale) -> FieldColours:
+    return {
+        "what": everything.what, "unit": everything.unit, "low": everything.low, "power": everything.power,
+        "top": everything.top, "outside": outside.top,
+    }  # fmt: skip
+
+
+def _bytes(column: npt.NDArray[np.number]) -> bytes:
+    """Whole numbers modulo 65536, low bytes before high bytes: neighbours differ little, which packs well."""
+    return np.asarray(column).astype(np.int64).astype("<u2").view(np.uint8).reshape(-1, 2).T.tobytes()
+
 
 WIDEST = 1200
 """Pictures are made smaller than this many pixels wide inside the page; the files keep their own size."""
@@ -122,7 +362,7 @@ def ending(states: States, told: dict[str, object]) -> str:
     return f"{start}: {told.get('message', '')}. {reached}."
 
 
-def _taken(row: Row, words: StateWords) -> str:
+def _taken(row: Row, words: StateLabels) -> str:
     count = len(words.volumes(row))
     taker = "the cavities have together" if count > 1 else "the cavity has"
     return f" and {taker} taken {row['added_volume_ml']:.4g} ml" if count else ""
@@ -132,9 +372,9 @@ def _curves(states: States) -> list[Markup]:
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
         rows, words = states.rows, states.words
         if states.case.program:
-            return [_svg(program_curves.steps(rows, words))]
-        over = path_curves.over_of(states.case)
-        return [_svg(figure) for figure in path_curves.curves(rows, words, states.branch, over, states.sources)]
+            return [_svg(curves.steps(rows, words))]
+        over = curves.over_of(states.case)
+        return [_svg(figure) for figure in curves.curves(rows, words, states.branch, over, states.sources)]
 
 
 def _svg(figure: Figure) -> Markup:
@@ -210,7 +450,7 @@ def _notes(states: States) -> list[str]:
     notes = [stability_text(states.rows, actuator, words, states.branch)]
     notes += [
         f"limit point of the {kept} at {words.under(limit, _pressure(limit))}: under {kept} alone the device jumps there"
-        for limit in path_curves.limits(states.rows)
+        for limit in curves.limits(states.rows)
     ]
     notes.append(
         f"{len(states.cells)} cells of second order, {len(states.points)} nodes"

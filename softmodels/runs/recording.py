@@ -2,28 +2,134 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
+import json
+import os
+import sys
+import time
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from measurement.user_file import file_digest
 from softmodels.case.case import Case
+from softmodels.case.materials import SourceBand
+from softmodels.common.errors import spoken
+from softmodels.common.files import file_digest, write_text
+from softmodels.common.terminal import COLUMNS, columns, wrapped
+from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import on_root
-from softmodels.results.notes import notes_of
-from softmodels.results.outcomes import DONE
-from softmodels.results.resume import last_stop, recall, stopped_at, stored_points
-from softmodels.results.row import Row
-from softmodels.results.stability_report import unlocated, unseen
-from softmodels.results.state_words import state_words
-from softmodels.results.store import BRANCH, Results, write_text
-from softmodels.runs.folder import mesh_is_known
-from softmodels.runs.gathering import gather
-from softmodels.runs.simulation import Simulation
-from softmodels.runs.sources import solve_sources
-from softmodels.runs.step import FROM_REST, Begun, PathEnded, Step
+from softmodels.runs.columns import StateLabels, state_labels
+from softmodels.runs.notes import (
+    events,
+    notes_of,
+    stability_text,
+    unlocated,
+    unseen,
+)
+from softmodels.runs.outcomes import DONE, STOPPED, RunError
+from softmodels.runs.resume import (
+    last_stop,
+    mesh_is_known,
+    recall,
+    stopped_at,
+    stored_points,
+)
+from softmodels.runs.row import Row
+from softmodels.runs.simulation import (
+    FROM_REST,
+    Begun,
+    PathEnded,
+    Simulation,
+    Step,
+)
+from softmodels.runs.store import BRANCH, Results
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The end of a run's folder: its steps in one file, and a summary of it.
+
+
+def gather(case: Case, results: Results, status: int, message: str, notes: Sequence[str]) -> None:
+    """Bring all steps into one file and write ``summary.json``, with the notes of `notes_of`.
+
+    Raises:
+        OSError: There is no room; the steps stay where they are.
+    """
+    results.finish()
+    words = state_labels(case)
+    text = {
+        "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1].cells,
+        "events": events(results.rows, words), "stretch_at_break": stretch_at_break(case.material),
+        "notes": list(notes), "stability": stability_text(results.rows, case.actuator, words, branch_rows(results)),
+    }  # fmt: skip
+    results.own.claim(["summary.json"])
+    write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
+
+
+def branch_rows(results: Results) -> list[Row]:
+    """The rows of the branch that was followed; none if none was."""
+    branch = results.branch()
+    if branch.heavy.exists():
+        branch.load()
+    return branch.rows
+
+
+def not_gathered(error: Exception) -> str:
+    """Why the steps stay in files of their own, and what to do."""
+    return (
+        f"the steps could not be gathered in one file ({getattr(error, 'strerror', None) or error}); "
+        "make room and run again with --resume"
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A case solved with every other source of its silicone: the rows of their paths, on the mesh of the run.
+
+
+def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
+    """Follow the path of each other source of a case's band; all ranks call it.
+
+    Args:
+        simulation: The case, prepared.
+        mesh: Its mesh's file.
+
+    Returns:
+        Rows by the sources' names, on all ranks; empty where the case has no such band. A path that ends early has the rows up
+        to there.
+
+    Raises:
+        RunError: It was stopped by the user.
+    """
+    case, band = simulation.case, simulation.case.band
+    if not isinstance(band, SourceBand):
+        return {}
+    found: dict[str, list[Row]] = {}
+    others = band.others(case.material)
+    for number, (name, material) in enumerate(others.items(), 1):
+        simulation.listener.say(f"solving with {name}, source {number} of {len(others)} beside the run's own")
+        aside = Simulation(
+            dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped
+        )
+        rows = found[name] = []
+        try:
+            aside.prepare(mesh)
+            for step in aside.steps():
+                rows.append(step.row)
+        except PathEnded as end:
+            simulation.listener.say(f"  {end}")
+        except RunError as error:
+            if error.status == STOPPED:
+                raise
+            simulation.listener.say(f"  {name} was followed no further: {error}")
+        finally:
+            aside.release()
+    return {name: rows for name, rows in found.items() if rows}
 
 
 def record(
@@ -37,7 +143,7 @@ def record(
 
     Args:
         simulation: The case.
-        results: Its folder, prepared by `softmodels.runs.folder.begin`; rank 0 alone writes there.
+        results: Its folder, prepared by `softmodels.runs.resume.begin`; rank 0 alone writes there.
         resumed: Go on from the states that are there.
         branch: Follow the branch at the first bifurcation too, into a folder of its own.
         begun: Called on rank 0 as soon as the folder holds a state of this run.
@@ -139,7 +245,101 @@ def no_branch(case: Case, rows: Sequence[Row]) -> str:
     """Why a run has no branch to follow."""
     if any(row.get("bifurcation") for row in rows):
         return "the bifurcation was met before the run was gone on with; run it without --resume to follow the branch"
-    if text := unlocated(rows, state_words(case)):
+    if text := unlocated(rows, state_labels(case)):
         return text
     hidden = unseen(case.actuator)
     return f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a run says while it works: a bar on a terminal, a line per step in a log, nothing when quiet.
+
+
+class Progress:
+    """Progress of one path towards its last requested value.
+
+    Args:
+        last: Last requested value.
+        unit: Its unit, ``"cm"`` or ``"ml"``.
+        words: What is shown of a state.
+        quiet: Say nothing.
+    """
+
+    def __init__(self, last: float, unit: str, words: StateLabels, quiet: bool):
+        self.last, self.unit, self.words, self.quiet = last, unit, words, quiet
+        self.started = time.monotonic()
+        self._console: Console | None = None
+        self._bar: Bar | None = None
+        self._first: tuple[float, float] | None = None
+
+    def __enter__(self) -> Progress:
+        width = columns("stderr")
+        if self.quiet or sys.stderr is None or width is None:
+            return self  # a log has no bar, and need not wait for rich
+        from rich.console import Console
+        from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bar
+
+        self._console = Console(
+            stderr=True, highlight=False, markup=False, emoji=False,
+            force_terminal=COLUMNS["stderr"] in os.environ or None, width=width,
+        )  # fmt: skip
+        self._console.on_broken_pipe = self._hush  # type: ignore[method-assign]
+        if self._console.is_terminal:
+            parts = (
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TimeElapsedColumn(),
+                TextColumn("left"),
+                TimeRemainingColumn(),
+            )
+            self._bar = Bar(*parts, console=self._console)
+            self._task = self._bar.add_task("starting", total=self.last)
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def say(self, text: str) -> None:
+        """One line about what is going on."""
+        if self.quiet:
+            return
+        try:
+            if self._console is not None:
+                self._console.print(wrapped(spoken(text), self._console.width))
+            else:
+                print(spoken(text), file=sys.stderr, flush=True)
+        except (OSError, ValueError):  # a stream that was closed is a ValueError
+            self._hush()
+
+    def _hush(self) -> None:
+        """Nobody reads any more, or a log's disk is full: a run outlives its log, where rich would end the program."""
+        self.quiet = True
+        if self._console is not None:
+            self._console.quiet = True
+
+    def step(self, row: Row, value: float) -> None:
+        """One step done: its row of the table, and how far it is towards the last requested value."""
+        gauge = self.words.gauge
+        volume = f"{row['added_volume_ml']:+8.3f} ml  " if self.words.volume else ""
+        text = (
+            f"step {row['step']:3d}  {self.words.under(row, f'{row["pressure_cm"]:8.3f} cm')}  "
+            f"{gauge} rise {row[f'{gauge}_mm']:+8.3f} mm  {volume}{row['newton_iterations']:2d} iterations"
+        )
+        if self._bar is not None:
+            self.say(text)  # above the bar, where it stays
+            self._bar.update(
+                self._task,
+                completed=max(0.0, min(value, self.last)),
+                description=f"{value:.4g} of {self.last:g} {self.unit}",
+            )
+            return
+        now = time.monotonic()
+        if self._first is None:
+            self._first = (now, value)  # meshing and compiling come before, and say nothing about the steps' pace
+        since, first = self._first
+        left = (now - since) * (self.last - value) / (value - first) if value > first else None
+        rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
+        self.say(f"{text}  {now - self.started:6.1f} s{rest}")

@@ -2,43 +2,640 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import io
+import itertools
 import operator
-from collections.abc import Iterator, Sequence
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import (
+    TYPE_CHECKING,
+    Protocol,
+    TypedDict,
+    Unpack,
+)
 
 import numpy as np
 import numpy.typing as npt
 
-from measurement.arguments import checked, place
-from measurement.one_at_a_time import one_at_a_time
-from measurement.units import UnitError, brief, number
-from measurement.user_file import file_digest
-from measurement.wording import Spoken, known_are, spoken, written
-from softmodels.case.case import CaseError
-from softmodels.mechanics.mpi import on_root
-from softmodels.results.limits import Limit
-from softmodels.results.notes import notes_of
-from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, RunError
-from softmodels.results.row import Row
-from softmodels.results.sources import in_order
-from softmodels.results.state_words import state_words
-from softmodels.results.store import Results
-from softmodels.runs.between import solve_between
-from softmodels.runs.folder import begin
-from softmodels.runs.gathering import gather
-from softmodels.runs.recording import begin_branch
-from softmodels.runs.requests import one_value
-from softmodels.runs.states import InFolder, SolvedState, Source, state_of, write_states
+from geometries import Actuator
+from softmodels.case.case import Case
+from softmodels.case.entries import (
+    ML,
+    CaseError,
+    SeriesError,
+    factor_of,
+    of_text,
+    one_of_text,
+    series,
+    split_text,
+)
+from softmodels.case.load import LoadRequest
+from softmodels.case.materials import AnyBand, SourceBand, band_of
+from softmodels.case.requests import Probes
+from softmodels.common.arrays import Array
+from softmodels.common.calls import (
+    checked,
+    doubt,
+    keep_arrays,
+    one_of,
+    place,
+    read_only,
+)
+from softmodels.common.errors import (
+    FieldError,
+    Spoken,
+    known_are,
+    meant,
+    spoken,
+    written,
+)
+from softmodels.common.files import file_digest, hdf5_reason, is_same
+from softmodels.common.processes import one_at_a_time
+from softmodels.common.schema import Quantity
+from softmodels.common.units import (
+    FACTORS,
+    WATER_DENSITY,
+    UnitError,
+    brief,
+    number,
+    pascal_per_cm,
+    quantity,
+)
+from softmodels.materials.laws import Material
+from softmodels.mechanics.component import Component
+from softmodels.mechanics.contact import Obstacle
+from softmodels.mechanics.mpi import is_root, on_root, start
+from softmodels.mechanics.sheet import Sheet
+from softmodels.path.program import Program
+from softmodels.path.supply import AirSupply
+from softmodels.runs.band import in_order, read_sources
+from softmodels.runs.columns import state_labels
+from softmodels.runs.limits import Limit
+from softmodels.runs.notes import notes_of, sentences
+from softmodels.runs.outcomes import (
+    DONE,
+    NO_EQUILIBRIUM,
+    STOPPED,
+    RunError,
+)
+from softmodels.runs.recording import begin_branch, gather
+from softmodels.runs.resume import begin, recall, stored_point
+from softmodels.runs.row import Row
+from softmodels.runs.simulation import Simulation, Step
+from softmodels.runs.store import (
+    KEPT,
+    RESTART,
+    Restart,
+    Results,
+    ResultsError,
+)
+from softmodels.runs.stored import States
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpi4py import MPI
+    from pyvista import UnstructuredGrid
 
-Array = npt.NDArray[np.float64]
+    from softmodels.path.points import Point
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The states of a run: kept in memory as they are solved, or read from a folder; and one of them as a user looks at it.
+
+
+VTK_CELLS = {"Triangle_6": 22, "Tetrahedron_10": 24}
+"""VTK's number of each kind of cell."""
+PUBLIC = ("displacement", "p", "von_mises", "largest_stretch", "J", "mode")
+"""Nodal fields of a state; the mode at a bifurcation alone."""
+
+
+class Source(Protocol):
+    """Where a run's states are.
+
+    Attributes:
+        case: What was run.
+        rows: Rows of ``path.csv``, one for each state.
+        points: Undeformed nodes in device coordinates, m, shape (n, 3).
+        cells: Node numbers in VTK's order, shape (c, 6 or 10).
+        cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
+        others: Rows of the silicone's other sources by name; empty where they were not asked for.
+    """
+
+    case: Case
+    rows: list[Row]
+    points: Array
+    cells: npt.NDArray[np.int64]
+    cell_name: str
+    others: dict[str, list[Row]]
+
+    def fields(self, step: int) -> Mapping[str, Array]:
+        """All nodal fields of a state, with what a restart needs where it is kept."""
+
+    def restart(self, step: int) -> Restart:
+        """Numbers that a restart needs beside the fields."""
+
+    def mesh(self) -> bytes:
+        """The device's mesh as a Gmsh file."""
+
+
+class InMemory:
+    """States that are kept as they are solved, alike on all ranks; see `Source`.
+
+    Args:
+        simulation: Prepared, all ranks.
+        mesh: Its mesh's file.
+    """
+
+    def __init__(self, simulation: Simulation, mesh: Path):
+        self.case, self._comm = simulation.case, simulation.comm
+        grid = simulation.fields.grid
+        self.cell_name = grid.cell_name
+        self.points: Array
+        self.cells: npt.NDArray[np.int64]
+        self._mesh: bytes
+        # The grid is whole on rank 0 alone.
+        self.points, self.cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh.read_bytes()))
+        self.rows: list[Row] = []
+        self.others: dict[str, list[Row]] = {}
+        self._fields: list[dict[str, Array]] = []
+        self._restarts: list[Restart] = []
+
+    def add(self, step: Step) -> None:
+        """Keep a state. What a restart needs to the last bit is kept of the last states alone, as in a folder."""
+        public = on_root(self._comm, lambda: _public(step.fields or {}))
+        fields = dict(step.fields or public)
+        self.rows.append(step.row)
+        self._fields.append(fields)
+        self._restarts.append(step.restart)
+        if len(self._fields) > KEPT:
+            self._fields[-KEPT - 1] = _public(self._fields[-KEPT - 1])
+
+    def fields(self, step: int) -> Mapping[str, Array]:
+        return self._fields[step]
+
+    def restart(self, step: int) -> Restart:
+        return self._restarts[step]
+
+    def mesh(self) -> bytes:
+        return self._mesh
+
+
+class InFolder:
+    """States of a folder of results; see `Source`.
+
+    Args:
+        folder: Results with their ``case.toml``.
+        home: Where the mesh is; the same folder if None.
+
+    Raises:
+        ResultsError: No results, or none that can be read.
+        CaseError: No case file, or a wrong one.
+    """
+
+    def __init__(self, folder: Path, home: Path | None = None):
+        folder = _absolute(folder)  # the caller may step into another one
+        states = States(folder, Case.from_file(folder / "case.toml").name)
+        self.folder, self._results = folder, states.results
+        self._mesh = (folder if home is None else home) / f"{states.case.name}.msh"
+        self.case, self.rows = states.case, states.rows
+        self.points, self.cells, self.cell_name = states.points, states.cells, states.cell_name
+        self.others = read_sources(folder) if isinstance(self.case.band, SourceBand) else {}
+
+    def branch(self) -> InFolder | None:
+        """The states of the branch that leaves the path; None if none was followed."""
+        branch = self._results.branch()
+        if not branch.heavy.exists():
+            return None
+        branch.load()
+        return InFolder(branch.folder, self.folder) if branch.stored else None
+
+    def is_in(self, folder: Path) -> bool:
+        """Whether these states are in a folder."""
+        return is_same(self.folder, folder)
+
+    def fields(self, step: int) -> Mapping[str, Array]:
+        from softmodels.runs.fields import RAW
+
+        names = [*PUBLIC, *(name for pair in RAW for name in pair)]
+        try:
+            there = tuple(name for name in names if self._results.has(step, [name]))
+            return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
+        except (OSError, KeyError) as error:
+            raise self._gone(error) from None
+
+    def restart(self, step: int) -> Restart:
+        return self._results.stored[step].restart
+
+    def mesh(self) -> bytes:
+        try:
+            return self._mesh.read_bytes()
+        except OSError as error:
+            raise self._gone(error) from None
+
+    def _gone(self, error: Exception) -> ResultsError:
+        """What is raised where the folder has changed since it was loaded."""
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else hdf5_reason(error)
+        return ResultsError(
+            f"the states in {self.folder} cannot be read any more ({reason}); put the folder back where it was, or load it "
+            "from where it is now"
+        )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SolvedState:
+    """One state of a run, SI units. Its arrays are read-only; ``state.displacement.copy()`` can be changed.
+
+    Attributes:
+        row: Its row of ``path.csv``, with that file's units.
+        points: Undeformed nodes in device coordinates, m, shape (n, 3); of a section (r, 0, z).
+        cells: Node numbers of the second-order cells in VTK's order, shape (c, 6 or 10).
+        cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
+        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises``, ``largest_stretch``, ``J`` and, at a
+            bifurcation, its ``mode``.
+    """
+
+    row: Row
+    points: Array
+    cells: npt.NDArray[np.int64]
+    cell_name: str
+    fields: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        # The arrays are the run's own: what `Run.at` solves next and `Run.save` writes starts from them.
+        keep_arrays(self)
+        fields = {name: read_only(values) for name, values in self.fields.items()}
+        object.__setattr__(self, "fields", MappingProxyType(fields))
+
+    @property
+    def pressure(self) -> float:
+        """Pa; of a program the highest."""
+        return float(self.row["pressure_Pa"])
+
+    @property
+    def added_volume(self) -> float:
+        """m3."""
+        return float(self.row["added_volume_ml"]) * 1e-6
+
+    @property
+    def displacement(self) -> Array:
+        """m, in device coordinates, shape (n, 3)."""
+        return self.fields["displacement"]
+
+    @property
+    def von_mises(self) -> Array:
+        """Von Mises stress in Pa, shape (n,)."""
+        return self.fields["von_mises"]
+
+    @property
+    def largest_stretch(self) -> Array:
+        """Largest principal stretch, shape (n,)."""
+        return self.fields["largest_stretch"]
+
+    @property
+    def J(self) -> Array:
+        """Ratio of the silicone's volume to that at rest, shape (n,)."""
+        return self.fields["J"]
+
+    @property
+    def p(self) -> Array:
+        """Pressure-like unknown in Pa, shape (n,)."""
+        return self.fields["p"]
+
+    @property
+    def mode(self) -> Array | None:
+        """Mode in which the device leaves its path at a bifurcation, shape (n, 3); None in any other state."""
+        return self.fields.get("mode")
+
+    @functools.cached_property
+    def grid(self) -> UnstructuredGrid:
+        """The undeformed device as a `pyvista.UnstructuredGrid` with the fields; ``grid.warp_by_vector("displacement")``
+        moves it."""
+        import pyvista
+
+        # Copies: VTK writes into what it is given, and a grid is changed freely.
+        grid = pyvista.UnstructuredGrid({VTK_CELLS[self.cell_name]: self.cells.copy()}, self.points.copy())
+        for name, values in self.fields.items():
+            grid.point_data[name] = values.copy()
+        return grid
+
+
+def _absolute(folder: Path) -> Path:
+    """A folder from wherever the caller is; `ResultsError` where that is a folder that was deleted."""
+    try:
+        return folder.absolute()
+    except OSError:
+        raise ResultsError(
+            f"{folder} is counted from the folder that this program runs in, and that is not there any more; step into another "
+            "one, or give a whole path"
+        ) from None
+
+
+def _public(fields: Mapping[str, Array]) -> dict[str, Array]:
+    """The fields that are not a restart's alone."""
+    return {name: values for name, values in fields.items() if not name.startswith(RESTART)}
+
+
+def state_of(source: Source, step: int) -> SolvedState:
+    """One of a source's states."""
+    return SolvedState(source.rows[step], source.points, source.cells, source.cell_name, _public(source.fields(step)))
+
+
+def write_states(source: Source, results: Results) -> None:
+    """Store all states of a source into a folder that is prepared for them."""
+    results.begin(source.points, source.cells, source.cell_name)
+    for step, row in enumerate(source.rows):
+        results.add(row, source.fields(step), source.restart(step))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A folder for a while, the same on all ranks.
+
+
+@contextlib.contextmanager
+def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
+    """A folder for a while, the same on all ranks."""
+    path = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
+    try:
+        yield path
+    finally:
+        if is_root(comm):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A state between two of a run's: solved for from those two, on the run's own mesh.
+
+
+def solve_between(source: Source, quantity: str, wanted: float, values: Array) -> SolvedState:
+    """The first state of a run's path at a value; all ranks call it.
+
+    The two stored states beside it are what Newton's method starts from, so nothing before them is solved again. Where there
+    are no such two, as under a cycle that jumps over the value, the path is followed from rest.
+
+    Args:
+        source: The run's states.
+        quantity: ``"pressure"``, ``"volume"`` or ``"stroke"``; or a column of ``path.csv``.
+        wanted: The value in SI units, or in that column's, between the least and the largest of ``values``.
+        values: Of the stored states, likewise, shape (states,).
+
+    Raises:
+        RunError: It was not found.
+    """
+    comm, ends = start(), _bracket(source, values, wanted)
+    if ends is None and quantity in source.rows[0]:
+        raise RunError(f"no two neighbouring states on one piece of the path have {quantity} {wanted:g} between them")
+    case = source.case if ends else _to_one(source.case, quantity, wanted)
+    simulation = Simulation(case, comm)
+    try:
+        with sentences(), temporary_folder(comm) as folder:
+            mesh = folder / f"{case.name}.msh"
+            on_root(comm, lambda: mesh.write_bytes(source.mesh()))
+            simulation.prepare(mesh)
+            states = InMemory(simulation, mesh)
+            for step in [_between(simulation, source, ends, (quantity, wanted))] if ends else simulation.steps():
+                states.add(step)
+    finally:
+        simulation.release()
+    return state_of(states, len(states.rows) - 1)
+
+
+def _bracket(source: Source, values: Array, wanted: float) -> tuple[int, int] | None:
+    """The first two neighbouring states, solved for and on one piece of the path, that a value lies between."""
+    # A bifurcation is interpolated, and between a limit and where the device jumped to there is no path.
+    solved = [step for step, row in enumerate(source.rows) if not row["bifurcation"]]
+    for before, after in itertools.pairwise(solved):
+        low, high = sorted(values[[before, after]])
+        if low < wanted < high and not source.rows[after]["jump"]:
+            return before, after
+    if not any(row["jump"] for row in source.rows):  # as on a branch
+        raise RunError("the branch has no two neighbouring states with this value between them")
+    return None
+
+
+def _between(simulation: Simulation, source: Source, ends: tuple[int, int], asked: tuple[str, float]) -> Step:
+    """The state at a value between two steps of a run."""
+    from softmodels.mechanics.newton import NoConvergence
+    from softmodels.path.continuation import Continuation
+
+    fields, comm, (quantity, wanted) = simulation.fields, simulation.comm, asked
+    stored = _Stored(source)
+    passed = [step for step, row in enumerate(source.rows[: ends[0]]) if row["bifurcation"]]
+    *points, after = (
+        stored_point(stored, fields, comm, step, source.restart(step), step in passed) for step in (*passed, *ends)
+    )
+    followed = source.case.quantity if quantity in source.rows[0] else quantity
+    path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.beginning.state())
+    solved = [step for step in range(ends[0] + 1) if step not in passed]
+    path.recall = functools.partial(recall, stored, fields, comm, solved)
+    try:
+        path.resume([*points[:-1], dataclasses.replace(points[-1], factorised=True)])
+        tangent = path.corrector.tangent(after.state)
+        before, after = path.last, dataclasses.replace(after, tangent=tangent)
+        if quantity in source.rows[0]:
+            state = path.corrector.root(before, after, lambda point: _figure(simulation, point, quantity) - wanted)
+            found = path.corrector.point(state, requested=True)
+        else:
+            found = path.between(before, after, wanted / simulation.beginning.unit_of(quantity))
+        path.keep(found)
+    except NoConvergence as failure:
+        raise RunError(f"the state between steps {ends[0]} and {ends[1]} was not found ({failure})") from failure
+    return simulation.step_of(found, ends[0])
+
+
+def _figure(simulation: Simulation, point: Point, column: str) -> float:
+    """A figure of ``path.csv`` at a point, on all ranks."""
+    return float(simulation.step_of(point, 0).row[column])
+
+
+class _Stored:
+    """The fields of a run's steps, as a folder of results gives them."""
+
+    def __init__(self, source: Source):
+        self._source = source
+
+    def has(self, step: int, names: Sequence[str]) -> bool:
+        return set(names) <= set(self._source.fields(step))
+
+    def fields(self, step: int, names: tuple[str, ...]) -> Mapping[str, Array]:
+        known = self._source.fields(step)
+        return {name: known[name] for name in names}
+
+
+def _to_one(case: Case, quantity: str, wanted: float) -> Case:
+    """A case that ends at one value."""
+    if case.driven is not None:
+        return dataclasses.replace(
+            case,
+            driven=dataclasses.replace(case.driven, values=(wanted / case.load.scale,)),
+            cycle=False,
+            control="auto",
+        )
+    field, scale = {"pressure": ("pressures_cm", 1 / case.cm), "volume": ("volumes_ml", 1e6),
+                    "stroke": ("strokes_ml", 1e6)}[quantity]  # fmt: skip
+    asked: dict[str, tuple[float, ...]] = {field: (wanted * scale,)}
+    pressures, volumes, strokes = (asked.get(name, ()) for name in ("pressures_cm", "volumes_ml", "strokes_ml"))
+    return dataclasses.replace(
+        case, pressures_cm=pressures, volumes_ml=volumes, strokes_ml=strokes, cycle=False, control="auto",
+        supply=case.supply if quantity == "stroke" else None,
+    )  # fmt: skip
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What is asked of a device, as a notebook writes it, made into a case: arrays in SI, or texts with a unit.
+
+
+type Values = str | float | Sequence[float | str] | npt.NDArray[np.float64]
+"""Requested values: a text with a unit such as ``"0:177 cm"``, texts such as ``["1 kPa", "2 kPa"]``, or numbers in SI units."""
+LEAST_PRESSURE = 200.0
+"""Pa; the largest of pressures that are given as numbers is hardly meant to lie below, where most devices have not moved."""
+
+
+class RequestOptions(TypedDict, total=False):
+    """The fields of a `Case` that a call may give beside device, material and load."""
+
+    strokes: Values | None
+    driven: LoadRequest | None
+    supply: AirSupply | None
+    name: str | None
+    control: str
+    formulation: str
+    solver: str
+    sheet: Sheet | None
+    obstacle: Obstacle | None
+    parts: Component | Sequence[Component]
+    band: AnyBand | str | Path | None
+    cycle: bool
+    program: Program
+    gauges: Probes | None
+    water_density: float | str
+
+
+def case_of(
+    device: Actuator,
+    material: Material | str,
+    pressures: Values | None = None,
+    volumes: Values | None = None,
+    **options: Unpack[RequestOptions],
+) -> Case:
+    """A case.
+
+    Args:
+        device: The device.
+        material: Its silicone, or the name of one.
+        pressures: Requested pressures: numbers in Pa, or a text in cm of the water column or in a unit of pressure.
+        volumes: Requested added volumes of the cavity: numbers in m3, or a text.
+        options: ``strokes`` of a syringe (m3, or a text) with the ``supply``; other fields of a `Case` by their names.
+
+    Raises:
+        ArgumentError, CaseError: Invalid input.
+    """
+    one_of("device", device, Actuator, "a device, such as sm.HollowDisk()")
+    chosen = {key: value for key, value in options.items() if value is not None and key != "strokes"}
+    try:
+        density = Quantity("kg/m^3").settled("water_density", options.get("water_density", WATER_DENSITY))
+    except FieldError as error:
+        raise CaseError(str(error)) from None
+    cm = pascal_per_cm(density)
+    fields = {
+        "name": device.stem,
+        "pressures_cm": _in("cm", pressures, "pressure", cm),
+        "volumes_ml": _in("ml", volumes, "volume", cm),
+        "strokes_ml": _in("ml", options.get("strokes"), "stroke", cm),
+        **chosen,
+    }
+    if isinstance(band := fields.get("band"), str | Path):
+        fields["band"] = band_of(band)
+    case = Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
+    _doubt_pressures(pressures, case)
+    return case
+
+
+def _doubt_pressures(pressures: Values | None, case: Case) -> None:
+    """Warn of pressures as small as only numbers in another unit are."""
+    plain = isinstance(pressures, int | float) or (
+        pressures is not None and not isinstance(pressures, str) and not any(isinstance(one, str) for one in pressures)
+    )
+    if plain and case.goals[-1] < LEAST_PRESSURE:
+        highest = case.goals[-1]
+        doubt(
+            f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} cm of water; numbers are in Pa, so write "
+            f"another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"
+        )
+
+
+def one_value(text: str, pascal_in_cm: float) -> tuple[str, float]:
+    """Whether a text such as ``"70 cm"`` is a ``"pressure"`` (Pa) or a ``"volume"`` (m3), and its value.
+
+    Raises:
+        CaseError: Neither.
+    """
+    number, unit = split_text(text)
+    if unit == "cm":
+        return "pressure", _scaled(number, "pressure") * pascal_in_cm
+    for what, si in (("pressure", "Pa"), ("volume", "m^3")):
+        if (factor := factor_of(unit, si)) is not None:
+            return what, _scaled(number, what) * factor
+    raise CaseError(
+        f"{brief(text)} is no pressure and no volume; write it like 70 cm, 7 kPa or 40 ml"
+        + meant(unit, ["cm", *FACTORS["Pa"], *FACTORS["m^3"]])
+    )
+
+
+def _scaled(number: str, what: str) -> float:
+    try:
+        return quantity(number, "")
+    except UnitError as error:
+        raise CaseError(f"{what} {brief(number)}: {error}") from None
+
+
+def _in(unit: str, values: Values | None, what: str, pascal_in_cm: float) -> tuple[float, ...]:
+    """Requested values in cm of the column or in ml, as a case has them.
+
+    Raises:
+        CaseError: They are none.
+    """
+    if values is None:
+        return ()
+    scale = 1 / pascal_in_cm if unit == "cm" else 1 / ML
+    try:
+        if isinstance(values, str):
+            return of_text(unit, values, what, pascal_in_cm)
+        found = [
+            one_of_text(unit, one, what, pascal_in_cm) if isinstance(one, str) else number(one) * scale
+            for one in _listed(values, what)
+        ]
+        if not found:
+            raise CaseError(f"{what}s are an empty list; give one value or more, such as {EXAMPLES[unit]}")
+        return series(found, what)
+    except (SeriesError, UnitError) as error:
+        raise CaseError(str(error)) from None
+
+
+EXAMPLES = {"cm": "'0:177 cm'", "ml": "'0:60 ml'"}
+
+
+def _listed(values: object, what: str) -> list[object]:
+    """Requested values one by one: Python's own numbers and texts.
+
+    Raises:
+        CaseError: They are something else.
+    """
+    if not isinstance(values, list | tuple):
+        if not hasattr(values, "tolist") and (isinstance(values, bool) or not isinstance(values, int | float)):
+            raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
+        values = np.asarray(values).tolist()
+    flat = values if isinstance(values, list | tuple) else [values]
+    plain = [one.item() if isinstance(one, np.generic) else one for one in flat]
+    if not all(isinstance(one, int | float | str) and not isinstance(one, bool) for one in plain):
+        raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
+    return plain
+
 
 COLUMNS = {"pressure": ("pressure_Pa", 1.0), "volume": ("added_volume_ml", 1e-6), "stroke": ("stroke_ml", 1e-6),
            "step": ("load_step", 1.0)}  # fmt: skip
@@ -93,7 +690,7 @@ class Run:
         self._solved: dict[tuple[str, float], SolvedState] = {}
 
     def __repr__(self) -> str:
-        last = state_words(self.case).under(self.rows[-1], f"{self.rows[-1]['pressure_Pa']:.5g} Pa")
+        last = state_labels(self.case).under(self.rows[-1], f"{self.rows[-1]['pressure_Pa']:.5g} Pa")
         states = "1 state" if len(self) == 1 else f"{len(self)} states"
         ended = "" if self.limit is None else f", ended at a {self.limit.kind}" if self.limit.found else ", lost"
         return f"<Run of {self.case.name}: {states} to {last}{ended}>"
@@ -287,17 +884,15 @@ class Run:
         """The rise of the device's gauge over the pressure, or over the steps of a program, as a matplotlib figure."""
         import matplotlib
 
-        from softmodels.pictures import path_curves, program_curves
+        from softmodels.pictures import curves
         from softmodels.pictures.style import STYLE
 
-        words = state_words(self.case)
+        words = state_labels(self.case)
         with matplotlib.rc_context(STYLE):
             figure = (
-                program_curves.steps(self.rows, words)
+                curves.steps(self.rows, words)
                 if self.case.program
-                else path_curves.rise(
-                    self.rows, words.gauge, self.case.cm, (), path_curves.over_of(self.case), self.sources
-                )
+                else curves.rise(self.rows, words.gauge, self.case.cm, (), curves.over_of(self.case), self.sources)
             )
 
         def png() -> bytes:

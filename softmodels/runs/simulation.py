@@ -2,40 +2,239 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from geometries import MeshingStopped, kept_meshes
+from geometries import MeshingStopped, meshing
 from softmodels.case.case import Case
-from softmodels.case.material_errors import MaterialErrors
+from softmodels.case.materials import MaterialErrors
+from softmodels.common.arrays import Array
 from softmodels.materials.stability import weakness
 from softmodels.mechanics import c_library
-from softmodels.mechanics.compiling import CompilingError, cache, compiling, wait_for_cache
+from softmodels.mechanics.compiling import (
+    CompilingError,
+    cache,
+    compiling,
+    wait_for_cache,
+)
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
-from softmodels.results.column import Solved
-from softmodels.results.columns import row_of
-from softmodels.results.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
-from softmodels.results.restart import restart_of
-from softmodels.runs.beginning import Beginning
-from softmodels.runs.explanation import explain, explain_failure, explain_step
-from softmodels.runs.step import FROM_REST, Begun, Listener, PathEnded, Silent, Step
+from softmodels.path.points import DeadForce, LoadDisplacement, Pressure
+from softmodels.runs.columns import Solved, row_of
+from softmodels.runs.notes import explain, explain_failure, explain_step
+from softmodels.runs.outcomes import (
+    FAILED,
+    NO_EQUILIBRIUM,
+    STOPPED,
+    RunError,
+)
+from softmodels.runs.row import Row
+from softmodels.runs.store import Restart, restart_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import State
     from softmodels.path.continuation import Continuation
-    from softmodels.path.points import Point
-    from softmodels.path.quantities import Quantity
-    from softmodels.results.band import Band
-    from softmodels.results.fields import Fields
+    from softmodels.path.points import PathQuantity, Point
+    from softmodels.path.schedule import HangingEnd, StageEnd
+    from softmodels.runs.band import Band
+    from softmodels.runs.fields import Fields
 
-Array = npt.NDArray[np.float64]
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What passes between a simulation and who uses it: its states, how it is told of, and where it goes on from.
+
+
+class Listener(Protocol):
+    """Who is told how a run goes on: nobody, a program's log, a notebook."""
+
+    def say(self, text: str) -> None:
+        """One sentence about what is going on."""
+
+    def step(self, row: Row, value: float) -> None:
+        """A state was solved: its row of ``path.csv``, and how far it is towards the last requested value."""
+
+
+class Silent:
+    """A listener that does nothing."""
+
+    def say(self, text: str) -> None:
+        pass
+
+    def step(self, row: Row, value: float) -> None:
+        pass
+
+
+class PathEnded(RunError):
+    """A requested value is not on the path, or the path was lost; the states up to there are good."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Step:
+    """One state of a run.
+
+    Attributes:
+        row: Its row of ``path.csv``, on all ranks.
+        fields: Nodal fields by name, SI units, shape (n,) or (n, 3), as `Fields.nodal` gives them, and what a restart needs
+            to the last bit; on rank 0, None elsewhere.
+        restart: Numbers that a restart needs beside the fields.
+    """
+
+    row: Row
+    fields: dict[str, Array] | None
+    restart: Restart
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Begun:
+    """What is known of a run that is gone on with.
+
+    Attributes:
+        rows: Rows of ``path.csv`` of the states that there are; none for a run from the beginning.
+        left: Which of the case's requested values are still to come.
+        points: The points to go on from; see `Continuation.resume`.
+        stop: The same of a program: the end of its last complete step.
+        recall: Lets parts remember what they do after those states; called where the path has begun.
+    """
+
+    rows: Sequence[Row] = ()
+    left: Sequence[bool] = ()
+    points: Sequence[Point] = ()
+    stop: StageEnd | None = None
+    recall: Callable[[], None] = lambda: None
+
+
+FROM_REST = Begun()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where a case's path begins: the state in which the device hangs under the loads that act before anything is requested.
+
+
+class Beginning:
+    """Where the path of a case begins.
+
+    Args:
+        case: The case.
+        solver: Its device, at rest; the coupling of its drivers is changed.
+        report: Takes sentences on what is going on.
+    """
+
+    def __init__(self, case: Case, solver: Solver, report: Callable[[str], None]):
+        self.case, self.solver, self.report = case, solver, report
+        self._hung: StageEnd | None = None
+
+    def hung(self) -> StageEnd | None:
+        """The state under what acts before anything is requested, found once; None where the device has no dead loads.
+
+        Raises:
+            RunError: There is no such state on the way.
+        """
+        if self._hung is None and self.solver.system.dead.loads:
+            self._hung = self._found()
+        return self._hung
+
+    def state(self) -> State | None:
+        """The state that a path to the requested values begins with, the drivers coupled for it; None for the undeformed one.
+
+        Raises:
+            RunError: There is no such state on the way.
+        """
+        from softmodels.path.schedule import inflate_from, load_from
+
+        hung, driven, system = self.hung(), self.case.driven, self.solver.system
+        if hung is None:
+            return None
+        if driven is None:
+            return inflate_from(self.solver, hung)
+        place = len(system.body.actuator.ratios) + system.dead.index(driven.of(self.case.parts).key)
+        return load_from(self.solver, hung, place)
+
+    def check_volumes(self, start: State | None) -> None:
+        """Refuse requested volumes that the cavity has passed already where the device hangs.
+
+        Args:
+            start: Where the path begins, the drivers coupled for it; None for the undeformed state.
+
+        Raises:
+            RunError: There is one.
+        """
+        if start is None or not self.case.volumes_ml:
+            return
+        system = self.solver.system
+        taken = (start.V - system.rest().V) * system.volume_unit * 1e6
+        system.load(start)
+        if passed := [value for value in self.case.volumes_ml if 0.0 < value < taken]:
+            raise RunError(
+                f"{passed[0]:g} ml are not on this path: where the device hangs under its loads its cavity has taken "
+                f"{taken:.4g} ml already, counted from the undeformed device; request more, or 0 for where it hangs",
+                NO_EQUILIBRIUM,
+            )
+
+    def unit_of(self, quantity: str) -> float:
+        """SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight."""
+        system, driven = self.solver.system, self.case.driven
+        if quantity == Pressure.name:
+            return system.stress_unit
+        if driven is not None and quantity in (DeadForce.name, LoadDisplacement.name):
+            place = system.dead.index(driven.of(self.case.parts).key)
+            unit = (system.dead.moved_units if driven.held else system.dead.units)[place]
+            return float(unit / (system.dead.amounts[place] if driven.key == "share" else 1.0))
+        return system.volume_unit
+
+    def _found(self) -> StageEnd:
+        from softmodels.path.schedule import HangingEnd, hang
+
+        case, system = self.case, self.solver.system
+        kept = self._kept()
+        targets = [("its dead loads", kept)]
+        if case.driven is not None and case.driven.at_pressure_cm:
+            inflated = kept.copy()
+            ratios = np.array(system.body.actuator.ratios)
+            inflated[: len(ratios)] = case.driven.at_pressure_cm * case.cm / system.stress_unit * ratios
+            targets.append((f"{case.driven.at_pressure_cm:g} cm", inflated))
+        if words := [what for what, magnitudes in targets if magnitudes.any()]:
+            self.report(f"applying {', then '.join(words)}")
+        try:
+            found = hang(self.solver, targets, self.report)
+        except HangingEnd as end:
+            raise RunError(_explained(end), NO_EQUILIBRIUM if end.physical else FAILED) from end
+        system.dead.origins = found.driven
+        return found
+
+    def _kept(self) -> Array:
+        """Magnitudes of all drivers that act before anything is requested, dimensionless, shape (k,): of the dead loads those
+        that neither the request nor a program changes."""
+        case, dead = self.case, self.solver.system.dead
+        changed = {series.target for series in case.program}
+        changed |= {case.driven.of(case.parts).key} if case.driven else set()
+        kept = [0.0 if load.key in changed else amount for load, amount in zip(dead.loads, dead.amounts, strict=True)]
+        return np.concatenate([np.zeros(len(self.solver.system.body.actuator.ratios)), np.array(kept) / dead.units])
+
+
+def _explained(end: HangingEnd) -> str:
+    """Why a device does not hang: a sentence."""
+    if end.limit is not None:
+        return (
+            f"the device does not bear {end.what}, which act before anything is requested: they have a limit point at "
+            f"{end.share:.3g} of themselves or a little below; take less of them, a stiffer silicone or thicker walls"
+        )
+    if end.cause:
+        return (
+            f"the device does not bear {end.what}, which act before anything is requested: at {end.share:.3g} of them "
+            f"{end.cause.clause}. {end.cause.advice}"
+        )
+    return (
+        f"{end.what[0].upper()}{end.what[1:]} could be applied to {end.share:.3g} of themselves alone ({end}); take less of "
+        "them, or refine the mesh (--cell-size)"
+    )
+
 
 COARSE = 0.01
 """Error of the cavity's volume by its mesh from which it is warned of."""
@@ -81,7 +280,7 @@ class Simulation:
             GeometryError, MeshingError, OSError: See `Actuator.write`.
         """
         device = self.case.actuator
-        self.listener.say(kept_meshes.told(device))
+        self.listener.say(meshing.mesh_label(device))
         if device.dimension == 3 and is_root(self.comm):
             c_library.begin("moduli")
         try:
@@ -99,7 +298,7 @@ class Simulation:
         from softmodels.mechanics.body import Body, BodyError
         from softmodels.mechanics.solver import Solver
         from softmodels.mechanics.system import System
-        from softmodels.results.fields import Fields
+        from softmodels.runs.fields import Fields
 
         case, say = self.case, self.listener.say
         say("preparing the equations (compiled the first time, some ten seconds; then from the cache)")
@@ -117,7 +316,7 @@ class Simulation:
             raise RunError(str(error)) from error
 
     def _make_band(self) -> Band | None:
-        from softmodels.results.band import Band
+        from softmodels.runs.band import Band
 
         case = self.case
         return Band(self.fields, case.band, case.cm, case.quantity) if isinstance(case.band, MaterialErrors) else None
@@ -166,7 +365,7 @@ class Simulation:
         from softmodels.mechanics.newton import NoConvergence
         from softmodels.path.continuation import trace
         from softmodels.path.points import PathEnd
-        from softmodels.path.pressure_cycle import cycle
+        from softmodels.path.schedule import cycle
 
         case, count = self.case, len(begun.rows)
         last = begun.rows[-1] if begun.rows else None
@@ -195,9 +394,9 @@ class Simulation:
         scale = self.beginning.unit_of(self.case.quantity)
         return [goal / scale for goal in self.case.goals]
 
-    def quantity(self, name: str) -> Quantity:
+    def quantity(self, name: str) -> PathQuantity:
         """What a path is asked for, by its name; the stroke is that of the case's supply."""
-        from softmodels.path.quantities import DIRECT
+        from softmodels.path.points import DIRECT
 
         eq, supply = self.solver.system, self.case.supply
         if supply is None or name in DIRECT:

@@ -35,8 +35,8 @@ def main(cells: list[float]) -> None:
     from softmodels.mechanics.mpi import start
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.path.stages import hang
-    from softmodels.results.fields import Fields
+    from softmodels.path.schedule import hang
+    from softmodels.runs.fields import Fields
 
     comm, test = start(), exact()
     for cell in cells:

@@ -32,7 +32,7 @@ from collections.abc import Iterator
 
 import cv2
 
-from measurement.screen.grid_error import GridError
+from measurement.screen.grid import GridError
 from measurement.synthetic.bench import Bench
 from measurement.synthetic.damaged_run import Run
 from measurement.synthetic.damages import KINDS

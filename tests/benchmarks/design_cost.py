@@ -35,11 +35,11 @@ def main():
     comm = start()
 
     from softmodels.case.case import Case
-    from softmodels.case.material_table import DEFAULT
+    from softmodels.case.materials import DEFAULT
     from softmodels.design.model import DesignModel
+    from softmodels.design.quantities.geometric import AddedVolume, StoredEnergy
     from softmodels.design.quantities.peaks import PeakStretch
     from softmodels.design.quantities.places import Place, Rise
-    from softmodels.design.quantities.volumes import AddedVolume, StoredEnergy
     from softmodels.materials.silicones import silicone_called
     from softmodels.mechanics.controls import pressure_control
 

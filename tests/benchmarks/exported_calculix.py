@@ -40,7 +40,7 @@ import numpy.typing as npt
 from calculix_wedge import read_displacements
 
 import softmodels as sm
-from softmodels.case.decks.deck import LOADS
+from softmodels.decks.deck import LOADS
 
 LAW = sm.Yeoh(14e3, 60.0, 0.0, 0.49)
 DISK = sm.Case("disk", sm.HollowDisk(fillet=0.0, cell_size=0.004), LAW, pressures_cm=(40.0, 80.0))

@@ -22,14 +22,14 @@ def main() -> None:
     from geometries import PneuNet
     from softmodels.materials.silicones import SILICONES
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.parts import EnergyPart
-    from softmodels.mechanics.rigid_shapes import RigidShape
+    from softmodels.mechanics.component import EnergyComponent
+    from softmodels.mechanics.contact import RigidShape
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.mechanics.walls.part import Walls
+    from softmodels.mechanics.walls import Walls
     from softmodels.path.continuation import Continuation, trace
 
-    def follow(device: PneuNet, part: EnergyPart) -> None:
+    def follow(device: PneuNet, part: EnergyComponent) -> None:
         with tempfile.TemporaryDirectory() as folder:
             name = comm.bcast(str(Path(folder) / "finger.msh"))
             if is_root(comm):

@@ -148,8 +148,8 @@ class Bench:
         return Outcome(kind, attempt, status, fault, told[-300:], time.monotonic() - began)
 
     def _status(self, attempt: inputs.Attempt) -> int:
-        from measurement.running import run_command
         from softmodels.cli.options import main
+        from softmodels.common.commands import run_command
 
         command, words = self.programs[attempt.program], list(attempt.words)
         try:

@@ -83,11 +83,10 @@ def run(folder: Path, angle: float, cell_mm: float, solver_name: str, one: bool)
 
     comm = start()
     from geometries import HollowDisk
-    from softmodels.case.material_table import DEFAULT
-    from softmodels.mechanics import methods
+    from softmodels.case.materials import DEFAULT
+    from softmodels.mechanics import solver as solver_module
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.memory import needed
-    from softmodels.mechanics.mpi import on_root
+    from softmodels.mechanics.mpi import needed, on_root
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.stability import Stability
@@ -105,8 +104,8 @@ def run(folder: Path, angle: float, cell_mm: float, solver_name: str, one: bool)
     busy = time.process_time()
     ctypes.CDLL(None).malloc_trim(0)  # what reading the mesh has freed would be taken again, and not be counted
     _, before = needed(comm, _now())
-    methods.AMPLE = math.inf
-    estimate = methods.chosen(system, solver_name).memory
+    solver_module.AMPLE = math.inf
+    estimate = solver_module.select_solver(system, solver_name).memory
     solver = Solver(system, solver_name)
     counted = Counted(solver.bordered)
     Stability.of(solver)  # its mass matrix is made first, as at the beginning of a path

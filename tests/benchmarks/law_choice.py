@@ -33,12 +33,9 @@ from scipy.interpolate import PchipInterpolator
 
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import TensileCurve, TensileError, read_curve
-from softmodels.fitting.curves.curve_residuals import residuals_of
-from softmodels.fitting.curves.law_fit import fit_law_to_curves
-from softmodels.fitting.curves.stress_error import StressError, noise
-from softmodels.fitting.curves.thinning import thinned
-from softmodels.fitting.curves.yardstick import on_yardstick
-from softmodels.fitting.law_parameters import law_choices
+from softmodels.fitting.curves.fit import fit_law_to_curves
+from softmodels.fitting.curves.residuals import StressError, noise, on_yardstick, residuals_of, thinned
+from softmodels.fitting.problem import law_choices
 
 DATA = next(
     (found for folder in Path(__file__).resolve().parents if (found := folder / "shared" / "data").is_dir()),

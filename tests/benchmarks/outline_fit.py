@@ -20,24 +20,28 @@ from pathlib import Path
 import numpy as np
 
 from geometries import HollowDisk
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.bench import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR
-from softmodels.fitting.outlines.law_fit import fit_law_to_outlines
-from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
+from softmodels.fitting.outlines.fit import fit_law_to_outlines
+from softmodels.fitting.outlines.residuals import (
+    LEAK_ERROR,
+    PRESSURE_SCALE_ERROR,
+    SCALE_ERROR,
+    ZERO_ERROR,
+    OutlineResiduals,
+)
 from softmodels.fitting.outlines.shapes import prepare
-from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
-from softmodels.fitting.problem import CannotEvaluate
+from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
+from softmodels.fitting.problem import CannotEvaluate, LawChoice
 from softmodels.mechanics.mpi import start
 
 TRUTH = {"c1": 14e3, "c2": 600.0, "c3": 0.0}
 HOLD = {"c3": {"start": 0.0, "fixed": True}}
 PRESSURES = np.linspace(18.0, 177.0, 10) * 95.1
-CAMERA = Camera(spacing=25e-6, error=8e-6, run=8.0, pressure_error=10.0)
+CAMERA = SimulatedCamera(spacing=25e-6, error=8e-6, run=8.0, pressure_error=10.0)
 SIDE = 20
 
 
 def device(cell_size: float):
-    from softmodels.fitting.outlines.device_model import DeviceModel
+    from softmodels.fitting.outlines.device import DeviceModel
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System

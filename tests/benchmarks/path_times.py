@@ -15,8 +15,8 @@ import time
 from pathlib import Path
 
 from geometries import HollowDisk
-from measurement.units import pascal_per_cm
-from softmodels.case.material_table import DEFAULT
+from softmodels.case.materials import DEFAULT
+from softmodels.common.units import pascal_per_cm
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.mechanics.solver import Solver

@@ -18,10 +18,14 @@ import numpy as np
 from PIL import Image
 
 from measurement.series import witness
-from measurement.series.column import Column
-from measurement.series.copies import cut_out, is_copy, likeness, prepared
-from measurement.series.photo_list import PhotoListError, read_photos
-from measurement.synthetic import demo
+from measurement.series.measuring import (
+    cut_out,
+    is_copy,
+    likeness,
+    prepared,
+)
+from measurement.series.photo_list import Column, PhotoListError, read_photos
+from measurement.synthetic import photographer
 from measurement.synthetic.courses import COURSES, DAMAGES, damaged, run
 from measurement.synthetic.photographer import Scene, dome, photograph
 
@@ -95,7 +99,7 @@ def _photographer(rng: np.random.Generator):
     def take(height: float):
         moved = np.float32([[1, 0, nudge * rng.standard_normal()], [0, 1, nudge * rng.standard_normal()]])
         seen = cv2.warpAffine(texture, moved, (1000, 640), borderMode=cv2.BORDER_REFLECT)
-        body = dome(height * 1e-3, demo.RADIUS, floor=demo.FLOOR)
+        body = dome(height * 1e-3, photographer.RADIUS, floor=photographer.FLOOR)
         return photograph(scene, body, int(rng.integers(2**31)), fault=lambda light, truth: light * (1.0 + seen))[0]
 
     return take

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from measurement.camera.camera import Camera
-from measurement.camera.pixels import read_photograph
+from measurement.camera.pictures import read_photograph
 from measurement.edge.tracing import trace, trace_image
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup

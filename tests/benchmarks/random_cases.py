@@ -39,7 +39,7 @@ import softmodels as sm
 from geometries import MeshingError
 from softmodels.case.case import Case
 from softmodels.mechanics.dead_loads import LoadPart
-from softmodels.results.outcomes import DONE, NO_EQUILIBRIUM
+from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
 
 BALANCE = 0.05
 """Share of the largest energy by which work and stored energy may differ: paths have twelve steps or more."""
@@ -82,7 +82,7 @@ def outcome(case: Case) -> tuple[str, str]:
     try:
         return fault_of(case, sm.run(case))
     except (
-        sm.PartError,
+        sm.ComponentError,
         sm.ObstacleError,
         sm.GeometryError,
         MeshingError,

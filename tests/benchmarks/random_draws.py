@@ -12,17 +12,16 @@ import numpy as np
 
 import softmodels as sm
 from geometries import ACTUATORS, Actuator, GeometryError
-from geometries.fields import about
-from geometries.kinds import Choice, Length
-from softmodels.case.case import Case, CaseError
-from softmodels.case.load_request import LoadRequest
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.load import LoadRequest
+from softmodels.common.schema import Choice, Length, about
 from softmodels.materials.silicones import SILICONES
+from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.dead_loads import LoadPart
-from softmodels.mechanics.fabric import Fabric
-from softmodels.mechanics.fibres import Fibres
+from softmodels.mechanics.fibres import Fabric, Fibres
 from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
-from softmodels.mechanics.parts import Part, PartError
 from softmodels.path.program import Series
 
 IMPORTED = ("ImportedActuator", "ImportedMesh")
@@ -30,7 +29,7 @@ MOST_CELLS = {False: 4000, True: 5000}
 """Expected cells of sections and of solids."""
 SHAPED = ("section", "clamp", "part", "order", "angle", "channels", "folds", "chambers", "convolutions")
 """Choices that `device_of` makes by itself."""
-REFUSED = (GeometryError, CaseError, PartError, ObstacleError, ValueError)
+REFUSED = (GeometryError, CaseError, ComponentError, ObstacleError, ValueError)
 CM = 95.1
 """Pa in one cm of the column, near enough to draw with."""
 
@@ -124,7 +123,7 @@ def material_of(chance: random.Random) -> Any:
     return chance.choice([*laws, SILICONES[chance.choice(sorted(SILICONES))].material])
 
 
-def _ball(draw: Draw) -> Part:
+def _ball(draw: Draw) -> Component:
     """A sphere or a cylinder in front of the farthest probe, or around all of a section."""
     size, chance = draw.device.size, draw.chance
     lift, radius, far = np.asarray(draw.device.lift), size * chance.uniform(0.2, 1.0), size * chance.uniform(0.02, 0.2)
@@ -143,7 +142,7 @@ def _ball(draw: Draw) -> Part:
     return sm.RigidShape("sphere", draw.face(), at=tuple(place), radius=radius, name="ball")
 
 
-def _fibres(draw: Draw) -> Part:
+def _fibres(draw: Draw) -> Component:
     """In the whole body, in a region or on a face."""
     chance, slack = draw.chance, draw.chance.random() < 0.5
     angle, law = chance.choice([0.0, 30.0, 54.7, 90.0]), chance.choice(["standard", "exponential"])
@@ -154,12 +153,12 @@ def _fibres(draw: Draw) -> Part:
     return Fibres(draw.face(), angle, stiffness=stiffness, slack=slack, law=law, name="threads")
 
 
-def _fabric(draw: Draw) -> Part:
+def _fabric(draw: Draw) -> Component:
     along, across = (draw.mu * draw.device.size * draw.power(-1.5, 1.0) for _ in range(2))
     return Fabric(draw.face(), along, across, shear=0.1 * along, slack=draw.chance.random() < 0.5, name="cloth")
 
 
-def _rigid(draw: Draw) -> Part:
+def _rigid(draw: Draw) -> Component:
     kind, regions = draw.chance.choice(["free", "guided", "held"]), draw.device.regions
     if regions and draw.chance.random() < 0.5:
         return sm.Rigid(region=draw.chance.choice(list(regions)), kind=kind, name="plate")
@@ -167,28 +166,28 @@ def _rigid(draw: Draw) -> Part:
     return sm.Rigid(face=draw.face(), kind=kind, mass=mass, name="plate")
 
 
-def _region(draw: Draw) -> Part:
+def _region(draw: Draw) -> Component:
     other = draw.chance.choice([material_of(draw.chance), sm.NeoHookean(draw.mu * draw.power(-0.5, 3.0), 0.45)])
     return sm.Region(other, name=draw.chance.choice(list(draw.device.regions)))
 
 
-def _moment(draw: Draw) -> Part:
+def _moment(draw: Draw) -> Component:
     planes = [plane.normal for plane in draw.device.cut_planes]
     axis = ", ".join(f"{value:g}" for value in (planes[0] if planes else (0.0, 1.0, 0.0)))
     return Moment(draw.face(), axis, draw.newtons * draw.device.size, name="turn")
 
 
-def _walls(draw: Draw) -> Part:
+def _walls(draw: Draw) -> Component:
     names = {"PneuNet": ["chamber_walls", "cavity"], "BendingBellows": ["folds", "cavity"]}
     return sm.Walls(draw.chance.choice(names.get(type(draw.device).__name__, ["outer", "cavity", draw.face()])))
 
 
-def _clamp(draw: Draw) -> Part:
+def _clamp(draw: Draw) -> Component:
     way = draw.chance.choice([{"along": "z"}, {"slip": "z"}, {}])
     return sm.Clamp(draw.face(), **way, name="grip")
 
 
-MAKERS: dict[str, Callable[[Draw], Part]] = {
+MAKERS: dict[str, Callable[[Draw], Component]] = {
     "gravity": lambda draw: Gravity(density=1070.0, direction=draw.along()),
     "force": lambda draw: Force(draw.face(), draw.along(), draw.newtons, name="pull"),
     "moment": _moment, "rigid": _rigid, "ball": _ball, "walls": _walls, "fibres": _fibres, "fabric": _fabric,
@@ -196,7 +195,7 @@ MAKERS: dict[str, Callable[[Draw], Part]] = {
 }  # fmt: skip
 
 
-def parts_of(draw: Draw) -> list[Part]:
+def parts_of(draw: Draw) -> list[Component]:
     """Up to three parts of kinds that the device can have; gravity where something hangs."""
     can = [kind for kind in MAKERS if (kind != "moment" or draw.solid) and (kind != "region" or draw.device.regions)]
     kinds = draw.chance.sample(can, draw.chance.choice([0, 1, 1, 1, 2, 2, 3]))
@@ -221,7 +220,7 @@ def whole_of(draw: Draw) -> dict[str, Any]:
     return found
 
 
-def load_of(draw: Draw, parts: list[Part]) -> dict[str, Any]:
+def load_of(draw: Draw, parts: list[Component]) -> dict[str, Any]:
     """What is asked, and how it is followed; a load that is driven loses its amount among the parts."""
     chance, device = draw.chance, draw.device
     cm, ml = draw.mu * draw.power(-1.5, 0.3) / CM, 1e6 * device.cavity_volume * draw.power(-0.7, 0.6)

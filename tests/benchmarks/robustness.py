@@ -37,7 +37,7 @@ import numpy as np
 
 from geometries import Actuator, GeometryError, HollowDisk, SeminarActuator
 from softmodels.materials.laws import Gent, Material, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.path.syringe import AMBIENT, GASES, Syringe
+from softmodels.path.supply import AMBIENT, GASES, Syringe
 
 KINDS = ("section", "wedge", "seminar")
 SAME = {"section": 0.002, "wedge": 0.03, "seminar": 0.002}
@@ -168,8 +168,7 @@ def supply_of(trial: Trial, equations: Any) -> Any:
 
 def outcome(trial: Trial, equations: Any) -> tuple[str, list[Any]]:
     """How the path of a trial ends, in a word, and its points."""
-    from softmodels.path.points import PathEnd
-    from softmodels.path.quantities import DIRECT
+    from softmodels.path.points import DIRECT, PathEnd
 
     goal = trial.goal * (1.0 if trial.quantity == "pressure" else equations.system.rest().V)
     requested = supply_of(trial, equations) or DIRECT[trial.quantity]
@@ -185,7 +184,7 @@ def outcome(trial: Trial, equations: Any) -> tuple[str, list[Any]]:
 
 def check(trial: Trial, ended: str, points: list[Any], equations: Any) -> Found:
     """What is wrong with an outcome by a second path, of the section or of the same device, under volume control."""
-    from softmodels.path.quantities import AddedVolume
+    from softmodels.path.points import AddedVolume
 
     V0 = equations.system.rest().V
     slices = trial.device.copies if trial.kind == "wedge" else 1

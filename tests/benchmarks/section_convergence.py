@@ -21,14 +21,14 @@ LEVELS = (2.0, 1.0, 0.5, 0.25)
 
 def figures(device, comm, folder: Path):
     """Cells, rise in mm and added volume in ml at 20 cm of water, and the limit pressure in cm; nan if the path stops."""
-    from measurement.units import pascal_per_cm
+    from softmodels.common.units import pascal_per_cm
     from softmodels.materials.laws import NeoHookean
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
-    from softmodels.results.fields import Fields
+    from softmodels.runs.fields import Fields
 
     law = NeoHookean(30e3, 0.5)
     solver = Solver(System(Body.from_file(device, device.write(folder / f"{device.name}.msh"), comm), law))

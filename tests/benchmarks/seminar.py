@@ -23,14 +23,14 @@ from pathlib import Path
 from typing import Any
 
 from geometries import SeminarActuator
-from measurement.units import pascal_per_cm
+from softmodels.common.units import pascal_per_cm
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.mpi import is_root, largest, on_root, start
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 PETSC_EVENTS = {"factorisation": ("MatCholFctrSym", "MatCholFctrNum"), "solves with the factors": ("MatSolve",)}
 OWN_EVENTS = {

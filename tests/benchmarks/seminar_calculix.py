@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from wedge_case import TETRAHEDRON10, TRIANGLE6, VTK_FROM_GMSH, elements, orient
 
 from geometries import SeminarActuator
-from measurement.units import pascal_per_cm
+from softmodels.common.units import pascal_per_cm
 from softmodels.materials.laws import Yeoh
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.body import Body
@@ -45,7 +45,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import PathEnd
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 PATIENT = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 40, 9, 60, 10, 4, , 10\n"
 """Lets Newton's method fall slowly: displacements alone take it over ten iterations at Poisson's ratio 0.49."""

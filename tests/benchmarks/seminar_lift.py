@@ -27,8 +27,8 @@ from pathlib import Path
 import numpy as np
 
 import softmodels as sm
-from geometries.parameters import parameter
-from softmodels.design.evaluator import evaluator
+from geometries.actuator import parameter
+from softmodels.design.model import evaluator
 from softmodels.design.problem import DesignProblem
 from softmodels.mechanics.mpi import start
 

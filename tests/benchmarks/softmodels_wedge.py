@@ -21,7 +21,7 @@ from softmodels.mechanics.mpi import start
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 
 def main() -> None:

@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 
 from measurement.outline.outline import Outline
-from measurement.screen.grid_error import GridError
+from measurement.screen.grid import GridError
 
 FOLDER = Path(__file__).parent.parent / "measurement"
 NORMAL = 1.959964

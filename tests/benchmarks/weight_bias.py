@@ -19,15 +19,15 @@ from matplotlib.figure import Figure
 import softmodels as sm
 from geometries import Actuator, HollowDisk, Membrane
 from softmodels.case.case import Case
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.measured_device import MeasuredDevice
-from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
+from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
+from softmodels.fitting.problem import LawChoice
+from softmodels.mechanics.component import Component
 from softmodels.mechanics.loads import Gravity, Mass
 from softmodels.mechanics.mpi import start
-from softmodels.mechanics.parts import Part
 
 DOWN = Gravity("-z")
-DEVICES: dict[str, tuple[Actuator, tuple[Part, ...], tuple[float, ...]]] = {
+DEVICES: dict[str, tuple[Actuator, tuple[Component, ...], tuple[float, ...]]] = {
     "default disk, 6 mm": (HollowDisk(section="axisymmetric"), (DOWN,), (0.08, 0.17, 0.26, 0.36, 0.46)),
     "thin disk, 2 mm": (HollowDisk.variant("shadow", section="axisymmetric"), (DOWN,), (0.01, 0.03, 0.06, 0.1, 0.13)),
     "membrane, 1 mm": (Membrane(clamp_width=0.005), (DOWN,), (0.005, 0.015, 0.03, 0.05, 0.07)),
@@ -45,14 +45,14 @@ HALF = 1.959964
 
 
 def without_weight(
-    device: Actuator, parts: tuple[Part, ...], shares: tuple[float, ...], modulus: float
+    device: Actuator, parts: tuple[Component, ...], shares: tuple[float, ...], modulus: float
 ) -> tuple[float, float, bool]:
     """Error of the modulus and half its 95 % interval, in percent, and whether the fit may be used."""
     law = sm.NeoHookean(modulus, 0.49)
     case = Case("device", device, law, pressures_cm=(1.0,), parts=parts)
     model = MeasuredDevice.of(case).model(LAW, start())
     values = {"shear_modulus": modulus}
-    outlines = simulated_outlines(model, values, [share * modulus for share in shares], Camera())
+    outlines = simulated_outlines(model, values, [share * modulus for share in shares], SimulatedCamera())
     plain = Case("device", device, law, pressures_cm=(1.0,))
     found = sm.fit(plain, outlines, "neo-hookean", sm.FitOptions(poisson=0.49, profiles=False)).chosen
     off, width = found.fit.values["shear_modulus"] / modulus - 1, HALF * found.fit.error("shear_modulus") / modulus

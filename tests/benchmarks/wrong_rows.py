@@ -26,16 +26,23 @@ import numpy as np
 
 from geometries import HollowDisk
 from measurement.outline.outline import Outline
-from softmodels.fitting.believable import expected, hold_against
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.bench import LEAK_ERROR, PRESSURE_SCALE_ERROR, SCALE_ERROR, ZERO_ERROR, Bench
-from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, fit_heights
-from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
+from softmodels.fitting.comparison import FittedLaw, expected, hold_against
+from softmodels.fitting.outlines.fit import try_outlines
+from softmodels.fitting.outlines.residuals import (
+    LEAK_ERROR,
+    PRESSURE_SCALE_ERROR,
+    SCALE_ERROR,
+    ZERO_ERROR,
+    Bench,
+    Height,
+    HeightResiduals,
+    OutlineResiduals,
+    check_heights,
+    least_squares_of_heights,
+)
 from softmodels.fitting.outlines.shapes import prepare
-from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
-from softmodels.fitting.outlines.trials import try_outlines
-from softmodels.fitting.problem import FitError
-from softmodels.fitting.tables import FittedLaw
+from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
+from softmodels.fitting.problem import FitError, LawChoice
 from softmodels.materials.stability import judge
 from softmodels.mechanics.mpi import start
 
@@ -51,7 +58,7 @@ Damage = Callable[[Series, np.random.Generator], tuple[Series, set[str]]]
 
 
 def device(cell_size: float = 0.006):
-    from softmodels.fitting.outlines.device_model import DeviceModel
+    from softmodels.fitting.outlines.device import DeviceModel
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
@@ -72,7 +79,7 @@ def clean_series(inflation, rng: np.random.Generator) -> tuple[Series, dict[str,
     """Outlines of a silicone as published curves of Ecoflex 00-30 have it, and its numbers."""
     truth = {"c1": rng.uniform(11.5e3, 14.5e3), "c2": rng.uniform(50.0, 900.0), "c3": 0.0}
     pressures = np.linspace(rng.uniform(15.0, 25.0), rng.uniform(120.0, 177.0), int(rng.integers(6, 11))) * CM
-    camera = Camera(spacing=5e-5, error=8e-6, run=8.0, pressure_error=10.0, bench=bench_of(rng))
+    camera = SimulatedCamera(spacing=5e-5, error=8e-6, run=8.0, pressure_error=10.0, bench=bench_of(rng))
     made = simulated_outlines(inflation, truth, pressures, camera, rng=rng)
     return [dataclasses.replace(one, source=f"{i}.jpg") for i, one in enumerate(made)], truth
 
@@ -178,10 +185,10 @@ def heights_alone(inflation, repeats: int) -> None:
         inside: dict[str, list[bool]] = {"c1": [], "c2": []}
         scatter: dict[str, list[bool]] = {"c1": [], "c2": []}
         for _ in range(repeats):
-            camera = Camera(spacing=5e-5, error=8e-6, run=8.0, pressure_error=10.0, bench=bench_of(rng))
+            camera = SimulatedCamera(spacing=5e-5, error=8e-6, run=8.0, pressure_error=10.0, bench=bench_of(rng))
             made = simulated_outlines(inflation, truth, np.linspace(18.0, 177.0, count) * CM, camera, rng=rng)
             heights = [Height(o.source, o.pressure, o.height, o.pressure_error, o.height_error) for o in made]
-            found = fit_heights(
+            found = least_squares_of_heights(
                 HeightResiduals(inflation, check_heights(heights, inflation.silhouette.width)), changes=HOLD
             )
             for kept, fit in ((inside, found), (scatter, dataclasses.replace(found, shared=None))):

@@ -7,18 +7,17 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.case.case import Case
-from softmodels.design.loads import Load
+from softmodels.design.loads import JudgedLoad
 from softmodels.design.model import DesignModel
-from softmodels.design.quantities.geometric import Clearances
+from softmodels.design.quantities.geometric import AddedVolume, Clearances, Mass, StoredEnergy
 from softmodels.design.quantities.limits import LimitMargin
 from softmodels.design.quantities.peaks import PeakStretch, PeakVonMises
 from softmodels.design.quantities.places import Place, Rise
-from softmodels.design.quantities.volumes import AddedVolume, Mass, StoredEnergy
 from softmodels.materials.laws import NeoHookean
 
 WORKING = 2000.0
 """Pa; a thin disk of this silicone balloons at 3.4 kPa."""
-PAST = Load("volume", 40e-6)
+PAST = JudgedLoad("volume", 40e-6)
 """Far past the limit point."""
 SILICONE = NeoHookean(20e3, 0.49)
 

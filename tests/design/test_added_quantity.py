@@ -11,7 +11,7 @@ import pytest
 from softmodels.case.case import Case
 from softmodels.design.problem import DesignProblem
 from softmodels.design.quantities import QUANTITIES, Quantity, quantity
-from softmodels.design.quantities.forms import FormMeasure
+from softmodels.design.quantities.base import FormMeasure
 from softmodels.materials.laws import NeoHookean
 
 

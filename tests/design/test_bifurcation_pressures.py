@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from geometries.parameters import changed
-from softmodels.design.adjoint import Adjoint
-from softmodels.design.bifurcations import Bifurcations, Cubic
-from softmodels.design.designed_body import DesignedBody
+from geometries.actuator import changed
+from softmodels.design.body import DesignedBody
+from softmodels.design.gradients import Adjoint, Bifurcations, Cubic
 from softmodels.materials.laws import Yeoh
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.quantities import AddedVolume
+from softmodels.path.points import AddedVolume
 
 TWIN = HollowDisk.variant("shadow", section="axisymmetric", base=0.002, wall=0.015, cell_size=0.003)
 LAW = Yeoh(10e3, 20.0, 3.0, 0.495)

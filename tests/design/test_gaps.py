@@ -9,8 +9,8 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.design.problem import DesignProblem
 from softmodels.design.quantities.gaps import SHARPNESS, LeastGap
-from softmodels.mechanics.walls.part import Walls
-from softmodels.results import self_contact as surface
+from softmodels.mechanics.walls import Walls
+from softmodels.runs import self_contact as surface
 
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
 FOLDS = sm.Bellows(convolutions=2, cell_size=0.004, through=1.0)
@@ -36,7 +36,7 @@ def test_it_lies_below_the_least_gap_by_little(designed, comm):
     here = model.evaluate(model.start)
     run = sm.run(Case("folds", FOLDS, model.case.material, pressures_cm=(0.0, 200.0 / 95.12405), water_density=970.0))
     end = run.last
-    found = surface.Walls(end.points, end.cells, end.cell_name).least(end.displacement, 0.006)
+    found = surface.FacingWalls(end.points, end.cells, end.cell_name).least(end.displacement, 0.006)
     assert found is not None
     least, smooth = found.value, here.values[LeastGap(at=200.0).key]
     assert run.pressure[-1] == pytest.approx(200.0, rel=1e-4)

@@ -9,16 +9,16 @@ import pytest
 
 from geometries import Balloon, Bellows, Cylinder, HollowDisk, Membrane, SeminarActuator
 from softmodels.case.case import Case
-from softmodels.design import meshed_design
-from softmodels.design.evaluation import DesignFailure
-from softmodels.design.loads import Load
+from softmodels.design import model as model_module
+from softmodels.design.loads import JudgedLoad
 from softmodels.design.model import DesignModel
 from softmodels.design.quantities.forces import BlockedForce, Stiffness
+from softmodels.design.quantities.geometric import AddedVolume, Mass
 from softmodels.design.quantities.limits import LimitPressure
 from softmodels.design.quantities.peaks import PeakStretch
 from softmodels.design.quantities.places import DeviceFigure, Rise
-from softmodels.design.quantities.volumes import AddedVolume, Mass
 from softmodels.design.states import WorkingStates
+from softmodels.design.trials import DesignFailure
 from softmodels.materials.laws import NeoHookean, Yeoh
 
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
@@ -27,7 +27,7 @@ LENGTHS = (
     "profile[1]", "profile[2]", "profile[3]",
 )  # fmt: skip
 WORKING = 2000.0
-PAST = Load("volume", 40e-6)
+PAST = JudgedLoad("volume", 40e-6)
 
 
 @pytest.mark.parametrize("name", LENGTHS)
@@ -47,7 +47,7 @@ def test_membranes(designed, second_order, comm, name):
         AddedVolume(at=1000.0),
         PeakStretch(at=1000.0),
         Mass(),
-        Rise(at=Load("volume", 3e-6)),
+        Rise(at=JudgedLoad("volume", 3e-6)),
     )
     names = ("radius", "thickness", "clamp_width", "plate_radius", "rings[1]", "ring_thickness")
     # A percent of a ring's radius is four of its width.
@@ -205,7 +205,7 @@ def test_a_poor_mesh_is_made_anew_and_its_states_are_interpolated(comm, monkeypa
     traced = []
     trace = WorkingStates.trace
     monkeypatch.setattr(WorkingStates, "trace", lambda states: traced.append(states) or trace(states))
-    monkeypatch.setattr(meshed_design, "POOREST", 0.55)
+    monkeypatch.setattr(model_module, "POOREST", 0.55)
     there = model.evaluate(model.start * (0.5, 1.1))
     assert there.remeshed and not traced
     monkeypatch.undo()

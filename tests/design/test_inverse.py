@@ -9,7 +9,7 @@ import pytest
 
 from geometries import HollowDisk, SeminarActuator
 from softmodels.case.case import Case
-from softmodels.design.loads import Load
+from softmodels.design.loads import JudgedLoad
 from softmodels.design.model import DesignModel
 from softmodels.design.optimise import optimise
 from softmodels.design.problem import DesignProblem
@@ -43,7 +43,7 @@ def outline_of(disk, comm):
     names, asked = tuple(TRUTH), Outline(points=((0.0, 0.0),) * 3, at=AT)
     model = DesignModel(case_of(disk), names, (asked,), comm)
     model.evaluate(np.array(list(TRUTH.values())))
-    measure, state = model.meshed.measures[asked], model.meshed.states.states[Load.of(AT)]
+    measure, state = model.meshed.measures[asked], model.meshed.states.states[JudgedLoad.of(AT)]
     measure.silhouette.follow()
     curve = measure.silhouette.curve(state)
     s = np.linspace(-0.9, 0.9, 5)

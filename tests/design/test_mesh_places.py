@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.spatial
 
-from softmodels.design.mesh_places import EDGES, Places
+from softmodels.design.states import EDGES, Places
 
 
 def mesh(d, bend):

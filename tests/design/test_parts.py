@@ -6,17 +6,15 @@ import pytest
 
 import softmodels as sm
 from geometries import Cylinder, HollowDisk, Membrane
-from geometries.parameters import parameter
+from geometries.actuator import parameter
 from softmodels.case.case import Case
-from softmodels.design.errors import DesignError
-from softmodels.design.loads import Load
+from softmodels.design.loads import DesignError, JudgedLoad
 from softmodels.design.problem import DesignProblem
 from softmodels.design.quantities.forces import Stiffness
+from softmodels.design.quantities.geometric import AddedVolume, StoredEnergy
 from softmodels.design.quantities.limits import LimitPressure
 from softmodels.design.quantities.places import DeviceFigure, Rise
-from softmodels.design.quantities.volumes import AddedVolume, StoredEnergy
-from softmodels.mechanics.fabric import Fabric
-from softmodels.mechanics.fibres import Fibres
+from softmodels.mechanics.fibres import Fabric, Fibres
 
 TAYLOR = "Taylor's remainder with parts on the boundary"
 LAW = sm.NeoHookean(20e3, 0.49)
@@ -27,7 +25,7 @@ def test_a_plate_on_a_membrane(designed, second_order, comm, name):
     """Free to rise: under pressures, under a volume, and at the limit point."""
     membrane = Membrane(cell_size=0.004, through=2.0, plate_radius=0.006)
     quantities = (
-        Rise(at=1000.0), AddedVolume(at=1000.0), StoredEnergy(at=1000.0), Rise(at=Load("volume", 3e-6)), LimitPressure(),
+        Rise(at=1000.0), AddedVolume(at=1000.0), StoredEnergy(at=1000.0), Rise(at=JudgedLoad("volume", 3e-6)), LimitPressure(),
     )  # fmt: skip
     parts = (sm.Rigid("plate", name="plate"),)
     model = designed(membrane, ("radius", "thickness", "plate_radius"), quantities, comm, parts)

@@ -11,7 +11,7 @@ import softmodels as sm
 from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
 from softmodels.design.quantities.peaks import PeakStretch, PeakVonMises
-from softmodels.results.peak import SHARE, volume_peak
+from softmodels.runs.state_values import SHARE, volume_peak
 
 WOUND = (sm.Fibres(on="outer", angle=75.0, helices=2, stiffness=10e3),)
 SILICONE = sm.NeoHookean(30e3, 0.49)

@@ -8,7 +8,7 @@ import numpy as np
 import openpyxl
 import pytest
 
-from softmodels.design.errors import DesignError
+from softmodels.design.loads import DesignError
 from softmodels.design.problem import DesignProblem
 from softmodels.design.quantities.composite import TipPath
 

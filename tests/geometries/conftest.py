@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometries import HollowDisk, kept_meshes
+from geometries import HollowDisk, meshing
 from geometries.meshing import private_model
 
 
@@ -17,7 +17,7 @@ from geometries.meshing import private_model
 def _meshed_anew(monkeypatch, request):
     """These tests are about making meshes; none is taken from those kept, but where that is what is tested."""
     if "made" not in request.fixturenames:
-        monkeypatch.setattr(kept_meshes, "take", lambda actuator, path: False)
+        monkeypatch.setattr(meshing, "load_cached_mesh", lambda actuator, path: False)
 
 
 @dataclasses.dataclass

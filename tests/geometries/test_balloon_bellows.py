@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geometries import Balloon, Bellows, GeometryError
-from geometries.table import from_table, to_table
+from geometries.registry import from_table, to_table
 
 DEVICES = {
     "balloon": Balloon(),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geometries import Beam, GeometryError
-from geometries.table import from_table, to_table
+from geometries.registry import from_table, to_table
 
 COARSE = {"length": 0.020, "cell_size": 0.005}
 OPEN = {"quarter": ("plane0", "plane1"), "half": ("plane0", "bottom"), "full": ("bottom",)}

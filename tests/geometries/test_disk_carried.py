@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from geometries import GeometryError, HollowDisk
-from geometries.disk_outline import outline
-from geometries.parameters import changed, parameter
+from geometries.actuator import changed, parameter
+from geometries.disk import outline
 
 SHADOW = HollowDisk.variant("shadow", section="axisymmetric", support="base")
 DISKS = {

@@ -9,10 +9,9 @@ import pytest
 from scipy.integrate import quad
 
 from geometries import HollowDisk
-from geometries.disk_cells import expected_cells, membrane_sizes
-from geometries.membrane_profile import MembraneTop
+from geometries.disk import MembraneTop, expected_cells, membrane_sizes
 from geometries.meshing import private_model
-from geometries.table import from_table, to_table
+from geometries.registry import from_table, to_table
 
 WAVY = (0.5, 2.0, 0.7, 1.4)
 DISKS = {

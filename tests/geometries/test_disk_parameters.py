@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from geometries import ACTUATORS, GeometryError, HollowDisk
-from geometries.disk_cells import expected_cells
-from geometries.imported_part import ImportedPart
-from geometries.options import device_from, from_table, to_table
+from geometries.disk import expected_cells
+from geometries.imported.part import ImportedPart
+from geometries.registry import device_from, from_table, to_table
 
 REFUSED = [
     ({"cavity_radius": -0.01}, "cavity_radius", "-10 mm"),

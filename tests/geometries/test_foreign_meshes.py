@@ -8,9 +8,8 @@ import meshio
 import pytest
 
 from geometries import GeometryError, HollowDisk, MeshFileError
-from geometries.foreign_meshes import read_mesh, read_surfaces
-from geometries.mesh_files import load_mesh
-from geometries.meshing import private_model, summarize
+from geometries.imported.mesh import read_mesh, read_surfaces
+from geometries.meshing import load_mesh, private_model, summarize
 
 SCRIPT = 'SystemCall "touch {}";\n'
 
@@ -91,7 +90,7 @@ def test_only_the_checked_way_leads_to_gmsh(request):
         for number, line in enumerate(file.read_text().splitlines(), 1)
         if "gmsh.merge(" in line or "gmsh.open(" in line or ("importShapes(" in line and "format=" not in line)
     ]
-    assert [call.split(":")[0] for call in calls] == ["geometries/mesh_files.py"]
+    assert [call.split(":")[0] for call in calls] == ["geometries/meshing.py"]
 
 
 DECK = """*NODE

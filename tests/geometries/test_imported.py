@@ -10,7 +10,7 @@ import pytest
 
 from geometries import GeometryError, ImportedActuator
 from geometries.meshing import private_model, summarize
-from geometries.options import from_table, to_table
+from geometries.registry import from_table, to_table
 
 CAVITIES = ("at 10, 0, 3 mm", "at 20, 0, 6 mm")
 CHOICES = {"cavities": CAVITIES, "support": "x = 0 mm", "planes": ("y = 0 mm",), "cell_size": 0.004}

@@ -9,7 +9,7 @@ import pytest
 
 from geometries import GeometryError, ImportedActuator, ImportedMesh
 from geometries.meshing import private_model, summarize
-from geometries.options import from_table, to_table
+from geometries.registry import from_table, to_table
 
 CHOICES = {
     "cavities": ("at 10, 0, 3 mm", "at 20, 0, 6 mm"),

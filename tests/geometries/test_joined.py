@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy
 
-from geometries.joined import joined, joined_by
+from geometries.actuator import joined, joined_by
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2, 0.45, 0.55, 1.0, 3.0])

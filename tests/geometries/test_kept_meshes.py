@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from geometries import HollowDisk, kept_meshes, meshing
+from geometries import HollowDisk, meshing
 
 SECTION = HollowDisk(section="axisymmetric", cell_size=0.006, refinement=1.0)
 
@@ -42,7 +42,7 @@ def test_another_device_is_meshed(change, made, tmp_path):
 
 def test_what_another_mesher_made_is_not_taken(made, monkeypatch, tmp_path):
     SECTION.write(tmp_path / "one.msh")
-    monkeypatch.setattr(kept_meshes, "_mesher", lambda: "another version")
+    monkeypatch.setattr(meshing, "_mesher", lambda: "another version")
     SECTION.write(tmp_path / "one.msh")
     assert len(made) == 2
 
@@ -55,12 +55,12 @@ def test_a_class_from_elsewhere_is_not_kept(made, tmp_path):
     own = Own(section="axisymmetric", cell_size=0.006, refinement=1.0)
     for _ in range(2):
         own.write(tmp_path / "own.msh")
-    assert len(made) == 2 and not kept_meshes.folder().exists()
+    assert len(made) == 2 and not meshing.folder().exists()
 
 
 def test_a_kept_mesh_that_ends_early_is_made_anew(made, tmp_path):
     whole = SECTION.write(tmp_path / "one.msh").read_bytes()
-    (kept,) = kept_meshes.folder().glob("*.msh")
+    (kept,) = meshing.folder().glob("*.msh")
     kept.write_bytes(whole[:5000])
     assert SECTION.write(tmp_path / "two.msh").read_bytes() == whole == kept.read_bytes() and len(made) == 2
 
@@ -75,7 +75,7 @@ def test_a_cache_that_cannot_be_written_is_no_failure(made, monkeypatch, tmp_pat
 def test_what_is_unused_for_longest_goes_first(made, monkeypatch, tmp_path):
     others = [dataclasses.replace(SECTION, membrane=0.001 * k) for k in (6, 7, 8)]
     size = others[0].write(tmp_path / "one.msh").stat().st_size
-    monkeypatch.setattr(kept_meshes, "MOST_KEPT", int(2.5 * size))
+    monkeypatch.setattr(meshing, "MOST_KEPT", int(2.5 * size))
     time.sleep(0.02)
     others[1].write(tmp_path / "one.msh")
     time.sleep(0.02)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geometries import GeometryError, Membrane
-from geometries.table import from_table, to_table
+from geometries.registry import from_table, to_table
 
 RINGS = (0.011, 0.013, 0.015, 0.017)
 SECTIONS = {

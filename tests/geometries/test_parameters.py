@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from geometries import GeometryError, HollowDisk, SeminarActuator
-from geometries.designable import Designable
-from geometries.fields import length_field, list_field, number_field
-from geometries.parameters import changed, parameter, parameter_names
+from geometries.actuator import Designable, changed, parameter, parameter_names
+from softmodels.common.schema import length_field, list_field, number_field
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from geometries import GeometryError, PneuNet
+from geometries.actuator import changed
 from geometries.meshing import private_model, summarize
-from geometries.options import from_table, to_table
-from geometries.parameters import changed
-from geometries.pneunet_plan import gap_floor, half_width
+from geometries.pneunet import gap_floor, half_width
+from geometries.registry import from_table, to_table
 
 SHAPES = {
     "default": PneuNet(),

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from geometries import Balloon, Bellows, Cylinder, GeometryError, Membrane
-from geometries.cylinder_outline import outline
-from geometries.parameters import changed, parameter
+from geometries.actuator import changed, parameter
+from geometries.cylinder import outline
 
 DEVICES = {
     "membrane": Membrane(),

@@ -10,10 +10,16 @@ import numpy as np
 import pytest
 
 from geometries import GeometryError, SeminarActuator
+from geometries.actuator import parameter_names
 from geometries.meshing import private_model, summarize
-from geometries.options import device_options, device_told, from_table, to_table
-from geometries.parameters import parameter_names
-from geometries.seminar_plan import edge_distance, fan, half_fan, outline_area
+from geometries.registry import from_table, to_table
+from geometries.seminar import (
+    edge_distance,
+    fan,
+    half_fan,
+    outline_area,
+)
+from softmodels.common.options import device_options, device_told
 
 COARSE = {"around": 5.0, "channels": 3, "spread": 60.0}
 

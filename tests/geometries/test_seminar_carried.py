@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from geometries import GeometryError, HollowDisk, SeminarActuator
+from geometries.actuator import changed, parameter, parameter_names
 from geometries.meshing import private_model
-from geometries.parameters import changed, parameter, parameter_names
-from geometries.seminar_junction import Junction
-from geometries.seminar_plan import edge_distance, half_fan, side
-from geometries.seminar_shape import MM, _role, half_slab
+from geometries.seminar import MM, Junction, _role, edge_distance, half_fan, half_slab, side
 
 COARSE = {"around": 5.0, "channels": 3, "spread": 60.0}
 SLABS = {

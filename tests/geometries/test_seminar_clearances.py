@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from geometries import GeometryError, SeminarActuator
-from geometries.parameters import changed, parameter
-from geometries.seminar_checks import check_seminar
-from geometries.seminar_plan import half_fan
+from geometries.actuator import changed, parameter
+from geometries.seminar import check_seminar, half_fan
 
 SLABS = {
     "common": SeminarActuator(),

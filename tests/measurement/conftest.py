@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from measurement.synthetic.boards import charuco, chessboard
+from measurement.synthetic.photographer import charuco, chessboard
 
 
 @pytest.fixture(scope="session")

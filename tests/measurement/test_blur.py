@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.edge.blur import check_blur
-from measurement.edge.edge import Edge
+from measurement.edge.edge import Edge, check_blur
 
 SCALE = 30e-6
 

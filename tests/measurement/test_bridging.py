@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.edge.bridging import smoothed
-from measurement.edge.edge import Edge
-from measurement.outline.ripples import check_ripples, highest_ripple
+from measurement.edge.edge import Edge, smoothed
+from measurement.outline.checks import check_ripples, highest_ripple
 
 RADIUS, SPACING, NOISE = 900.0, 3.0, 0.06
 

@@ -11,9 +11,8 @@ from click.testing import CliRunner
 
 from measurement.__main__ import main
 from measurement.camera.camera import Camera
-from measurement.camera.corners import straightened_corners
-from measurement.screen import boards, calibration
-from measurement.screen.boards import corner_reach, find_chessboard
+from measurement.screen import calibration
+from measurement.screen.calibration import corner_reach, find_chessboard, straightened_corners
 from measurement.synthetic.photographer import Scene, truth_of
 
 POSES = [(20, 0), (-25, 10), (5, 30), (10, -30), (-15, -20), (0, 35), (30, 5), (-30, -10)]
@@ -75,9 +74,11 @@ def test_errors_by_distance_are_kept_in_files():
 
 
 def test_command_tells_of_real_boards(tmp_path, shared_data, figure):
-    boards = sorted(shared_data("chessboards").glob("left*.jpg"))
+    calibration = sorted(shared_data("chessboards").glob("left*.jpg"))
     output = tmp_path / "camera.toml"
-    done = CliRunner().invoke(main, ["calibrate", *map(str, boards), __file__, "--pitch", "25mm", "-o", str(output)])
+    done = CliRunner().invoke(
+        main, ["calibrate", *map(str, calibration), __file__, "--pitch", "25mm", "-o", str(output)]
+    )
     assert done.exit_code == 3
     assert len(re.findall(r"left\d\d.jpg: 0\.\d\d px", done.stdout)) == 7
     assert f"{__file__}: refused, the file is no picture" in done.stderr
@@ -110,11 +111,11 @@ def test_boards_are_searched_in_reduced_pictures_first(monkeypatch, square, side
         return search(gray, *args, **options)
 
     monkeypatch.setattr(cv2, "findChessboardCornersSB", watched)
-    monkeypatch.setattr(boards, "SEARCHED", (900,))
+    monkeypatch.setattr(calibration, "SEARCHED", (900,))
     image = sheet(square)
     found = find_chessboard(image)
     assert searched == sides
-    monkeypatch.setattr(boards, "SEARCHED", ())
+    monkeypatch.setattr(calibration, "SEARCHED", ())
     assert found.px == pytest.approx(find_chessboard(image).px, abs=0.01)
 
 

@@ -11,8 +11,7 @@ import pytest
 
 from measurement.camera.camera import Camera, CameraError, frame_points
 from measurement.camera.lens import Exif, lens_profile, read_exif
-from measurement.screen.boards import find_chessboard
-from measurement.screen.calibration import calibrate
+from measurement.screen.calibration import calibrate, find_chessboard
 from measurement.synthetic.photographer import Scene, save, truth_of
 
 PUBLISHED_FOCAL = 535.91573396163199

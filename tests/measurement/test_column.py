@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.series.column import Column, ColumnError
+from measurement.series.photo_list import Column, ColumnError
 
 G = 9.80665
 

@@ -14,11 +14,17 @@ from PIL import Image
 
 from measurement.__main__ import main
 from measurement.outline.outline import Outline
-from measurement.series.copies import COPIED, copies, cut_out, likeness, prepared
-from measurement.synthetic import demo
+from measurement.series.measuring import (
+    COPIED,
+    copies,
+    cut_out,
+    likeness,
+    prepared,
+)
+from measurement.synthetic import photographer
 from measurement.synthetic.photographer import dome, dome_height, photograph, save
 
-SCENE = dataclasses.replace(demo.SCENE, width=1000, height=640, focal_px=1750.0, pixel_size=48e-6, dust=3)
+SCENE = dataclasses.replace(photographer.SCENE, width=1000, height=640, focal_px=1750.0, pixel_size=48e-6, dust=3)
 HEIGHTS = (0.0, 3.0, 4.0, 5.0, 6.0)
 COPIED_HEIGHT = 5.0
 
@@ -31,7 +37,7 @@ def shown(height, seed, grain=0.0, nudged=0.0, **scene):
         texture, np.float32([[1, 0, nudged], [0, 1, nudged]]), (1000, 640), borderMode=cv2.BORDER_REFLECT
     )
     return photograph(
-        dataclasses.replace(SCENE, **scene), dome(height * 1e-3, demo.RADIUS, floor=demo.FLOOR), seed,
+        dataclasses.replace(SCENE, **scene), dome(height * 1e-3, photographer.RADIUS, floor=photographer.FLOOR), seed,
         fault=lambda light, truth: light * (1.0 + grain / texture.std() * moved),
     )[0]  # fmt: skip
 

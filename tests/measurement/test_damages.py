@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from measurement.screen.grid_error import GridError
+from measurement.screen.grid import GridError
 from measurement.synthetic.bench import Bench
 from measurement.synthetic.damaged_run import Run
 from measurement.synthetic.verdict import Verdict

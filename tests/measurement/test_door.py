@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 import measurement
-from measurement.series.column import DENSITY_ERROR
-from measurement.synthetic.demo import make_photographs
-from measurement.units import quantity
+from measurement.series.photo_list import DENSITY_ERROR
+from measurement.synthetic.photographer import make_photographs
+from softmodels.common.units import quantity
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
-from measurement.camera.pixels import TONES, Unmeasurable
-from measurement.edge.bridging import smoothed
-from measurement.edge.edge import coarse_contour, refine_edge
+from measurement.camera.pictures import TONES, Unmeasurable
+from measurement.edge.edge import coarse_contour, refine_edge, smoothed
 from measurement.edge.profiles import Shading
 from measurement.edge.shadow import find_shadow
 

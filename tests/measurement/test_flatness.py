@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.screen.flatness import flatness, pieces_of
-from measurement.screen.grid_look import GridLook
+from measurement.screen.look import GridLook, flatness, pieces_of
 
 PITCH, NOISE = 9e-3, 4e-6
 EDGE = np.column_stack([np.linspace(-0.01, 0.01, 50), np.full(50, 1e-3)])

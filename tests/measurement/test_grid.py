@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from measurement.camera.camera import Camera
-from measurement.screen.boards import find_charuco, find_chessboard
-from measurement.screen.grid import find_grid
-from measurement.screen.grid_error import GridError
+from measurement.screen.calibration import find_charuco, find_chessboard
+from measurement.screen.grid import GridError, find_grid
 from measurement.synthetic.photographer import Scene, dome, photograph
 
 DOME = dome(0.006, floor=-0.002)

@@ -12,7 +12,7 @@ from scipy.special import ndtr
 from measurement.camera.camera import Camera
 from measurement.edge.tracing import trace_image
 from measurement.screen.grid import find_grid
-from measurement.screen.line_shape import LineShape
+from measurement.screen.look import LineShape
 from measurement.screen.setup import Setup
 from measurement.series.photo import outline_of, zero_of
 from measurement.synthetic.bench import Bench

@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 
 from measurement.__main__ import main
 from measurement.outline.outline import Outline
-from measurement.own_folder import OwnFolder
-from measurement.plain_text import plain
 from measurement.series.photo import Refusal
-from measurement.series.photo_pictures import draw_edge
-from measurement.synthetic import demo
+from measurement.series.pictures import draw_edge
+from measurement.synthetic import photographer
 from measurement.synthetic.photographer import Scene, photograph, save
+from softmodels.common.folders import OwnFolder
+from softmodels.common.terminal import plain
 
 
 def run(*words):
@@ -37,8 +37,8 @@ def bench(tmp_path_factory):
     """The grid, a photograph at rest, one of a dome called heights.jpg, their list and the setup."""
     folder = tmp_path_factory.mktemp("bench")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(demo, "HEIGHTS", np.array([0.0, 4e-3]))
-        demo.make_photographs(folder)
+        patch.setattr(photographer, "HEIGHTS", np.array([0.0, 4e-3]))
+        photographer.make_photographs(folder)
     (folder / "IMG_0102.JPG").rename(folder / "heights.jpg")
     listing = folder / "photos.csv"
     listing.write_text(listing.read_text().replace("IMG_0102.JPG", "heights.jpg"))

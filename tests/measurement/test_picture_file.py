@@ -13,18 +13,18 @@ from click.testing import CliRunner
 from PIL import Image, ImageCms
 
 from measurement.__main__ import main
-from measurement.camera import picture_file
+from measurement.camera import pictures
 from measurement.camera.lens import read_exif
-from measurement.camera.picture_file import PictureError, read_pixels
+from measurement.camera.pictures import PictureError, read_pixels
 from measurement.edge.tracing import trace
 from measurement.screen.setup import Setup
 from measurement.series.photo import find_zero, outline_of
-from measurement.synthetic import demo
+from measurement.synthetic import photographer
 from measurement.synthetic.photographer import Scene, dome, photograph, save
 
 SMALL = photograph(Scene(width=96, height=64, pixel_size=4e-4, noise=0.0, jpeg_quality=None), dome(8e-3), 1)[0]
 SCENE = dataclasses.replace(
-    demo.SCENE, width=1200, height=800, focal_px=2100.0, pixel_size=40e-6, dust=0, jpeg_quality=None
+    photographer.SCENE, width=1200, height=800, focal_px=2100.0, pixel_size=40e-6, dust=0, jpeg_quality=None
 )
 HEIGHT = 4e-3
 QUICK = {"preset": "ultrafast"}
@@ -181,7 +181,7 @@ def test_a_large_picture_is_read_and_one_beyond_the_memory_named(tmp_path, monke
     Image.fromarray(SMALL).save(tmp_path / "a.png")
     assert np.array_equal(read_pixels(tmp_path / "a.png"), SMALL)
     assert Image.MAX_IMAGE_PIXELS == 1000
-    monkeypatch.setattr(picture_file, "free_memory", lambda: 50e3)
+    monkeypatch.setattr(pictures, "free_memory", lambda: 50e3)
     with pytest.raises(
         PictureError, match=r"96 x 64 pixels; reading it takes about 0.0 GB of memory and 0.0 GB are free"
     ):
@@ -192,14 +192,14 @@ def test_a_large_picture_is_read_and_one_beyond_the_memory_named(tmp_path, monke
 def bench(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bench")
     save(folder / "grid.png", photograph(SCENE, None, seed=1)[0])
-    save(folder / "zero.png", photograph(SCENE, dome(0.0, floor=demo.FLOOR), seed=2)[0])
+    save(folder / "zero.png", photograph(SCENE, dome(0.0, floor=photographer.FLOOR), seed=2)[0])
     words = ["setup", folder / "grid.png", "--lens", "none", "-o", folder / "setup.toml"]
     assert CliRunner().invoke(main, list(map(str, words))).exit_code == 0
     setup = Setup.from_file(folder / "setup.toml")
     return (
         setup,
         find_zero(folder / "zero.png", setup),
-        photograph(SCENE, dome(HEIGHT, demo.RADIUS, floor=demo.FLOOR), 3)[0],
+        photograph(SCENE, dome(HEIGHT, photographer.RADIUS, floor=photographer.FLOOR), 3)[0],
     )
 
 

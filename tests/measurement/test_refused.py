@@ -18,12 +18,12 @@ from click.testing import CliRunner
 from scipy.special import ndtr
 
 from measurement.__main__ import main
-from measurement.synthetic import demo
+from measurement.synthetic import photographer
 from measurement.synthetic.photographer import Scene, dome, photograph, save
 
-SCENE = dataclasses.replace(demo.SCENE, width=1200, height=800, focal_px=2100.0, pixel_size=40e-6, dust=3)
-HEIGHT, FLOOR = 4e-3, demo.FLOOR
-DOME = dome(HEIGHT, demo.RADIUS, floor=FLOOR)
+SCENE = dataclasses.replace(photographer.SCENE, width=1200, height=800, focal_px=2100.0, pixel_size=40e-6, dust=3)
+HEIGHT, FLOOR = 4e-3, photographer.FLOOR
+DOME = dome(HEIGHT, photographer.RADIUS, floor=FLOOR)
 
 
 def run(*words):
@@ -96,7 +96,7 @@ PICTURES = {
     "finger before the lens": (lambda: pixels(fault=finger), "touches the frame"),
     "no shadow": (lambda: pixels(None), "no shadow|contrast"),
     "nothing but shadow": (lambda: pixels(dome(0.0, floor=0.1)), "no shadow|nothing but shadow|contrast"),
-    "bulge taller than the picture": (lambda: pixels(dome(0.04, demo.RADIUS, floor=FLOOR)), "touches the frame"),
+    "bulge taller than the picture": (lambda: pixels(dome(0.04, photographer.RADIUS, floor=FLOOR)), "touches the frame"),
     "bulge wider than the picture": (lambda: pixels(dome(9e-3, 0.06, floor=FLOOR)), "touches the frame"),
     "second lamp": (lambda: double(pixels(), pixels(DOME - [0.0, 1e-3])), "steps.* second lamp"),
     "blurred": (lambda: pixels(blur=8.0), "blurred over"),
@@ -142,11 +142,11 @@ UNSURE = {
 GOOD = {
     "plain": (lambda: pixels(), HEIGHT),
     "flat": (lambda: pixels(dome(0.0, floor=FLOOR)), 0.0),
-    "low": (lambda: pixels(dome(0.3e-3, demo.RADIUS, floor=FLOOR)), 0.3e-3),
-    "high": (lambda: pixels(dome(9e-3, demo.RADIUS, floor=FLOOR)), 9e-3),
-    "beside the middle": (lambda: pixels(dome(HEIGHT, demo.RADIUS, 2e-3, FLOOR)), HEIGHT),
+    "low": (lambda: pixels(dome(0.3e-3, photographer.RADIUS, floor=FLOOR)), 0.3e-3),
+    "high": (lambda: pixels(dome(9e-3, photographer.RADIUS, floor=FLOOR)), 9e-3),
+    "beside the middle": (lambda: pixels(dome(HEIGHT, photographer.RADIUS, 2e-3, FLOOR)), HEIGHT),
     "small": (lambda: pixels(dome(3e-3, 7e-3, floor=FLOOR)), 3e-3),
-    "on a grid line": (lambda: pixels(dome(-FLOOR, demo.RADIUS, floor=FLOOR)), -FLOOR),
+    "on a grid line": (lambda: pixels(dome(-FLOOR, photographer.RADIUS, floor=FLOOR)), -FLOOR),
     "dusty": (lambda: pixels(dust=25), HEIGHT),
     "vignetted": (lambda: pixels(unevenness=0.6), HEIGHT),
     "grey": (lambda: np.repeat(cv2.cvtColor(pixels(), cv2.COLOR_RGB2GRAY)[..., None], 3, axis=2), HEIGHT),
@@ -166,7 +166,7 @@ def written_files(folder):
     (folder / "short.jpg").write_bytes(whole[: len(whole) // 2])
     (folder / "text.jpg").write_text("this is no JPEG")
     (folder / "empty.jpg").write_bytes(b"")
-    save(folder / "copy one.jpg", pixels(dome(5e-3, demo.RADIUS, floor=FLOOR)))
+    save(folder / "copy one.jpg", pixels(dome(5e-3, photographer.RADIUS, floor=FLOOR)))
     (folder / "copy two.jpg").write_bytes((folder / "copy one.jpg").read_bytes())
     return {
         "short.jpg": "file is damaged",
@@ -192,7 +192,7 @@ def bench(tmp_path_factory):
             names[kind, name] = save(folder / f"{kind} {number}.jpg", np.ascontiguousarray(make())).name
     files = written_files(folder)
     # Good photographs stand at the pressures of one smooth course; where the others stand does not matter.
-    pressures = {names["good", name]: f"{demo.column(height):.2f}" for name, (_, height) in GOOD.items()}
+    pressures = {names["good", name]: f"{photographer.column(height):.2f}" for name, (_, height) in GOOD.items()}
     rows = [f"{name},{pressures.get(name, number + 1)} cm" for number, name in enumerate([*names.values(), *files])]
     (folder / "photos.csv").write_text("\n".join(["file,pressure", "zero.jpg,0 cm", *rows]) + "\n")
     done = measured(folder, folder / "photos.csv")

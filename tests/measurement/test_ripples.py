@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.outline.ripples import check_ripples, unsure
+from measurement.outline.checks import check_ripples, unsure
 
 
 def edge(bump=0.0, place=2e-3, noise=1.5e-6, seed=0):

@@ -12,7 +12,7 @@ from PIL import Image
 
 from measurement.__main__ import main
 from measurement.outline.outline import Outline
-from measurement.synthetic import demo
+from measurement.synthetic import photographer
 from measurement.synthetic.photographer import dome, dome_height, photograph, save
 
 DEMO = "the demonstration's photographs, 22 um per pixel, 28 degrees oblique"
@@ -24,8 +24,8 @@ def bench(tmp_path_factory):
     """A folder with the grid, a few heights and the setup made of them."""
     folder = tmp_path_factory.mktemp("bench")
     patch = pytest.MonkeyPatch()
-    patch.setattr(demo, "HEIGHTS", np.array(HEIGHTS))
-    demo.make_photographs(folder)
+    patch.setattr(photographer, "HEIGHTS", np.array(HEIGHTS))
+    photographer.make_photographs(folder)
     patch.undo()
     done = run("setup", folder / "IMG_0100.JPG", "--grid-pitch", "9mm", "--lens", "none", "-o", folder / "setup.toml")
     assert done.exit_code == 0, done.output
@@ -56,9 +56,15 @@ def test_heights_and_outlines_are_found_without_a_click(bench, tmp_path, figure)
         if height:
             # The outline counts x along the surface from a place of its own; the dome's summit tells where that is.
             summit = outline.x[np.argmax(outline.z)]
-            inside = np.abs(outline.x - summit) < demo.RADIUS
+            inside = np.abs(outline.x - summit) < photographer.RADIUS
             shift = min(
-                (np.sqrt(np.mean((outline.z - dome_height(outline.x - summit - s, height, demo.RADIUS))[inside] ** 2)))
+                (
+                    np.sqrt(
+                        np.mean(
+                            (outline.z - dome_height(outline.x - summit - s, height, photographer.RADIUS))[inside] ** 2
+                        )
+                    )
+                )
                 for s in np.linspace(-5e-4, 5e-4, 201)
             )
             figure(DEMO, "outlines, rms", shift * 1e6, 5.0, unit="um")
@@ -67,7 +73,7 @@ def test_heights_and_outlines_are_found_without_a_click(bench, tmp_path, figure)
 def spoiled(kind, folder):
     """A photograph that cannot be measured."""
     path = folder / "IMG_0200.JPG"
-    scene, shape = demo.SCENE, dome(4e-3, demo.RADIUS, floor=demo.FLOOR)
+    scene, shape = photographer.SCENE, dome(4e-3, photographer.RADIUS, floor=photographer.FLOOR)
     if kind == "not a picture":
         path.write_bytes(b"this is no JPEG")
     elif kind == "black":

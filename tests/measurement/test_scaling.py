@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from measurement.camera.camera import Camera
+from measurement.outline.checks import scaling_doubts, with_known_body
 from measurement.outline.outline import Outline
-from measurement.outline.scaling import doubts, with_known_body
-from measurement.outline.sides import Sides, sides_of
-from measurement.outline.zero import ZeroLine
+from measurement.outline.zero import Sides, ZeroLine, sides_of
 from measurement.screen.plane import Plane
 from measurement.screen.setup import Setup, SetupError
 
@@ -46,26 +45,26 @@ def run(larger, heights=HEIGHTS):
 
 
 def test_a_body_that_stood_still_is_trusted_and_so_is_one_whose_sides_give_way():
-    assert doubts(run(0.0)) == [None] * 6
-    assert doubts(run(1e-4 * np.array([0, 1, -1, 1, -1, 0]))) == [None] * 6
-    assert doubts(run(4.0 * HEIGHTS)) == [None] * 6
+    assert scaling_doubts(run(0.0)) == [None] * 6
+    assert scaling_doubts(run(1e-4 * np.array([0, 1, -1, 1, -1, 0]))) == [None] * 6
+    assert scaling_doubts(run(4.0 * HEIGHTS)) == [None] * 6
 
 
 def test_a_body_that_was_moved_after_the_zero_is_trusted_nowhere():
-    found = doubts(run(np.r_[0.0, np.full(5, 0.005)]))
+    found = scaling_doubts(run(np.r_[0.0, np.full(5, 0.005)]))
     assert found[0] is None
     assert all("0.50% farther apart" in doubt and "along the light since the zero" in doubt for doubt in found[1:])
 
 
 def test_a_body_that_was_moved_once_is_not_trusted_there():
-    found = doubts(run(np.array([0.0, 0.0, 0.0, -0.008, 0.0, 0.0])))
+    found = scaling_doubts(run(np.array([0.0, 0.0, 0.0, -0.008, 0.0, 0.0])))
     assert [doubt is None for doubt in found] == [True, True, True, False, True, True]
     assert "0.80% nearer" in found[3]
     assert "for this one" in found[3]
 
 
 def test_two_photographs_cannot_tell_a_soft_side_from_a_moved_body():
-    assert "or its sides give way" in doubts(run(0.01, np.array([0.0, 3e-3])))[1]
+    assert "or its sides give way" in scaling_doubts(run(0.01, np.array([0.0, 3e-3])))[1]
 
 
 def test_a_known_width_gives_the_magnification():

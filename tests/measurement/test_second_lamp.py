@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.camera.pixels import Unmeasurable
-from measurement.edge.edge import Edge
-from measurement.edge.penumbra import check_steps
+from measurement.camera.pictures import Unmeasurable
+from measurement.edge.edge import Edge, check_steps
 from measurement.edge.shadow import ShadowColour
 
 COLOUR = ShadowColour(np.full(3, 0.1), np.full(3, 0.8), np.eye(3) * 1e-4)

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from measurement.outline.checks import displacement, settling_doubts
 from measurement.outline.outline import Outline
-from measurement.outline.settling import doubts
-from measurement.outline.shape import displacement
-from measurement.outline.sides import Sides
-from measurement.outline.zero import ZeroLine
+from measurement.outline.zero import Sides, ZeroLine
 
 HEIGHTS = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 9.0]) * 1e-3
 X = np.linspace(-0.02, 0.02, 201)
@@ -30,7 +28,7 @@ def run(heights=HEIGHTS, moved=0.0, at=None, moved_at=0.0):
     sunk = np.where(raised, own(heights) + moved, 0.0)
     if at is not None:
         sunk[at] += moved_at
-    return doubts([outline(height, max(0.0, depth)) for height, depth in zip(heights, sunk, strict=True)])
+    return settling_doubts([outline(height, max(0.0, depth)) for height, depth in zip(heights, sunk, strict=True)])
 
 
 def test_a_soft_body_is_trusted():
@@ -39,7 +37,7 @@ def test_a_soft_body_is_trusted():
 
 
 def test_a_stiff_body_is_trusted_however_few_the_photographs():
-    assert doubts([outline(4e-3, 30e-6)]) == [None]
+    assert settling_doubts([outline(4e-3, 30e-6)]) == [None]
 
 
 @pytest.mark.parametrize("heights", [HEIGHTS, HEIGHTS[:6], HEIGHTS[1:5]], ids=len)
@@ -51,7 +49,7 @@ def test_a_body_moved_after_the_zero_photograph_is_not(heights):
 def test_a_lifted_body_that_sinks_back_as_it_rises_is_not_trusted():
     raised = HEIGHTS > 0.0
     sunk = np.where(raised, 0.03 * HEIGHTS - 0.155e-3, 0.0)
-    found = doubts([outline(height, depth) for height, depth in zip(HEIGHTS, sunk, strict=True)])
+    found = settling_doubts([outline(height, depth) for height, depth in zip(HEIGHTS, sunk, strict=True)])
     assert found[0] is None
     assert all("above the plane without any pressure" in doubt for doubt in found[1:])
     assert "above the zero plane" in found[1] and "below the zero plane" in found[-1]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from measurement.camera.pixels import Unmeasurable
+from measurement.camera.pictures import Unmeasurable
 from measurement.edge.shadow import check_exposure, chi_square_limit, find_shadow, learn_colour, robust_covariance
 
 DARK, LIT = np.array([0.08, 0.09, 0.11]), np.array([0.7, 0.68, 0.6])

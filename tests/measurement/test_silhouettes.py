@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
-from measurement.camera.pixels import TONES, Unmeasurable, read_photograph
+from measurement.camera.pictures import TONES, Unmeasurable, read_photograph
 from measurement.edge.edge import coarse_contour, refine_edge
 from measurement.edge.profiles import Shading
 from measurement.edge.shadow import find_shadow

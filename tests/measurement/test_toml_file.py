@@ -7,9 +7,10 @@ import re
 import pytest
 
 from measurement.screen.setup import Setup, SetupError
-from measurement.toml_file import TomlError, numbers, read_toml
-from softmodels.case.case import Case, CaseError
-from softmodels.case.material_table import material_from
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.materials import material_from
+from softmodels.common.toml_file import TomlError, numbers, read_toml
 from softmodels.materials.laws import MaterialError
 
 BROKEN = {

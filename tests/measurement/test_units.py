@@ -6,9 +6,14 @@ import random
 
 import pytest
 
-from measurement import units
-from measurement.common_units import FACTORS
-from measurement.units import UnitError, exact_text, number, quantity
+from softmodels.common import units
+from softmodels.common.units import (
+    FACTORS,
+    UnitError,
+    exact_text,
+    number,
+    quantity,
+)
 
 READ = [
     ("20 mm", "m", 0.02),

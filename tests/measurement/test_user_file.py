@@ -8,14 +8,19 @@ import pytest
 
 from measurement.camera.camera import CameraError
 from measurement.camera.lens import _database_file
-from measurement.camera.picture_file import PictureError, read_pixels
-from measurement.folder_lock import FolderLock
+from measurement.camera.pictures import PictureError, read_pixels
 from measurement.outline.outline import Outline, OutlineError
-from measurement.output_file import has_table, is_drawn
-from measurement.own_files import replace_text
 from measurement.series.photo_list import PhotoListError, read_photos
-from measurement.toml_file import TomlError, read_toml
-from measurement.user_file import UserFileError, check_file, file_digest, read_file, read_text
+from softmodels.common.files import (
+    UserFileError,
+    check_file,
+    file_digest,
+    read_file,
+    read_text,
+    replace_text,
+)
+from softmodels.common.folders import FolderLock, has_table, is_drawn
+from softmodels.common.toml_file import TomlError, read_toml
 
 
 @pytest.fixture(params=["pipe", "device", "link to a device", "folder"])

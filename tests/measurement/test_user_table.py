@@ -8,9 +8,14 @@ import zipfile
 import openpyxl
 import pytest
 
-from measurement import user_table
-from measurement.user_file import UserFileError
-from measurement.user_table import MAX_COLUMNS, pick, read_sheets, records
+from softmodels.common import tables
+from softmodels.common.files import UserFileError
+from softmodels.common.tables import (
+    MAX_COLUMNS,
+    pick,
+    read_sheets,
+    records,
+)
 
 
 def workbook(*rows, hidden=()):
@@ -74,8 +79,8 @@ def test_what_is_no_workbook_or_a_damaged_one_is_refused(data, tmp_path):
 def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
     """A thousandth of what it unpacks to."""
     bomb = changed(BOOK, "docProps/app.xml", lambda text: "0" * 11_000_000)
-    monkeypatch.setattr(user_table, "TEXT", 10_000_000)
-    monkeypatch.setattr(user_table, "_read_workbook", None)
+    monkeypatch.setattr(tables, "TEXT", 10_000_000)
+    monkeypatch.setattr(tables, "_read_workbook", None)
     assert len(bomb) < 20_000
     with pytest.raises(UserFileError, match=r"unpacked, its sheets have 11.02 MB, and at most 10 MB are read"):
         read_sheets(table(tmp_path, bomb))
@@ -83,7 +88,7 @@ def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("many", ["<c/>" * 600_000, "<c " + " ".join(f'a{i}=""' for i in range(600_000)) + "/>"])
 def test_a_row_that_would_fill_the_memory_is_refused_before_it_is_parsed(many, tmp_path, monkeypatch):
-    monkeypatch.setattr(user_table, "_read_workbook", None)
+    monkeypatch.setattr(tables, "_read_workbook", None)
     data = changed(BOOK, SHEET, lambda text: text.replace("</row>", many + "</row>"))
     with pytest.raises(
         UserFileError, match="a row of its sheets, or its styles, have over 500000 parts; save it as CSV"

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from measurement.series.course import Course
 from measurement.series.overview import draw_heights
-from measurement.series.witness import course_of, doubts
+from measurement.series.witness import Course, course_of, doubts
 from measurement.synthetic.courses import COURSES, DAMAGES, Rows, damaged, run
 
 STEPS = np.linspace(0.0, 1.0, 9)

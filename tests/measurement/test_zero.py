@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from measurement.camera.camera import Camera
-from measurement.camera.pixels import Unmeasurable
-from measurement.outline.sides import Sides
-from measurement.outline.zero import ZeroLine, checked_level
+from measurement.camera.pictures import Unmeasurable
+from measurement.outline.zero import Sides, ZeroLine, checked_level
 from measurement.screen.plane import Plane
 from measurement.screen.setup import Setup
 from measurement.series import measuring as series

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from measurement.camera.camera import Camera
-from measurement.camera.pixels import Unmeasurable
+from measurement.camera.pictures import Unmeasurable
 from measurement.edge.tracing import AUTO, trace_image
+from measurement.outline.checks import with_known_body
 from measurement.outline.outline import Outline
-from measurement.outline.scaling import with_known_body
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
 from measurement.series.measuring import Result, judged

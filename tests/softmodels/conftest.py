@@ -17,11 +17,11 @@ import pytest
 from geometries import HollowDisk, SeminarActuator
 from geometries.meshing import private_model
 from softmodels.case.case import Case
-from softmodels.case.material_table import DEFAULT
+from softmodels.case.materials import DEFAULT
 from softmodels.cli.options import main
 from softmodels.pictures.offscreen import can_render
-from softmodels.results.row import Row
-from softmodels.results.store import Results
+from softmodels.runs.row import Row
+from softmodels.runs.store import Results
 
 DISK = ("-m", "softmodels.disk", "--section", "axisymmetric", "--no-pictures")
 SOFT = ("--variant", "shadow", "--pressure-cm", "0,52.5,52.9,60", "--quiet")

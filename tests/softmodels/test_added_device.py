@@ -16,15 +16,15 @@ import numpy as np
 import pytest
 
 from geometries import Actuator, GeometryError, Hold, HollowDisk, register
-from geometries.fields import length_field
 from softmodels.case.case import Case
 from softmodels.case.own_modules import VARIABLE
 from softmodels.cli.options import device_command, main
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.heights import Height, HeightResiduals, fit_heights
-from softmodels.fitting.outlines.measured_device import MeasuredDevice
-from softmodels.materials.homogeneous import sphere_pressure
+from softmodels.common.schema import length_field
+from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines.residuals import Height, HeightResiduals, least_squares_of_heights
+from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import NeoHookean
+from softmodels.materials.specimens import sphere_pressure
 from softmodels.pictures.offscreen import can_render
 
 
@@ -156,7 +156,7 @@ def test_its_material_is_fitted_to_its_heights(comm):
     heights = [Height(f"photo {k}", float(outer_pressure(true, rise)), rise) for k, rise in enumerate(rises)]
     case = Case("ball", BALL, LAW, pressures_cm=(1.0,))
     device = MeasuredDevice.of(case).model(LawChoice.from_text("neo-hookean"), comm)
-    fitted = fit_heights(HeightResiduals(device, heights))
+    fitted = least_squares_of_heights(HeightResiduals(device, heights))
     assert fitted.values["shear_modulus"] == pytest.approx(18e3, rel=1e-3)
 
 

@@ -13,10 +13,8 @@ from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.cli.run import run
 from softmodels.materials.laws import NeoHookean
-from softmodels.results.column import Column
-from softmodels.results.columns import COLUMNS, term
-from softmodels.results.forces import MEASURES, Measure
-from softmodels.results.output_fields import FIELDS, Extreme, OutputField
+from softmodels.runs.columns import COLUMNS, PathColumn, term
+from softmodels.runs.fields import FIELDS, MEASURES, Extreme, ForceMeasure, OutputField
 
 SMALLEST = OutputField(
     "smallest_stretch",
@@ -27,8 +25,10 @@ SMALLEST = OutputField(
     (Extreme("min_stretch", "smallest stretch", "where the silicone is pressed together most", least=True),),
 )
 RADIAL = OutputField("turned", "m", "displacement, turned", lambda at: at.displacement[:, [2, 0, 1]])
-MEAN = Column("mean_rise_mm", "mean rise", "of all nodes", lambda s: 1e3 * float(s.nodal["displacement"][:, 2].mean()))
-NODES = Measure(
+MEAN = PathColumn(
+    "mean_rise_mm", "mean rise", "of all nodes", lambda s: 1e3 * float(s.nodal["displacement"][:, 2].mean())
+)
+NODES = ForceMeasure(
     lambda sampling, state: {"nodes_here": float(sampling.grid.owned)}, {"nodes_here": ("nodes", "of a rank")}
 )
 

@@ -15,20 +15,24 @@ from click.testing import CliRunner
 
 from geometries import HollowDisk, PneuNet
 from softmodels.case.case import Case
-from softmodels.case.material_table import from_table, to_table
+from softmodels.case.materials import Region, from_table, to_table
 from softmodels.case.own_modules import own_modules
-from softmodels.case.region import Region
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.fit_curves import fit_curves
-from softmodels.fitting.law_parameters import LawChoice, all_laws
-from softmodels.fitting.options import FitOptions
-from softmodels.fitting.outlines.fit_device import fit
-from softmodels.fitting.outlines.measured_device import MeasuredDevice
-from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
-from softmodels.materials.homogeneous import nominal_stress, sphere_pressure
-from softmodels.materials.laws import NeoHookean
-from softmodels.materials.material import LAWS, Material, MaterialError, parameter, poissons_ratio, register
-from softmodels.materials.specimens import respond
+from softmodels.fitting.curves.fit import fit_curves
+from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines.fit import fit
+from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
+from softmodels.fitting.problem import FitOptions, LawChoice, all_laws
+from softmodels.materials.laws import (
+    LAWS,
+    Material,
+    MaterialError,
+    NeoHookean,
+    parameter,
+    poissons_ratio,
+    register,
+)
+from softmodels.materials.specimens import nominal_stress, respond, sphere_pressure
 
 SERIES = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 """Coefficients of Arruda & Boyce 1993, doi 10.1016/0022-5096(93)90013-6."""
@@ -138,7 +142,7 @@ def test_it_is_run_and_fitted_to_outlines(comm):
     choice = LawChoice.from_law(EightChain, 0.49)
     model = MeasuredDevice(disk).model(choice, comm)
     pressures = [25 * CM, 60 * CM, 100 * CM, 140 * CM]
-    camera = Camera(spacing=2e-4)
+    camera = SimulatedCamera(spacing=2e-4)
     outlines = simulated_outlines(model, TRUTH, pressures, camera)
     report = fit(disk, outlines, EightChain, FitOptions(poisson=0.49, profiles=False, silicone="any"), comm=comm)
     assert report.chosen.fit.converged

@@ -10,20 +10,25 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from geometries.fields import field_of
-from geometries.kinds import Quantity, Words
-from softmodels.case.case import Case, CaseError
-from softmodels.case.identity import difference, identity
+from softmodels.case.case import Case, difference, identity
+from softmodels.case.entries import CaseError
 from softmodels.cli.run import run
-from softmodels.mechanics.parts import PARTS, EnergyPart, PartError, Term, register_part
-from softmodels.results.columns import term
+from softmodels.common.schema import Quantity, Words, field_of
+from softmodels.mechanics.component import (
+    COMPONENTS,
+    ComponentError,
+    EnergyComponent,
+    EnergyTerm,
+    register_component,
+)
+from softmodels.runs.columns import term
 
 DISK = sm.HollowDisk(section="axisymmetric")
 LAW = sm.NeoHookean(28e3)
 
 
 @dataclasses.dataclass(frozen=True)
-class Springs(EnergyPart):
+class Springs(EnergyComponent):
     """A face on springs."""
 
     face: str = field_of(Words(), "face on springs")
@@ -33,11 +38,11 @@ class Springs(EnergyPart):
 
     def check(self):
         if self.stiffness <= 0.0:
-            raise PartError(f"{self.where}: the springs have no stiffness")
+            raise ComponentError(f"{self.where}: the springs have no stiffness")
 
     def check_on(self, actuator):
         if self.face not in actuator.faces:
-            raise PartError(f"{self.where}: {type(actuator).__name__} has no face {self.face!r}")
+            raise ComponentError(f"{self.where}: {type(actuator).__name__} has no face {self.face!r}")
 
     def term(self, setting):
         import ufl
@@ -50,7 +55,7 @@ class Springs(EnergyPart):
 
 
 @dataclasses.dataclass(eq=False)
-class Stored(Term):
+class Stored(EnergyTerm):
     """Springs that report their energy."""
 
     label: str
@@ -65,9 +70,9 @@ class Stored(Term):
 
 @pytest.fixture(autouse=True, scope="module")
 def registered():
-    register_part(Springs)
+    register_component(Springs)
     yield
-    del PARTS["springs"]
+    del COMPONENTS["springs"]
 
 
 def case(*parts):
@@ -147,10 +152,10 @@ def test_fits_know_that_it_keeps_its_stiffness(tmp_path):
 
 def test_what_only_the_mesh_refuses_is_bad_input(tmp_path, monkeypatch, capsys):
     def refused(self, setting):
-        raise PartError(f"{self.where}: not on this mesh")
+        raise ComponentError(f"{self.where}: not on this mesh")
 
     monkeypatch.setattr(Springs, "term", refused)
     assert run(case(Springs("top")), tmp_path / "run", quiet=True, draw=False) == 2
     assert "[springs]: not on this mesh" in capsys.readouterr().err
-    with pytest.raises(PartError, match="not on this mesh"):
+    with pytest.raises(ComponentError, match="not on this mesh"):
         sm.inflate(DISK, LAW, "0:20 cm", parts=[Springs("top")])

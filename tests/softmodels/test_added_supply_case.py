@@ -8,12 +8,17 @@ from typing import ClassVar
 import pytest
 
 from geometries import HollowDisk
-from geometries.fields import field_of
-from geometries.kinds import Quantity
-from softmodels.case.case import Case, CaseError, entries
+from softmodels.case.case import Case, entries
+from softmodels.case.entries import CaseError
+from softmodels.common.schema import Quantity, field_of
 from softmodels.materials.laws import NeoHookean
-from softmodels.path.air_supply import SUPPLIES, AirSupply, SupplyError, register
-from softmodels.path.syringe import Stroke
+from softmodels.path.supply import (
+    SUPPLIES,
+    AirSupply,
+    Stroke,
+    SupplyError,
+    register,
+)
 
 
 @dataclasses.dataclass(frozen=True)

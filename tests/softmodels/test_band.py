@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.case.case import Case, CaseError
-from softmodels.case.load_request import LoadRequest
-from softmodels.case.material_errors import MaterialErrors, SourceBand, band_of
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.load import LoadRequest
+from softmodels.case.materials import MaterialErrors, SourceBand, band_of
 from softmodels.mechanics.loads import Gravity, Mass
 from softmodels.pictures.style import headline
-from softmodels.results.columns import term
-from softmodels.results.notes import band_notes
-from softmodels.results.state_words import state_words
+from softmodels.runs.columns import state_labels, term
+from softmodels.runs.notes import band_notes
 
 DISK = sm.HollowDisk(section="axisymmetric", membrane=0.003)
 C1, C2 = 14e3, 60.0
@@ -149,7 +149,7 @@ def test_no_band_of_a_cycle():
 
 
 def test_titles_tell_the_pressure_and_not_its_band(run):
-    row, words = run.last.row, state_words(run.case)
+    row, words = run.last.row, state_labels(run.case)
     assert row["pressure_95_cm"] > 0.0 and headline(row, words).startswith(f"{row['pressure_cm']:.4g} cm of water")
     assert (words.pressures(row), words.volumes(row)) == (["pressure_cm"], ["added_volume_ml"])
     assert term("pressure_95_cm", DISK).name.startswith("band") and term("added_volume_95_ml", DISK).name.startswith(

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.case.case import Case, CaseError
-from softmodels.case.material_errors import MaterialErrors
-from softmodels.cli.bench_cases import BENCH
-from softmodels.results.notes import bonded_notes
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.materials import MaterialErrors
+from softmodels.cli.example_cases import BENCH
+from softmodels.runs.notes import bonded_notes
 
 MEMBRANE = sm.Membrane(plate_radius=0.008, cell_size=0.002, through=2)
 LAW = sm.NeoHookean(30e3, 0.49)

@@ -8,10 +8,10 @@ import json
 import pytest
 
 from geometries import HollowDisk, SeminarActuator
-from softmodels.results.stability_report import stability_text, unlocated, unseen
-from softmodels.results.state_words import StateWords
+from softmodels.runs.columns import StateLabels
+from softmodels.runs.notes import stability_text, unlocated, unseen
 
-WORDS = StateWords("tip")
+WORDS = StateLabels("tip")
 TWIN = (
     "--variant", "shadow", "--base", "2mm", "--wall", "15mm", "--cell-size", "3mm",
     "--material", "yeoh", "--c1", "10kPa", "--c2", "20Pa", "--c3", "3Pa", "--poisson", "0.495",

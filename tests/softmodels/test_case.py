@@ -8,9 +8,9 @@ import itertools
 import pytest
 
 from geometries import HollowDisk
-from softmodels.case.case import Case, CaseError
-from softmodels.case.material_table import material_from
-from softmodels.case.ranges import series
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError, series
+from softmodels.case.materials import material_from
 from softmodels.materials.laws import Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from softmodels.materials.silicones import SILICONES
 

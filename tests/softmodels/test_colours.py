@@ -12,14 +12,13 @@ import pytest
 from PIL import Image
 
 from geometries import SeminarActuator
-from softmodels.pictures import film, hot_spots, solid_pictures
-from softmodels.pictures.colour_scale import Scale, page
-from softmodels.pictures.cut_open import cut_open
-from softmodels.pictures.style import load
-from softmodels.pictures.viewpoint import look
-from softmodels.results.skin import CUT
-from softmodels.results.state_words import StateWords
-from softmodels.results.stored import States
+from softmodels.pictures import film, offscreen, solid
+from softmodels.pictures.offscreen import look
+from softmodels.pictures.solid import cut_open
+from softmodels.pictures.style import Scale, load, page
+from softmodels.runs.columns import StateLabels
+from softmodels.runs.grid import CUT
+from softmodels.runs.stored import States
 
 
 def corners(states):
@@ -58,14 +57,14 @@ def test_only_what_is_seen_sets_the_colours_of_a_whole_device(half_slab):
 def test_hot_spots_are_bounded_by_an_isoline_and_cover_their_share(wedge):
     states = States(wedge, "disk")
     step = states.main
-    limit = hot_spots.hot_limit(states, step)
+    limit = offscreen.hot_limit(states, step)
     scale = Scale(states.field(step, "largest_stretch"), "largest_stretch")
     stretch = states.field(step, "largest_stretch")[states.skin.nodes]
     triangles = states.skin.triangles[states.skin.part != CUT]
     a, b, c = states.skin.points(states.points)[triangles].transpose(1, 0, 2)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     assert area[stretch[triangles].mean(axis=1) > limit].sum() / area.sum() == pytest.approx(0.01, abs=0.01)
-    layers = hot_spots.hot_layers(states, step, limit, scale)
+    layers = offscreen.hot_layers(states, step, limit, scale)
     lines = [data for data, style in layers if style.get("color") == "black"]
     patches = [data for data, style in layers if "color" not in style]
     assert lines and all(data.point_data["stretch"] == pytest.approx(limit, rel=1e-6) for data in lines)
@@ -108,11 +107,11 @@ def test_titles_of_three_cavities_stay_within_their_pictures():
         "max_stretch": 2.345,
     }
     row |= {f"max_stretch_{axis}_mm": -10.21 for axis in "xyz"}
-    states = SimpleNamespace(rows=[row, row, row], words=StateWords("apex"))
-    note = hot_spots.peak_text(states, 0)
+    states = SimpleNamespace(rows=[row, row, row], words=StateLabels("apex"))
+    note = offscreen.peak_text(states, 0)
     image = np.zeros((400, 533, 3), dtype=np.uint8)
     scale = SimpleNamespace(bar=lambda figure: None)
-    sheet = solid_pictures.sheet([(step, image) for step in range(3)], states.rows, states.words, scale)
+    sheet = solid.sheet([(step, image) for step in range(3)], states.rows, states.words, scale)
     for figure, columns in (
         (page(image, f"{load(row, states.words)} at the bifurcation, the mode; {note}", None, note), 1),
         (sheet, 3),

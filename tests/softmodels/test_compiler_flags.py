@@ -8,8 +8,8 @@ import sysconfig
 
 import pytest
 
-from softmodels.mechanics import compiler_flags as asked
-from softmodels.mechanics.compiler_flags import compiler_flags
+from softmodels.mechanics import compiling as asked
+from softmodels.mechanics.compiling import compiler_flags
 
 X86 = "processor\t: 0\nmodel name\t: Some\nflags\t\t: fpu sse2 avx2\nbugs\t: flags\n"
 ARM = "processor\t: 0\nBogoMIPS\t: 50\nFeatures\t: fp asimd\n"

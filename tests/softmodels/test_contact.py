@@ -11,15 +11,15 @@ import scipy
 import softmodels as sm
 from geometries import Bellows, BendingBellows, HollowDisk, PneuNet
 from softmodels.case.case import Case
-from softmodels.case.parts_entry import without_walls
+from softmodels.case.components import without_walls
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.system import System
-from softmodels.mechanics.walls.part import WallTerm
+from softmodels.mechanics.walls import WallTerm
 from softmodels.pictures.style import WARNING, headline, title_colour
-from softmodels.results.notes import contact_notes, left_out
-from softmodels.results.self_contact import Walls, _near
-from softmodels.results.state_words import state_words
+from softmodels.runs.columns import state_labels
+from softmodels.runs.notes import contact_notes, left_out
+from softmodels.runs.self_contact import FacingWalls, _near
 
 COARSE = PneuNet(chambers=2, cell_size=0.006)
 
@@ -35,7 +35,7 @@ def made(request, drawings, tmp_path):
     """A device, its nodes and its walls."""
     disk = DISKS[request.param]
     points, cells, name = drawings.grid_of(disk, tmp_path)
-    return disk, points, Walls(points, cells, name, [plane.normal for plane in disk.cut_planes])
+    return disk, points, FacingWalls(points, cells, name, [plane.normal for plane in disk.cut_planes])
 
 
 def sunk(disk, points, share):
@@ -87,7 +87,7 @@ def test_a_wall_that_goes_through_its_mirror_plane_is_seen(drawings, tmp_path):
     """The side of a chamber, bulged towards the plane that cuts the finger in two."""
     finger = PneuNet(chambers=2, gap=0.0)
     points, cells, name = drawings.grid_of(finger, tmp_path)
-    walls = Walls(points, cells, name, [plane.normal for plane in finger.cut_planes])
+    walls = FacingWalls(points, cells, name, [plane.normal for plane in finger.cut_planes])
     half, low = finger.chamber_width / 2, finger.base / 2 + finger.channel_height
     x = (points[:, 0] - finger.root) / finger.chamber_length
     z = (points[:, 2] - low) / (finger.base / 2 + finger.chamber_height - low)
@@ -156,7 +156,7 @@ def test_devices_whose_walls_never_meet_have_none(device):
 
 @pytest.mark.parametrize("faces", ["", "none, chamber_walls", "auto, top", "chamber_walls, chamber_walls"])
 def test_faces_that_cannot_be_meant_are_refused(faces):
-    with pytest.raises(PartError):
+    with pytest.raises(ComponentError):
         sm.Walls(faces)
 
 
@@ -190,7 +190,7 @@ def test_chambers_do_not_pass_through_each_other_by_default(fingers):
 
 def test_states_whose_walls_overlap_are_marked_on_pictures_and_in_notes(fingers):
     pressed, passing = (run._source for run in fingers)
-    words = state_words(passing.case)
+    words = state_labels(passing.case)
     title = headline(passing.rows[-1], words)
     assert "WALLS OVERLAP by" in title and title_colour(title) == WARNING
     assert title_colour(headline(pressed.rows[-1], words)) != WARNING

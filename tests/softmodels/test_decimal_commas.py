@@ -10,19 +10,20 @@ from click.testing import CliRunner
 
 import softmodels as sm
 from geometries import HollowDisk
-from geometries.errors import GeometryError
-from geometries.selections import faces, point
+from geometries.imported.part import faces, point
 from measurement.__main__ import main as measure
-from measurement.cli.option_texts import per_metre
+from measurement.cli.shared import per_metre
 from measurement.screen.setup import SetupError
 from softmodels.__main__ import softmodels
-from softmodels.case.case import Case, CaseError
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.common.errors import GeometryError
 from softmodels.disk import command as disk
-from softmodels.fitting.outlines.heights import read_heights
-from softmodels.fitting.outlines.reading import OutlineFitError
-from softmodels.results.limits import Tolerance
-from softmodels.results.notes import typed_notes
-from softmodels.runs.requests import case_of
+from softmodels.fitting.outlines.residuals import read_heights
+from softmodels.fitting.outlines.shapes import OutlineFitError
+from softmodels.runs.limits import Tolerance
+from softmodels.runs.notes import typed_notes
+from softmodels.runs.run import case_of
 from softmodels.seminar import command as seminar
 
 LOAD = "--pressure-cm=0:10"

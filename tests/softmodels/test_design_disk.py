@@ -10,9 +10,9 @@ import pytest
 
 import softmodels as sm
 from softmodels.cli.example_cases import PROBLEMS
-from softmodels.design.evaluation import DesignFailure
 from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
+from softmodels.design.trials import DesignFailure
 from softmodels.mechanics.mpi import start
 
 

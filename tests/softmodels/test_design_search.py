@@ -13,9 +13,9 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case
-from softmodels.design.approach import FARTHEST_REACH, FIRST_REACH
 from softmodels.design.optimise import optimise
 from softmodels.design.problem import DesignProblem
+from softmodels.design.search import FARTHEST_REACH, FIRST_REACH
 
 FILE = Path(__file__).parents[1] / "fake_design.py"
 spec = importlib.util.spec_from_file_location("fake_design", FILE)

@@ -14,9 +14,9 @@ import softmodels as sm
 from geometries import HollowDisk, Membrane
 from softmodels.case.case import Case
 from softmodels.cli.fit_command import fit_material
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.measured_device import MeasuredDevice
-from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
+from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
+from softmodels.fitting.problem import LawChoice
 
 MODULUS = 20e3
 CM = 98.0665
@@ -44,7 +44,7 @@ def outlines(comm):
         return {
             name: simulated_outlines(
                 models[name], {"shear_modulus": MODULUS}, np.array(READINGS[name]) * CM,
-                Camera(spacing=2e-4, bench=AWAY[name]), rng=rng,
+                SimulatedCamera(spacing=2e-4, bench=AWAY[name]), rng=rng,
             )
             for name in DEVICES
         }  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from geometries.parameters import changed, parameter
+from geometries.actuator import changed, parameter
 
 DISKS = {
     "section": HollowDisk.variant("shadow", section="axisymmetric", profile=(1.0,) * 5),
@@ -18,7 +18,7 @@ DISKS = {
 
 @pytest.fixture(scope="module", params=DISKS.values(), ids=DISKS.keys())
 def motion(request, comm, tmp_path_factory):
-    from softmodels.design.mesh_motion import MeshMotion
+    from softmodels.design.body import MeshMotion
     from softmodels.mechanics.body import Body
 
     disk = request.param

@@ -15,11 +15,10 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from measurement.units import pascal_per_cm
-from softmodels.design.squares import Squares
+from softmodels.common.units import pascal_per_cm
+from softmodels.design.trials import Squares
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.runs.simulation import Simulation
-from softmodels.runs.step import PathEnded
+from softmodels.runs.simulation import PathEnded, Simulation
 
 CM = pascal_per_cm()
 COARSE = {"section": "axisymmetric", "cell_size": 6e-3, "refinement": 1.0}

@@ -17,13 +17,12 @@ from PIL import Image as Picture
 
 from softmodels.case.case import Case
 from softmodels.cli import drawing as module
-from softmodels.cli.drawing import Drawing
-from softmodels.pictures import film, film_beside, offscreen
-from softmodels.pictures.at_rest import AtRest
-from softmodels.pictures.film_beside import Film
-from softmodels.pictures.offscreen import can_render
-from softmodels.pictures.viewpoint import look
-from softmodels.results.stored import States
+from softmodels.cli.drawing import DrawingProcess
+from softmodels.pictures import film, offscreen
+from softmodels.pictures.film import Film
+from softmodels.pictures.offscreen import can_render, look
+from softmodels.pictures.solid import AtRest
+from softmodels.runs.stored import States
 
 
 @pytest.fixture
@@ -35,7 +34,7 @@ def section(half_section, tmp_path):
 
 @pytest.fixture
 def drawing(section):
-    found = Drawing(Case.from_file(section.folder / "case.toml"))
+    found = DrawingProcess(Case.from_file(section.folder / "case.toml"))
     yield found
     found.leave()
 
@@ -72,7 +71,7 @@ def test_none_are_drawn_if_none_are_wanted(words, runs, tmp_path):
 
 def test_a_run_tells_what_was_drawn(drawing):
     assert drawing.made == "pictures (*.png), film.gif, film.webp and report.html"
-    assert Drawing(drawing.case, few=True).made == "pictures (*.png) and report.html"
+    assert DrawingProcess(drawing.case, few=True).made == "pictures (*.png) and report.html"
 
 
 def test_no_core_is_taken_from_the_solver(drawing, monkeypatch):
@@ -152,14 +151,14 @@ def test_what_fails_beside_is_reported(section, tmp_path, monkeypatch):
     def full(path, data):
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr(film_beside, "write_bytes", full)
+    monkeypatch.setattr(film, "write_bytes", full)
     with pytest.raises(OSError, match="No space left"):
         _film(section.folder, True)
 
 
 def test_a_film_nobody_waits_for_is_not_written(section, tmp_path, monkeypatch):
     monkeypatch.setattr(film, "frames", _frames)
-    assert film_beside.make(look(States(section.folder, "disk")), tmp_path / "gone", lambda: False) == ([], [])
+    assert film.make(look(States(section.folder, "disk")), tmp_path / "gone", lambda: False) == ([], [])
     assert not (tmp_path / "gone").exists()
 
 

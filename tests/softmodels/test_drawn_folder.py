@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image as Picture
 
-from softmodels.pictures.drawn_folder import DrawnFolder, png
+from softmodels.pictures.style import DrawnFolder, png
 
 
 def some(k):

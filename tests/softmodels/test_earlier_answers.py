@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.mechanics.earlier_answers import MOST, EarlierAnswers
+from softmodels.mechanics.solver import MOST, EarlierAnswers
 
 LOAD = np.ones(5)
 BEND = np.arange(1.0, 6.0)

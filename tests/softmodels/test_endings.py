@@ -12,7 +12,7 @@ from unittest import mock
 import click
 import pytest
 
-from measurement.running import run_command
+from softmodels.common.commands import run_command
 
 STARTS = {
     "softmodels.disk": ["--pressure-cm", "0:100"],

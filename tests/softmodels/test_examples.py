@@ -19,15 +19,15 @@ from geometries import HollowDisk
 from geometries.__main__ import main as geometries
 from measurement.__main__ import main as measurement
 from measurement.cli import demo as measurement_demo
-from measurement.own_folder import OwnFolderError
 from measurement.synthetic.photographer import dome
 from softmodels import disk, seminar
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
 from softmodels.cli import demo, examples
+from softmodels.common.folders import OwnFolderError
 from softmodels.fitting.curves.curve import read_curve
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.materials.homogeneous import nominal_stress
+from softmodels.fitting.problem import LawChoice
+from softmodels.materials.specimens import nominal_stress
 
 TOP = Path(__file__).parents[2]
 PAGES = [TOP / "README.md", *sorted((TOP / "docs" / "pages").glob("*.md"))]

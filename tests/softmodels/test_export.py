@@ -14,9 +14,9 @@ import pytest
 
 import softmodels as sm
 from geometries import ImportedMesh
-from softmodels.case.case import Case, CaseError
-from softmodels.case.decks.silicone import silicones_of
-from softmodels.case.decks.supports import solved
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.decks.deck import silicones_of, solved
 from softmodels.materials.strain import HomogeneousStrain
 
 DISK = sm.HollowDisk(fillet=0.0, cell_size=0.006, support="base")

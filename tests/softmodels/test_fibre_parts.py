@@ -9,14 +9,14 @@ import sys
 import pytest
 
 import softmodels as sm
-from softmodels.case.case import Case, CaseError
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
 from softmodels.case.own_modules import VARIABLE, own_modules
-from softmodels.mechanics.fabric import Fabric
-from softmodels.mechanics.fibres import Fibres, fibre_law
-from softmodels.mechanics.parts import PartError
-from softmodels.mechanics.walls.part import Walls
-from softmodels.results.columns import term
-from softmodels.results.lost_path import advice
+from softmodels.mechanics.component import ComponentError
+from softmodels.mechanics.fibres import Fabric, Fibres, fibre_law
+from softmodels.mechanics.walls import Walls
+from softmodels.runs.columns import term
+from softmodels.runs.notes import advice
 
 TUBE, HALF = sm.Cylinder(), sm.Cylinder(section="half", strip=90.0)
 
@@ -81,7 +81,7 @@ def test_what_cannot_be_meant(device, table, words):
 
 def test_a_face_that_the_direction_is_square_to():
     cloth = Fabric(on="end", along=1e3, across=1e3, name="cloth")
-    with pytest.raises(PartError, match=r"fabric.cloth.*square to the face end"):
+    with pytest.raises(ComponentError, match=r"fabric.cloth.*square to the face end"):
         sm.run(case(TUBE, cloth))
 
 

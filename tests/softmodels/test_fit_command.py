@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from softmodels.__main__ import softmodels as whole_command
-from softmodels.case.material_table import from_table, material_from
-from softmodels.fitting.law_parameters import LawChoice
+from softmodels.case.materials import from_table, material_from
+from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Ogden, Yeoh
 from softmodels.materials.specimens import respond, strain_of
 
@@ -328,10 +328,9 @@ def test_bad_input_is_one_sentence(text, says):
 def test_a_law_at_the_edge_of_what_it_can_be_is_judged(tmp_path):
     """Mooney-Rivlin on a curve that only hardens ends at a shear modulus of nothing: a sentence, no traceback."""
     from softmodels.fitting.curves.curve import TensileCurve
-    from softmodels.fitting.curves.curve_residuals import residuals_of
-    from softmodels.fitting.curves.stress_error import StressError
+    from softmodels.fitting.curves.residuals import StressError, residuals_of
     from softmodels.fitting.least_squares import fit_parameters
-    from softmodels.fitting.soundness import objections
+    from softmodels.fitting.result import objections
 
     choice = LawChoice.from_text("mooney-rivlin")
     curve = TensileCurve("edge", "uniaxial", L, respond(Yeoh(1.0, 300.0, 5.0, 0.5), L).stress)

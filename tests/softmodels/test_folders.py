@@ -16,16 +16,15 @@ import h5py
 import pytest
 
 from geometries import HollowDisk
-from measurement import folder_lock
-from measurement.own_folder import OwnFolder
 from softmodels.__main__ import softmodels
-from softmodels.case.case import Case
-from softmodels.case.identity import difference, identity
-from softmodels.case.material_table import DEFAULT
+from softmodels.case.case import Case, difference, identity
+from softmodels.case.materials import DEFAULT
+from softmodels.common import folders
+from softmodels.common.folders import OwnFolder
 from softmodels.disk import command
 from softmodels.mechanics.contact import Obstacle
-from softmodels.results.row import Row
-from softmodels.results.store import Results
+from softmodels.runs.row import Row
+from softmodels.runs.store import Results
 
 BASIC = ["--section=axisymmetric", "--no-pictures", "--quiet"]
 SHORT = [*BASIC, "--pressure-cm=0,30"]
@@ -234,8 +233,8 @@ def test_where_the_system_knows_no_locks_the_file_alone_counts(tmp_path, monkeyp
     """Of this machine's processes it is seen whether they have ended; of another's it is not."""
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
-    monkeypatch.setattr(folder_lock.fcntl, "flock", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOLCK, "no locks")))
-    lock = folder_lock.FolderLock(tmp_path / "lock")
+    monkeypatch.setattr(folders.fcntl, "flock", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOLCK, "no locks")))
+    lock = folders.FolderLock(tmp_path / "lock")
     for pid, host, free in ((ended.pid, socket.gethostname(), True), (os.getppid(), socket.gethostname(), False),
                             (ended.pid, "elsewhere", False)):  # fmt: skip
         lock.file.write_text(json.dumps({"pid": pid, "host": host, "since": "noon"}))
@@ -243,7 +242,7 @@ def test_where_the_system_knows_no_locks_the_file_alone_counts(tmp_path, monkeyp
             lock.take()
             lock.release()
         else:
-            with pytest.raises(folder_lock.InUseError, match=f"process {pid} on {host}, since noon"):
+            with pytest.raises(folders.InUseError, match=f"process {pid} on {host}, since noon"):
                 lock.take()
 
 

@@ -11,9 +11,14 @@ import pytest
 
 import softmodels as sm
 from geometries import HollowDisk
-from softmodels.case.case import Case, CaseError
-from softmodels.case.gauges import GaugeError, Gauges, from_tables, to_tables
-from softmodels.case.identity import difference, identity
+from softmodels.case.case import Case, difference, identity
+from softmodels.case.entries import CaseError
+from softmodels.case.requests import (
+    ProbeError,
+    Probes,
+    from_tables,
+    to_tables,
+)
 
 BLOCK = """
 [geometry]
@@ -54,7 +59,7 @@ TABLES = {
 def figures(now, lines=(("base", "tip"),), lift=(0.0, 0.0, 1.0)):
     """The angle of a line, or of two, whose undeformed ends are at 0, 40 mm along x and 30 mm along y."""
     rest = {"base": (0.0, 0.0, 0.0), "tip": (0.04, 0.0, 0.0), "side": (0.0, 0.03, 0.0)}
-    gauges = Gauges(tuple((name, "0, 0, 0 mm") for name in rest), (("bend", lines),))
+    gauges = Probes(tuple((name, "0, 0, 0 mm") for name in rest), (("bend", lines),))
     moved = {name: np.asarray(now.get(name, place)) - np.asarray(place) for name, place in rest.items()}
     return gauges.figures(rest, moved, lift)
 
@@ -97,7 +102,7 @@ REFUSED = (
 
 @pytest.mark.parametrize(("tables", "said"), REFUSED)
 def test_bad_texts_are_refused(tables, said):
-    with pytest.raises(GaugeError, match=said):
+    with pytest.raises(ProbeError, match=said):
         from_tables(tables)
 
 
@@ -166,8 +171,7 @@ def test_a_point_beside_the_part_is_refused(block, runs, tmp_path):
 
 
 def test_the_profile_is_the_outside_in_the_plane(block):
-    from softmodels.results.cut_lines import axes_of, cut_line
-    from softmodels.results.stored import States
+    from softmodels.runs.stored import States, axes_of, cut_line
 
     states = States(block[1], "part")
     normal, at = states.case.gauges.cut
@@ -214,7 +218,7 @@ def test_the_rotation_of_a_face_is_the_bend():
     # The lift of a finger is upwards, and it bends down.
     assert abs(bend) == pytest.approx(abs(probes), rel=0.05) and abs(probes) > 4.0
     assert 0.4 < chord / bend < 0.75
-    with pytest.raises(GaugeError, match="has no face 'face x = 1 mm'"):
+    with pytest.raises(ProbeError, match="has no face 'face x = 1 mm'"):
         sm.run(Case("bent", finger, sm.NeoHookean(30e3), pressures_cm=(0.0, 1.0),
                     gauges=from_tables({"angles": {"bend": "face x = 1 mm"}})))  # fmt: skip
 
@@ -223,14 +227,14 @@ def test_faces_that_cannot_turn_are_refused():
     with pytest.raises(CaseError, match="faces of an axisymmetric section do not turn"):
         Case("disk", HollowDisk(section="axisymmetric"), sm.NeoHookean(30e3), pressures_cm=(0.0, 1.0),
              gauges=from_tables({"angles": {"bend": "face z = 16 mm"}}))  # fmt: skip
-    with pytest.raises(GaugeError, match="choose it by its place"):
+    with pytest.raises(ProbeError, match="choose it by its place"):
         from_tables({"angles": {"bend": "face named tip"}})
 
 
 def test_a_point_of_a_device_that_hangs_is_where_it_was_named():
     """A path under gravity begins with a device that sags: where its points are then is not where they were named."""
     membrane, gravity = sm.Membrane(thickness=0.002, cell_size=0.004), sm.Gravity("-z", magnitude=98.1)
-    points = Gauges((("apex", "0, 0, 2 mm"), ("beside", "0, 0, 3 mm")))
+    points = Probes((("apex", "0, 0, 2 mm"), ("beside", "0, 0, 3 mm")))
     run = sm.inflate(membrane, sm.NeoHookean(30e3), "0:2 cm", parts=[gravity], gauges=points)
     assert run.path["apex_z_mm"][0] < 1.0  # it hangs
     (note,) = [note for note in run.notes if "is followed at" in note]

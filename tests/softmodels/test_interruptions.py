@@ -15,8 +15,8 @@ import h5py
 import numpy as np
 import pytest
 
-from softmodels.results.row import Row
-from softmodels.results.store import Results, ResultsError
+from softmodels.runs.row import Row
+from softmodels.runs.store import Results, ResultsError
 
 STEPS = ("--pressure-cm", "0:177:5", "--quiet")
 LIMITED = """

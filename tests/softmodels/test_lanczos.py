@@ -7,8 +7,7 @@ import pytest
 import scipy
 
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.path.davidson import Pencil, nearest
-from softmodels.path.lanczos import generalised, lowest
+from softmodels.path.stability import Pencil, generalised, lowest, nearest
 
 
 @pytest.mark.parametrize("size", [1, 2, 7])

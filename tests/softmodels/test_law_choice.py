@@ -7,16 +7,19 @@ import dataclasses
 import numpy as np
 import pytest
 
-from softmodels.fitting.comparison import MOST_RATIO, compare
-from softmodels.fitting.curves.contradiction import contradictions
+from softmodels.fitting.comparison import MOST_RATIO, compare, contradictions
 from softmodels.fitting.curves.curve import TensileCurve, read_curve
-from softmodels.fitting.curves.curve_residuals import residuals_of
-from softmodels.fitting.curves.fit_curves import prepared
-from softmodels.fitting.curves.law_fit import fit_law_to_curves
-from softmodels.fitting.curves.stress_error import StressError
-from softmodels.fitting.curves.thinning import MOST_POINTS, thinned
-from softmodels.fitting.curves.yardstick import STEPS, evened, on_yardstick
-from softmodels.fitting.law_parameters import LawChoice
+from softmodels.fitting.curves.fit import fit_law_to_curves, prepared
+from softmodels.fitting.curves.residuals import (
+    MOST_POINTS,
+    STEPS,
+    StressError,
+    evened,
+    on_yardstick,
+    residuals_of,
+    thinned,
+)
+from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Gent, NeoHookean, Yeoh
 from softmodels.materials.specimens import respond
 

@@ -14,18 +14,17 @@ import pytest
 
 import softmodels as sm
 from geometries import ACTUATORS, Balloon, HollowDisk, PneuNet, SeminarActuator
-from geometries.fields import about
 from softmodels.__main__ import softmodels
-from softmodels.case.case import Case, CaseError
-from softmodels.cli.limit_command import Given
-from softmodels.materials.casting import density_of
-from softmodels.materials.homogeneous import sphere_pressure
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.cli.limit_command import LimitArguments
+from softmodels.common.schema import about
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
-from softmodels.materials.silicones import SILICONES
+from softmodels.materials.silicones import SILICONES, density_of
+from softmodels.materials.specimens import sphere_pressure
+from softmodels.mechanics.iterative import Multigrid
 from softmodels.mechanics.loads import Gravity, Mass
-from softmodels.mechanics.multigrid import Multigrid
-from softmodels.results.limits import Tolerance, find_limit, samples
-from softmodels.results.varied import check_varied
+from softmodels.runs.limits import Tolerance, check_varied, find_limit, samples
 
 THIN = HollowDisk.variant("shadow", support="base", fillet=0.0, base_fillet=0.0, section="axisymmetric")
 ONE = PneuNet(chambers=1, chamber_width=8e-3, chamber_height=8e-3, cell_size=5e-3)
@@ -229,5 +228,5 @@ def test_a_part_of_a_file_of_its_own(ended, name, tmp_path):
 
 
 def test_no_device_has_a_length_of_the_commands_own_name():
-    own = {field.name for field in dataclasses.fields(Given)}
+    own = {field.name for field in dataclasses.fields(LimitArguments)}
     assert not [name for name, kind in ACTUATORS.items() if own & about(kind).keys()]

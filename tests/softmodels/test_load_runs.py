@@ -9,17 +9,17 @@ import pytest
 
 import softmodels as sm
 from geometries import Beam, HollowDisk, Membrane
-from softmodels.case.case import Case, CaseError
-from softmodels.case.load_request import LoadRequest
-from softmodels.case.region import Region
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.load import LoadRequest
+from softmodels.case.materials import Region
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.silicones import silicone
-from softmodels.mechanics.contact import Obstacle
+from softmodels.mechanics.component import ComponentError
+from softmodels.mechanics.contact import Obstacle, RigidShape
 from softmodels.mechanics.loads import Force, Gravity, Mass
-from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.rigid import Rigid
-from softmodels.mechanics.rigid_shapes import RigidShape
-from softmodels.mechanics.walls.part import Walls
+from softmodels.mechanics.walls import Walls
 from softmodels.path.program import Series
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.003)
@@ -166,7 +166,7 @@ def test_two_figures_of_one_column():
     """A rigid part `tip` would have its place where the beam has its own."""
     beam = Beam(length=0.01, width=0.01, thickness=0.01, cell_size=0.01, part="quarter", clamp="slip")
     parts = (Rigid(face="tip", name="tip"), Gravity(direction="x"))
-    with pytest.raises(PartError, match=r"would be the column tip_x_mm of path.csv; give the part"):
+    with pytest.raises(ComponentError, match=r"would be the column tip_x_mm of path.csv; give the part"):
         sm.run(Case("beam", beam, LAW, parts=parts, driven=SHARE))
 
 

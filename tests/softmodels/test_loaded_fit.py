@@ -22,14 +22,14 @@ from softmodels.case.case import Case
 from softmodels.cli.fit_command import fit_material
 from softmodels.cli.score_command import score
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.outlines.heights import Height
-from softmodels.fitting.outlines.measured_device import MeasuredDevice
-from softmodels.fitting.outlines.shadow import shadow_of
+from softmodels.fitting.outlines.device import MeasuredDevice
+from softmodels.fitting.outlines.residuals import Height
+from softmodels.fitting.outlines.silhouette import shadow_of
 from softmodels.fitting.outlines.simulated import correlated, half_outline
 from softmodels.materials.specimens import respond
 from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
-from softmodels.pictures.outline_curves import profile
-from softmodels.results.quadratic_curve import QuadraticCurve
+from softmodels.pictures.curves import profile
+from softmodels.runs.grid import QuadraticCurve
 
 DOWN = Gravity("-z")
 DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)

@@ -10,10 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softmodels.case.material_table import from_table, to_table
-from softmodels.materials.homogeneous import nominal_stress
-from softmodels.materials.laws import LAWS, Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.materials.material import parameter_fields
+from softmodels.case.materials import from_table, to_table
+from softmodels.materials.laws import (
+    LAWS,
+    Gent,
+    MaterialError,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    Yeoh,
+    parameter_fields,
+)
 from softmodels.materials.silicones import (
     PRODUCTS,
     SILICONES,
@@ -21,9 +28,11 @@ from softmodels.materials.silicones import (
     extrapolated,
     named,
     silicone_called,
+    source_names,
+    spread_sentence,
     stretch_at_break,
 )
-from softmodels.materials.spread import source_names, spread_sentence
+from softmodels.materials.specimens import nominal_stress
 from softmodels.materials.strain import HomogeneousStrain
 
 EXAMPLES = {

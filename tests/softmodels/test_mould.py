@@ -10,11 +10,10 @@ import pytest
 import softmodels as sm
 from geometries import HollowDisk, SeminarActuator
 from geometries.meshing import private_model
-from softmodels.design.mould.asked import asked_of
-from softmodels.design.mould.facets import read_step
-from softmodels.design.mould.files import write_bodies
-from softmodels.design.mould.make import made
-from softmodels.design.mould.settings import MouldError
+from softmodels.casting.facets import read_step
+from softmodels.casting.files import write_bodies
+from softmodels.casting.make import made
+from softmodels.casting.settings import MouldError, asked_of
 from softmodels.pictures.offscreen import can_render
 
 SLAB = SeminarActuator(channels=1, fillet=0.0, around=6.0, cell_size=0.008)

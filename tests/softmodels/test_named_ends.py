@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.case.load_request import LoadRequest
-from softmodels.mechanics.ellipticity import Reinforced, least_resistance
-from softmodels.results.lost_path import advice
-from softmodels.results.outcomes import FAILED, NO_EQUILIBRIUM
+from softmodels.case.load import LoadRequest
+from softmodels.mechanics.fibres import Reinforced, least_resistance
+from softmodels.runs.notes import advice
+from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM
 
 TUBE = sm.Cylinder(section="axisymmetric", cell_size=2e-3)
 HELD = (sm.Rigid(region="cap", kind="held", name="plate"), sm.Clamp("outer", slip="z", name="grip"))

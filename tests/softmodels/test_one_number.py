@@ -6,14 +6,19 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from geometries import table as geometry_table
-from measurement.units import exact_text, quantity, readable
-from softmodels.cli import closing
-from softmodels.pictures import hot_spots, outline_curves, report, section_pictures
-from softmodels.pictures.viewpoint import look
-from softmodels.results.stability_report import events, jumps_text, unlocated
-from softmodels.results.state_words import StateWords
-from softmodels.results.stored import States
+from geometries import registry as geometry_table
+from softmodels.cli import run
+from softmodels.common.units import exact_text, quantity, readable
+from softmodels.pictures import (
+    curves,
+    offscreen,
+    report,
+    section,
+)
+from softmodels.pictures.offscreen import look
+from softmodels.runs.columns import StateLabels
+from softmodels.runs.notes import events, jumps_text, unlocated
+from softmodels.runs.stored import States
 
 CYCLE = (
     "--variant",
@@ -62,11 +67,9 @@ def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated, runs):
     scale = look(states).scale(states.shown())
     assert (f"{scale.largest:.4g}", scale.defined) == (stress, "at an integration point")
     moved, values = states.moved(states.main), states.field(states.main, "von_mises")
-    figure = section_pictures.section_stress(
-        states.points, moved, states.cells, values, states.rows[states.main], states.words
-    )
+    figure = section.section_stress(states.points, moved, states.cells, values, states.rows[states.main], states.words)
     assert f"largest, at an integration point: {stress} kPa" in texts(figure)
-    assert f"largest stretch {stretch} at 177 cm" in hot_spots.peak_text(states, states.main)
+    assert f"largest stretch {stretch} at 177 cm" in offscreen.peak_text(states, states.main)
 
 
 def test_a_cycle_tells_its_jumps(cycled, runs):
@@ -79,25 +82,25 @@ def test_a_cycle_tells_its_jumps(cycled, runs):
         before, after = rows[k - 1], rows[k]
         assert f"at {before['pressure_cm']:.4g} cm it" in done.out
         assert f"apex rise {before['apex_mm']:.4g} to {after['apex_mm']:.4g} mm" in done.out
-    jumps = [event for event in events(rows, StateWords("apex")) if event["kind"] == "jump"]
+    jumps = [event for event in events(rows, StateLabels("apex")) if event["kind"] == "jump"]
     assert [jump["way"] for jump in jumps] == ["inflates", "collapses", "collapses"]
     assert [jump["from_apex_mm"] for jump in jumps] == [rows[k - 1]["apex_mm"] for k in landed]
     # Limit points that it comes to from the other side are no bifurcations.
-    assert unlocated(rows, StateWords("apex")) == "" and "could not be located" not in done.out
+    assert unlocated(rows, StateLabels("apex")) == "" and "could not be located" not in done.out
 
 
 def test_a_syringes_jump_starts_where_its_gas_still_held():
     keys = ("pressure_cm", "added_volume_ml", "apex_mm", "stable_under_supply", "jump", "stroke_limit")
     table = ((20, 5, 4, 1, 0, 0), (21, 6, 5, 1, 0, 1), (19, 9, 8, 0, 0, 0), (15, 20, 16, 1, 1, 0))
     rows = [dict(zip(keys, row, strict=True)) for row in table]
-    assert jumps_text(rows, StateWords("apex")) == (
+    assert jumps_text(rows, StateLabels("apex")) == (
         "the device jumps: at 21 cm to 15 cm it inflates, apex rise 5 to 16 mm, added volume 6 to 20 ml"
     )
 
 
 def test_profiles_of_a_cycle_are_labelled_by_their_part_of_the_path(cycled, runs):
     rows = runs.rows(cycled[0])
-    places = outline_curves.branches(rows, StateWords("apex"))
+    places = curves.branches(rows, StateLabels("apex"))
     landed = [k for k, row in enumerate(rows) if row["jump"]]
     asked = [(row["pressure_cm"], place) for row, place in zip(rows, places, strict=True) if row["requested"]]
     jumped = "after the jump"
@@ -113,13 +116,13 @@ def test_a_path_by_volume_is_past_the_limit_until_it_is_stable_again():
         for k, p in enumerate((0, 5, 6, 5, 4, 3, 4))
     ]
     words = ["", "", "limit point", "past the limit", "past the limit", "limit point", "stable again"]
-    assert outline_curves.branches(rows, StateWords("apex")) == words
+    assert curves.branches(rows, StateLabels("apex")) == words
 
 
 def test_forces_are_in_the_closing_line():
-    assert closing.pressed({"blocked_force_N": 0.123456}) == ", blocked force 0.1235 N"
-    assert closing.pressed({"contact_force_N": 3.07765}) == ", contact force 3.078 N"
-    assert closing.pressed({"pressure_cm": 3.0}) == ""
+    assert run.pressed({"blocked_force_N": 0.123456}) == ", blocked force 0.1235 N"
+    assert run.pressed({"contact_force_N": 3.07765}) == ", contact force 3.078 N"
+    assert run.pressed({"pressure_cm": 3.0}) == ""
 
 
 def test_lengths_are_written_as_people_write_them():

@@ -9,13 +9,21 @@ import gmsh
 import numpy as np
 import pytest
 
-from geometries import ACTUATORS, Balloon, Cylinder, GeometryError, HollowDisk, PneuNet, imported_mesh, pneunet_shape
-from geometries.fields import number_field
-from geometries.meshing import private_model
-from geometries.mirroring import mirror_mesh
-from geometries.openings import check_closed, find_openings
+from geometries import (
+    ACTUATORS,
+    Balloon,
+    Cylinder,
+    GeometryError,
+    HollowDisk,
+    PneuNet,
+    pneunet,
+)
+from geometries.actuator import check_closed, find_openings
+from geometries.imported import mesh as mesh_module
+from geometries.meshing import mirror_mesh, private_model
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
+from softmodels.common.schema import number_field
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.holds import Clamp
@@ -54,14 +62,14 @@ def test_devices_of_the_library_are_closed(options):
 
 def test_a_device_whose_air_misses_a_face_is_refused(ended, monkeypatch, tmp_path):
     """The floor of the air is a face of the base: a role that forgets it left the volume 4 % wrong, and the base unpressed."""
-    known = pneunet_shape._role
+    known = pneunet._role
 
     def forgetful(finger, tag):
-        low, high = pneunet_shape.face_block(tag)
+        low, high = pneunet.face_block(tag)
         floor = np.allclose((low[2], high[2]), 0.5 * finger.base, atol=1e-9)
         return "outer" if floor else known(finger, tag)
 
-    monkeypatch.setattr(pneunet_shape, "_role", forgetful)
+    monkeypatch.setattr(pneunet, "_role", forgetful)
     case = Case("f", PneuNet(chambers=1, chamber_length=0.01, cell_size=0.004), NeoHookean(30e3), pressures_cm=(1.0,))
     (tmp_path / "finger.toml").write_text(case.to_toml())
     status, _, told = ended(softmodels, "run", tmp_path / "finger.toml", "--quiet", "--output", tmp_path / "run")
@@ -75,7 +83,7 @@ def test_an_imported_mesh_whose_air_misses_a_face_is_refused(ended, monkeypatch,
     """A mesh file of another program; what picks its roles is made to leave out the floor of the air."""
     finger = PneuNet(chambers=1, chamber_length=0.01, cell_size=0.004)
     finger.write(tmp_path / "finger.msh")
-    roles = imported_mesh.find_roles
+    roles = mesh_module.find_roles
 
     def forgetful(part, mesh):
         found = roles(part, mesh)
@@ -84,7 +92,7 @@ def test_an_imported_mesh_whose_air_misses_a_face_is_refused(ended, monkeypatch,
 
     words = ("run", "--device", "ImportedMesh", "--file", tmp_path / "finger.msh", "--unit", "m", "--cavities", "at 9, 0, 8 mm",
              "--support", "x = 0 mm", "--planes", "y = 0 mm", "--pressure-cm", 0.1, "--quiet", "--no-pictures")  # fmt: skip
-    monkeypatch.setattr(imported_mesh, "find_roles", forgetful)
+    monkeypatch.setattr(mesh_module, "find_roles", forgetful)
     status, _, told = ended(softmodels, *words, "--output", tmp_path / "run")
     assert status == 2 and told.count("\n") == 1
     assert "'cavity' of ImportedMesh end near" in told and "outer" in told and "1.5 mm" in told

@@ -19,13 +19,13 @@ from click.testing import CliRunner
 import softmodels as sm
 from geometries import HollowDisk
 from measurement.outline.outline import Outline
-from measurement.own_folder import OwnFolder
 from softmodels.case.case import Case
-from softmodels.case.material_errors import MaterialErrors
+from softmodels.case.materials import MaterialErrors
 from softmodels.cli.fit_command import fit_material
 from softmodels.cli.score_command import score
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
+from softmodels.common.folders import OwnFolder
+from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
+from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Yeoh
 
 DISK = HollowDisk(cell_size=0.006, fillet=0.0, base_fillet=0.0)
@@ -138,7 +138,7 @@ WORDS = ("--fix", "c3=0Pa", "--poisson", "0.49", "--no-profiles", "--no-pictures
 @pytest.fixture(scope="module")
 def measured(comm, tmp_path_factory):
     """Seven outlines of the case's device, of a known material."""
-    from softmodels.fitting.outlines.device_model import DeviceModel
+    from softmodels.fitting.outlines.device import DeviceModel
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
@@ -148,7 +148,7 @@ def measured(comm, tmp_path_factory):
     body = Body.from_file(disk, disk.write(tmp_path_factory.mktemp("mesh") / "disk.msh"), comm)
     device = DeviceModel(Solver(System(body, choice.material(TRUE))), choice)
     pressures, rng = np.linspace(2e3, 16e3, 7), np.random.default_rng(2)
-    made = simulated_outlines(device, TRUE, pressures, Camera(bench={"centre": 1e-3}), rng=rng)
+    made = simulated_outlines(device, TRUE, pressures, SimulatedCamera(bench={"centre": 1e-3}), rng=rng)
     return [dataclasses.replace(one, source=f"{i}.jpg") for i, one in enumerate(made)]
 
 
@@ -229,7 +229,7 @@ def test_heights_name_their_wrong_row_and_what_they_cannot_tell(measured, case, 
 
 def test_a_whole_fit(case, outlines, comm, tmp_path):
     """Outlines of a known material through the command: its values, its files, and a wedge's case fitted as a section."""
-    from softmodels.fitting.outlines.device_model import DeviceModel
+    from softmodels.fitting.outlines.device import DeviceModel
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
@@ -238,7 +238,7 @@ def test_a_whole_fit(case, outlines, comm, tmp_path):
     choice = LawChoice.from_text("yeoh", 0.49)
     body = Body.from_file(disk, disk.write(tmp_path / "disk.msh"), comm)
     device = DeviceModel(Solver(System(body, choice.material({"c1": 14e3, "c2": 600.0, "c3": 0.0}))), choice)
-    camera = Camera(bench={"leak": 0.01, "scale": 0.002, "centre": 1e-3})
+    camera = SimulatedCamera(bench={"leak": 0.01, "scale": 0.002, "centre": 1e-3})
     pressures = np.array([3e3, 7e3, 11e3, 15e3])
     rng = np.random.default_rng(1)
     made = simulated_outlines(device, {"c1": 14e3, "c2": 600.0, "c3": 0.0}, pressures, camera, rng=rng)

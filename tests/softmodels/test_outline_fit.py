@@ -10,18 +10,27 @@ import pytest
 from geometries import HollowDisk
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.curve_residuals import residuals_of
-from softmodels.fitting.curves.stress_error import StressError
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.bench import LEAK_ERROR, SCALE_ERROR, ZERO_ERROR, Bench, nuisances
-from softmodels.fitting.outlines.heights import Height, HeightResiduals, check_heights, fit_heights
-from softmodels.fitting.outlines.law_fit import fit_law_to_outlines, volume_parameters
-from softmodels.fitting.outlines.outline_residuals import BENCH, OutlineResiduals, fits_badly, misfits
+from softmodels.fitting.curves.residuals import StressError, residuals_of
+from softmodels.fitting.least_squares import profile
+from softmodels.fitting.outlines.fit import fit_law_to_outlines, volume_parameters
+from softmodels.fitting.outlines.residuals import (
+    LEAK_ERROR,
+    SCALE_ERROR,
+    ZERO_ERROR,
+    Bench,
+    Height,
+    HeightResiduals,
+    OutlineResiduals,
+    check_heights,
+    fits_badly,
+    least_squares_of_heights,
+    misfits,
+    nuisances,
+    starts,
+)
 from softmodels.fitting.outlines.shapes import prepare
-from softmodels.fitting.outlines.simulated import Camera, simulated_outlines
-from softmodels.fitting.outlines.start import starts
-from softmodels.fitting.problem import CannotEvaluate, Extra, Prior
-from softmodels.fitting.profile import profile
+from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
+from softmodels.fitting.problem import BENCH, CannotEvaluate, Extra, LawChoice, Prior
 from softmodels.materials.specimens import respond
 from softmodels.mechanics.loads import Gravity, Mass
 
@@ -36,7 +45,7 @@ AWAY = {"scale": 0.003, "zero": 3e-5, "centre": 1e-3}
 @pytest.fixture(scope="module")
 def inflation(comm, tmp_path_factory):
     """Return a function that gives a device under a law, once for all tests."""
-    from softmodels.fitting.outlines.device_model import DeviceModel
+    from softmodels.fitting.outlines.device import DeviceModel
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
@@ -65,7 +74,7 @@ def source_of(device, outlines):
 def test_derivatives_are_exact(parts, heights_from, inflation):
     """The Jacobian along a random direction against central differences, at values that fit nothing."""
     device = inflation(parts=parts, heights_from=heights_from)
-    source = source_of(device, simulated_outlines(device, HARDENING, PRESSURES, Camera(bench=AWAY)))
+    source = source_of(device, simulated_outlines(device, HARDENING, PRESSURES, SimulatedCamera(bench=AWAY)))
     free = (*BENCH, "poisson", "membrane")
     measured = np.array([(s.height, s.pressure, s.pressure_error) for s in source.shapes]).T
     begin, plain = starts(device, *measured)
@@ -98,7 +107,7 @@ def test_derivatives_are_exact(parts, heights_from, inflation):
 def test_noiseless_outlines_give_their_material_back(inflation, figure):
     device = inflation()
     truth = {"c1": 14e3, "c2": 600.0, "c3": 0.0}
-    outlines = simulated_outlines(device, truth, PRESSURES, Camera(bench=AWAY))
+    outlines = simulated_outlines(device, truth, PRESSURES, SimulatedCamera(bench=AWAY))
     loose = {name: {"prior": None} for name in ("scale", "zero")}
     device.paths = 0
     found = fit_law_to_outlines(source_of(device, outlines), changes={"c3": {"start": 0.0, "fixed": True}, **loose})
@@ -112,7 +121,7 @@ def test_outlines_past_a_limit_point(inflation, figure):
     """Readings that fall at last while the device grows."""
     device = inflation(THIN, "neo-hookean")
     volumes = np.array([0.5, 1.5, 3.0, 5.0, 8.0, 10.0]) * THIN.cavity_radius**3
-    outlines = simulated_outlines(device, {"shear_modulus": 20e3}, volumes, Camera(bench=AWAY), "volume")
+    outlines = simulated_outlines(device, {"shear_modulus": 20e3}, volumes, SimulatedCamera(bench=AWAY), "volume")
     readings = [outline.pressure for outline in outlines]
     assert max(readings) > 1.02 * readings[-1]
     found = fit_law_to_outlines(
@@ -132,7 +141,7 @@ def test_error_bars_are_honest(inflation):
     for _ in range(8):
         bench = {"leak": LEAK_ERROR, "scale": SCALE_ERROR, "zero": ZERO_ERROR, "pressure_offset": 10.0}
         bench = {name: error * rng.standard_normal() for name, error in bench.items()} | {"centre": 1e-3}
-        camera = Camera(error=10e-6, run=8.0, pressure_error=10.0, bench=bench)
+        camera = SimulatedCamera(error=10e-6, run=8.0, pressure_error=10.0, bench=bench)
         outlines = simulated_outlines(device, HARDENING, PRESSURES, camera, rng=rng)
         source = source_of(device, outlines)
         found = fit_law_to_outlines(source, changes={"c3": {"start": 100.0, "fixed": True}})
@@ -148,7 +157,7 @@ def test_neo_hookean_cannot_follow_a_hardening_silicone(inflation, figure):
     device, plain = inflation(), inflation(law="neo-hookean")
     rng = np.random.default_rng(3)
     stiffening = {"c1": 12e3, "c2": 3e3, "c3": 1e3}
-    outlines = simulated_outlines(device, stiffening, PRESSURES, Camera(), rng=rng)
+    outlines = simulated_outlines(device, stiffening, PRESSURES, SimulatedCamera(), rng=rng)
     good, source = fit_law_to_outlines(first := source_of(device, outlines)), source_of(plain, outlines)
     bad = fit_law_to_outlines(source)
     assert not any(fits_badly(*pair) for pair in misfits(first, good.residuals).values())
@@ -163,7 +172,7 @@ def test_neo_hookean_cannot_follow_a_hardening_silicone(inflation, figure):
 
 def test_poisson_near_a_half_is_not_seen(inflation):
     device = inflation()
-    outlines = simulated_outlines(device, HARDENING, PRESSURES, Camera(), rng=np.random.default_rng(4))
+    outlines = simulated_outlines(device, HARDENING, PRESSURES, SimulatedCamera(), rng=np.random.default_rng(4))
     source = source_of(device, outlines)
     fixed = {"c3": {"start": 100.0, "fixed": True}, "poisson": {"lower": 0.47, "upper": 0.5}}
     found = fit_law_to_outlines(source, bench=Bench((*BENCH, "membrane", "poisson")), changes=fixed)
@@ -190,12 +199,14 @@ def test_heights_alone(inflation):
     lengths = device.set_parameters(truth)
     tops = [float(device.curve(state, lengths).nodes[0, 0, 1]) for state in states]
     exact = [Height(f"{p:.0f}", float(p), top) for p, top in zip(PRESSURES, tops, strict=True)]
-    found = fit_heights(HeightResiduals(device, check_heights(exact, device.silhouette.width)), changes=hold)
+    found = least_squares_of_heights(
+        HeightResiduals(device, check_heights(exact, device.silhouette.width)), changes=hold
+    )
     assert found.values["c1"] == pytest.approx(14e3, rel=1e-6)
     assert found.values["c2"] == pytest.approx(600.0, rel=1e-5)
     rng = np.random.default_rng(8)
     rough = [dataclasses.replace(one, height=one.height + 1e-5 * rng.standard_normal()) for one in exact]
-    found = fit_heights(HeightResiduals(device, rough), changes=hold)
+    found = least_squares_of_heights(HeightResiduals(device, rough), changes=hold)
     low, high = found.interval("c1")
     assert low < 14e3 < high and high - low > 20.0
 
@@ -209,11 +220,11 @@ def test_heights_alone_hold_the_truth_of_an_imperfect_bench(inflation):
     truth = {"c1": 14e3, "c2": 600.0, "c3": 0.0}
     sizes = {"leak": LEAK_ERROR, "scale": SCALE_ERROR, "zero": ZERO_ERROR, "pressure_offset": 10.0}
     for _ in range(8):
-        camera = Camera(bench={name: error * rng.standard_normal() for name, error in sizes.items()})
+        camera = SimulatedCamera(bench={name: error * rng.standard_normal() for name, error in sizes.items()})
         made = simulated_outlines(device, truth, PRESSURES, camera, rng=rng)
         heights = [Height(o.source, o.pressure, o.height, o.pressure_error, o.height_error) for o in made]
         source = HeightResiduals(device, check_heights(heights, device.silhouette.width))
-        found = fit_heights(source, changes={"c3": {"start": 0.0, "fixed": True}})
+        found = least_squares_of_heights(source, changes={"c3": {"start": 0.0, "fixed": True}})
         for kept, fit in ((held, found), (scatter, dataclasses.replace(found, shared=None))):
             low, high = fit.interval("c1")
             kept.append(low < truth["c1"] < high)
@@ -224,7 +235,7 @@ def test_a_tensile_curve_tells_the_leak(inflation):
     """Outlines hold leak and hardening together only as their product; a curve of the same silicone parts them."""
     device, rng = inflation(poisson=0.5), np.random.default_rng(6)
     choice, bench = device.choice, {"leak": 0.04, "centre": 1e-3}
-    outlines = simulated_outlines(device, HARDENING, PRESSURES, Camera(bench=bench), rng=rng)
+    outlines = simulated_outlines(device, HARDENING, PRESSURES, SimulatedCamera(bench=bench), rng=rng)
     stretch = np.linspace(1.0, 2.5, 40)
     stress = respond(choice.material(HARDENING), stretch).stress
     error = StressError(0.01, 50.0, True)

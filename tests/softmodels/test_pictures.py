@@ -15,19 +15,25 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from geometries import HollowDisk
-from geometries.fields import about
-from softmodels.path.syringe import Syringe
+from softmodels.common.schema import about
+from softmodels.path.supply import Syringe
+from softmodels.pictures import (
+    curves as curves_module,
+)
 from softmodels.pictures import draw as pictures
-from softmodels.pictures import offscreen, outline_curves, path_curves, section_pictures, solid_pictures
-from softmodels.pictures.colour_scale import Scale
-from softmodels.pictures.cut_open import cut_open
-from softmodels.pictures.drawn_folder import png
-from softmodels.pictures.viewpoint import look
-from softmodels.results import triangles
-from softmodels.results.skin import CUT
-from softmodels.results.state_words import StateWords
-from softmodels.results.store import Results, ResultsError
-from softmodels.results.stored import States
+from softmodels.pictures import (
+    offscreen,
+    section,
+    solid,
+)
+from softmodels.pictures.offscreen import look
+from softmodels.pictures.solid import cut_open
+from softmodels.pictures.style import Scale, png
+from softmodels.runs import grid
+from softmodels.runs.columns import StateLabels
+from softmodels.runs.grid import CUT
+from softmodels.runs.store import Results, ResultsError
+from softmodels.runs.stored import States
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6
 """Of the made-up results; see the fixtures."""
@@ -119,8 +125,8 @@ def test_results_without_a_step_are_refused(tmp_path):
 def test_the_profile_follows_the_displacement(kind, request):
     states, disk = loaded(request.getfixturevalue(kind))
     u = states.field(STEPS - 1, "displacement")
-    radius = outline_curves.profile(states.points, np.zeros_like(u), disk)[:, 0]
-    line = outline_curves.profile(states.points, u, disk)
+    radius = curves_module.profile(states.points, np.zeros_like(u), disk)[:, 0]
+    line = curves_module.profile(states.points, u, disk)
     assert radius[0] == 0.0 and radius[-1] == pytest.approx(disk.outer_radius) and (np.diff(radius) > 0).all()
     assert line[:, 0] == pytest.approx((1 + SPREAD) * radius)
     assert line[:, 1] == pytest.approx(disk.height + RISE * (1 - (radius / disk.outer_radius) ** 2))
@@ -129,7 +135,7 @@ def test_the_profile_follows_the_displacement(kind, request):
 def test_the_profile_of_a_turned_slice_is_the_same(drawings, tmp_path):
     disk = HollowDisk(cell_size=0.006, refinement=1.0, azimuth=100.0)
     points, _, _ = drawings.grid_of(disk, tmp_path)
-    line = outline_curves.profile(points, drawings.displacement(disk, points, 1.0), disk)
+    line = curves_module.profile(points, drawings.displacement(disk, points, 1.0), disk)
     assert line[-1] == pytest.approx(((1 + SPREAD) * disk.outer_radius, disk.height))
 
 
@@ -156,23 +162,23 @@ def rows(pressures: list[float], requested: set[float], limit: float | None = No
 
 def test_which_steps_the_profile_shows():
     pressures = [float(p) for p in range(0, 170, 10)]
-    many = outline_curves.profile_steps(rows(pressures, {0.0, 30.0, 60.0, 90.0}), StateWords("apex"))
+    many = curves_module.profile_steps(rows(pressures, {0.0, 30.0, 60.0, 90.0}), StateLabels("apex"))
     assert many == [3, 6, 9, 16]  # the requested ones under load, and the last
-    few = outline_curves.profile_steps(rows(pressures, {0.0, 160.0}), StateWords("apex"))
+    few = curves_module.profile_steps(rows(pressures, {0.0, 160.0}), StateLabels("apex"))
     assert few == [2, 4, 6, 8, 10, 12, 14, 16]
-    assert outline_curves.profile_steps(rows([0.0], {0.0}), StateWords("apex")) == []
+    assert curves_module.profile_steps(rows([0.0], {0.0}), StateLabels("apex")) == []
 
 
 def test_limit_points_are_marked_with_their_value():
     path = rows([0.0, 20.0, 34.75, 30.0], {20.0}, limit=34.75)
-    (axes,) = path_curves.rise(path, "apex", 95.0).axes
+    (axes,) = curves_module.rise(path, "apex", 95.0).axes
     (marked,) = [line for line in axes.lines if str(line.get_label()).startswith("limit point")]
     assert marked.get_label() == "limit point: 34.75 cm (3.301 kPa), 1 mm"
     assert (marked.get_xdata(), marked.get_ydata()) == ([34.75], [1.0])
     (asked,) = [line for line in axes.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[20.0, 0.5]]
     assert not [
-        line for line in path_curves.rise(path[:2], "apex", 95.0).axes[0].lines if "limit" in str(line.get_label())
+        line for line in curves_module.rise(path[:2], "apex", 95.0).axes[0].lines if "limit" in str(line.get_label())
     ]
 
 
@@ -181,7 +187,7 @@ def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
     table = ((0, 0, 0, 0, 1), (20, 5, 0, 1, 1), (20, 30, 1, 0, 1), (15, 28, 0, 0, 0), (18, 32, 0, 0, 1))
     path = [dict(zip(keys, row, strict=True), pressure_Pa=95 * row[0], requested=0, limit=0) for row in table]
     branch = [{**path[0], "pressure_cm": 19, "apex_mm": 7}, {**path[0], "pressure_cm": 18, "apex_mm": 9}]
-    (axes,) = path_curves.rise(path, "apex", 95.0, branch).axes
+    (axes,) = curves_module.rise(path, "apex", 95.0, branch).axes
     shown = {line.get_label(): np.array(line.get_xydata()) for line in axes.lines}
     assert shown["jump"] == pytest.approx(np.array([[20, 5], [20, 30]]))
     assert shown["steps the device jumps over"] == pytest.approx(np.array([[15, 28]]))
@@ -199,13 +205,13 @@ def test_a_syringe_has_its_pressure_over_the_stroke():
         dict(zip(keys, row, strict=True), limit=0)
         for row in ((0, 0, 0, 0, 1, 1), (5, 7, 6, 4, 0, 1), (20, 47, 15, 18, 1, 1))
     ]
-    first, *others = (figure.axes[0] for figure in path_curves.curves(path, StateWords("apex", driver="bottle")))
+    first, *others = (figure.axes[0] for figure in curves_module.curves(path, StateLabels("apex", driver="bottle")))
     assert (first.get_xlabel(), first.get_ylabel()) == ("stroke of the bottle in ml", "pressure in cm of water")
     (asked,) = [line for line in first.lines if line.get_label() == "requested"]
     assert asked.get_xydata().tolist() == [[0, 0], [20, 47]]
     assert [axes.get_xlabel() for axes in others] == ["pressure in cm of water"] * 2
     direct = [{key: value for key, value in row.items() if key != "stroke_ml"} for row in path]
-    assert len(path_curves.curves(direct, StateWords("apex"))) == 2
+    assert len(curves_module.curves(direct, StateLabels("apex"))) == 2
 
 
 def test_every_entry_of_a_syringe_is_explained():
@@ -215,10 +221,10 @@ def test_every_entry_of_a_syringe_is_explained():
 
 def test_the_smooth_curve_keeps_points_and_turning_points():
     path = np.array([[0.0, 0.0], [10.0, 5.0], [20.0, 8.0], [25.0, 15.0], [25.0, 15.0], [22.0, 20.0]])
-    curve = path_curves.smooth(path, 4001)
+    curve = curves_module.smooth(path, 4001)
     assert curve[:, 0].max() == pytest.approx(25.0, abs=1e-4) and (np.diff(curve[:, 1]) >= 0).all()
     assert all(np.linalg.norm(curve - point, axis=1).min() < 0.02 for point in path)
-    assert path_curves.smooth(path[:2]) == pytest.approx(path[:2])
+    assert curves_module.smooth(path[:2]) == pytest.approx(path[:2])
 
 
 def test_the_state_shown_is_the_last_requested_one(wedge):
@@ -235,13 +241,13 @@ def test_the_state_shown_is_the_last_requested_one(wedge):
 def test_fine_triangles_keep_area_and_bend():
     # A quarter disk's worth of one curved triangle: the edge 1-2 bulges outwards.
     corner = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.6, 0.6], [0.0, 0.5]])
-    fine, small = triangles.fine_triangles(corner, np.arange(6)[None], 16)
+    fine, small = grid.fine_triangles(corner, np.arange(6)[None], 16)
     a, b, c = (fine[small[:, k]] for k in range(3))
     areas = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
     assert areas.min() > 0
     # Straight triangle, and two thirds of the bulge's chord times its height.
     assert areas.sum() == pytest.approx(0.5 + 2 / 3 * np.sqrt(2) * 0.1 * np.sqrt(2), rel=2e-3)
-    curves = triangles.edge_curves(corner, np.arange(6)[None], 2)
+    curves = grid.edge_curves(corner, np.arange(6)[None], 2)
     assert any(np.allclose(curve[1], (0.6, 0.6)) for curve in curves)
 
 
@@ -258,9 +264,9 @@ def test_a_bifurcation_is_drawn_with_its_mode(kind, request, monkeypatch):
         lambda self, k, name: field(self, k, "displacement") / 5e-3 if name == "mode" else field(self, k, name),
     )
     if kind == "wedge":
-        figure = solid_pictures.mode(look(states), step)
+        figure = solid.mode(look(states), step)
     else:
-        figure = section_pictures.section_mode(
+        figure = section.section_mode(
             states.points, states.moved(step), states.field(step, "mode"), states.cells, states.rows[step], states.words
         )
     canvas = FigureCanvasAgg(figure)
@@ -286,7 +292,7 @@ def test_a_cut_in_a_symmetry_plane_has_no_cracks(kind, name, slices, request):
 
 def test_a_rendered_image_stands_on_its_page_as_it_is():
     image = np.random.default_rng(5).integers(0, 256, (200, 1600, 3), dtype=np.uint8)
-    drawn = png(solid_pictures.page(image, "a title", note="and a note"), {"Title": "a title"})
+    drawn = png(solid.page(image, "a title", note="and a note"), {"Title": "a title"})
     with Image.open(io.BytesIO(drawn)) as page:
         found = np.asarray(page)
         assert page.mode == "RGB" and page.text["Title"] == "a title" and found.shape[1] == 1600

@@ -10,13 +10,11 @@ import pytest
 from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.controls import Control, pressure_control
+from softmodels.mechanics.controls import Control, Tangent, pressure_control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
-from softmodels.mechanics.tangent import Tangent
-from softmodels.path.continuation import Continuation, trace
-from softmodels.path.prediction import predict, predict_direction
+from softmodels.path.continuation import Continuation, predict, predict_direction, trace
 
 
 @dataclasses.dataclass(frozen=True)

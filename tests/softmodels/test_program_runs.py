@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from softmodels.results.store import Results
+from softmodels.runs.store import Results
 
 CASE = """
 name = "pair"

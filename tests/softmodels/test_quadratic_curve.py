@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.results.quadratic_curve import QuadraticCurve
+from softmodels.runs.grid import QuadraticCurve
 
 
 def arc(pieces, radius=1.0):

@@ -12,13 +12,13 @@ import time
 import pytest
 
 from geometries import HollowDisk
-from geometries.errors import MeshingError, MeshingStopped
 from softmodels.case.case import Case
-from softmodels.case.material_table import DEFAULT
-from softmodels.cli import ranks
+from softmodels.case.materials import DEFAULT
+from softmodels.cli import options
+from softmodels.common.errors import MeshingError, MeshingStopped
 from softmodels.mechanics.mpi import StartError
 
-MPI = ranks._launcher()
+MPI = options._launcher()
 needs_mpirun = pytest.mark.skipif(MPI is None, reason="no mpirun beside this Python or on the path")
 
 
@@ -27,8 +27,8 @@ def free(monkeypatch):
     """No launcher around, and four cores."""
     for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "SLURM_PROCID", "PMI_SIZE"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(ranks, "cores", lambda: 4)
-    monkeypatch.setattr(ranks, "_launcher", lambda: "mpirun")
+    monkeypatch.setattr(options, "cores", lambda: 4)
+    monkeypatch.setattr(options, "_launcher", lambda: "mpirun")
     return monkeypatch
 
 
@@ -40,33 +40,33 @@ def case_of(**fields):
 def test_as_many_ranks_as_have_enough_unknowns_and_no_more_than_cores(nodes, expected, free):
     text = f"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n7 {nodes} 1 {nodes}\n"
     free.setattr(HollowDisk, "write", lambda self, file, stopped: file.write_text(text))
-    assert ranks.ranks_for(case_of(), None) == expected
-    assert ranks.ranks_for(case_of(section="axisymmetric"), None) == 1
-    free.setattr(ranks, "cores", lambda: 1)
-    assert ranks.ranks_for(case_of(), None) == 1
+    assert options.ranks_for(case_of(), None) == expected
+    assert options.ranks_for(case_of(section="axisymmetric"), None) == 1
+    free.setattr(options, "cores", lambda: 1)
+    assert options.ranks_for(case_of(), None) == 1
 
 
 def test_the_nodes_of_a_mesh_tell_the_unknowns_of_its_run(tmp_path):
     """3,373 cells with 17,326 unknowns are what a run of this wedge reports."""
     file = tmp_path / "mesh.msh"
     HollowDisk(cell_size=8e-3).write(file)
-    assert ranks.PER_NODE * ranks._nodes(file) == pytest.approx(17_326, rel=0.03)
-    assert ranks._nodes(tmp_path / "mesh.msh") > 5000
+    assert options.PER_NODE * options._nodes(file) == pytest.approx(17_326, rel=0.03)
+    assert options._nodes(tmp_path / "mesh.msh") > 5000
 
 
 def test_a_launchers_ranks_stand(free):
     free.setenv("PMI_RANK", "1")
     free.setenv("PMI_SIZE", "2")
-    assert ranks.ranks_for(case_of(), None) == ranks.ranks_for(case_of(), 2) == 1
+    assert options.ranks_for(case_of(), None) == options.ranks_for(case_of(), 2) == 1
     with pytest.raises(StartError, match=r"--ranks 3 asks for other ranks than the 2 that mpirun"):
-        ranks.ranks_for(case_of(), 3)
+        options.ranks_for(case_of(), 3)
 
 
 def test_without_a_launcher_one_rank_is_taken_and_more_are_refused(free):
-    free.setattr(ranks, "_launcher", lambda: None)
-    assert ranks.ranks_for(case_of(), None) == ranks.ranks_for(case_of(), 1) == 1
+    free.setattr(options, "_launcher", lambda: None)
+    assert options.ranks_for(case_of(), None) == options.ranks_for(case_of(), 1) == 1
     with pytest.raises(StartError, match="--ranks 2 needs mpirun"):
-        ranks.ranks_for(case_of(), 2)
+        options.ranks_for(case_of(), 2)
 
 
 def test_a_mesh_that_cannot_be_made_is_the_runs_to_report(free):
@@ -74,14 +74,14 @@ def test_a_mesh_that_cannot_be_made_is_the_runs_to_report(free):
         raise MeshingError("no mesh")
 
     free.setattr(HollowDisk, "write", fails)
-    assert ranks.ranks_for(case_of(), None) == 1
+    assert options.ranks_for(case_of(), None) == 1
 
     def stops(self, file, stopped):
         raise MeshingStopped
 
     free.setattr(HollowDisk, "write", stops)
     with pytest.raises(StartError, match="stopped by the user") as error:
-        ranks.ranks_for(case_of(), None)
+        options.ranks_for(case_of(), None)
     assert error.value.status == 130
 
 

@@ -14,9 +14,9 @@ import pytest
 from PIL import Image
 
 from softmodels.pictures.film import LARGEST
-from softmodels.pictures.viewpoint import look
-from softmodels.pictures.web_view import packed
-from softmodels.results.stored import States
+from softmodels.pictures.offscreen import look
+from softmodels.pictures.report import packed
+from softmodels.runs.stored import States
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
 
@@ -148,9 +148,9 @@ def test_the_view_holds_the_steps(report):
 
 
 def test_a_long_path_leaves_steps_out_of_the_view(wedge, monkeypatch):
-    monkeypatch.setattr("softmodels.pictures.web_view.VALUES", 1)
+    monkeypatch.setattr("softmodels.pictures.report.VALUES", 1)
     states = States(wedge, "disk")
-    from softmodels.pictures.web_view import view
+    from softmodels.pictures.report import view
 
     shown = view(look(states))
     kept = [step["step"] for step in json.loads(shown["meta"])["steps"]]

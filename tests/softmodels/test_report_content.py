@@ -11,11 +11,11 @@ import pytest
 from PIL import Image
 
 from geometries import HollowDisk, SeminarActuator
-from measurement.page import render
+from softmodels.common.page import render
 from softmodels.pictures import report
-from softmodels.pictures.viewpoint import look
-from softmodels.results.columns import term
-from softmodels.results.stored import States
+from softmodels.pictures.offscreen import look
+from softmodels.runs.columns import term
+from softmodels.runs.stored import States
 
 SOFT = ("--variant", "shadow", "--material", "ecoflex-00-30", "--volume-ml", "0:120:60", "--quiet")
 """Stretches the silicone beyond what it was fitted over."""
@@ -140,9 +140,9 @@ def test_a_curled_edge_is_not_called_a_soft_contact():
 
     from geometries import HollowDisk
     from softmodels.case.case import Case
-    from softmodels.case.material_table import DEFAULT
+    from softmodels.case.materials import DEFAULT
     from softmodels.mechanics.contact import Obstacle
-    from softmodels.results.notes import depth_notes
+    from softmodels.runs.notes import depth_notes
 
     case = Case("disk", HollowDisk(), DEFAULT, (10.0,), obstacle=Obstacle("top", "z = 20 mm"))
     row = {"contact_depth_mm": 0.3}

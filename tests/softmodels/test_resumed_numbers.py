@@ -9,7 +9,7 @@ import h5py
 import pytest
 
 from softmodels.case.case import Case
-from softmodels.results.store import Results
+from softmodels.runs.store import Results
 
 SHADOW = '[geometry]\ndevice = "HollowDisk"\ncavity_radius = "20 mm"\nmembrane = "2 mm"\n'
 COARSE = 'wall = "5 mm"\ncavity_height = "5 mm"\ncell_size = "10 mm"\nrefinement = 1.0\nfillet = "0 mm"\nbase_fillet = "0 mm"\n'
@@ -68,7 +68,7 @@ def test_resumed_equals_uninterrupted(name, tmp_path, monkeypatch, figure):
     from softmodels.cli.run import run
 
     monkeypatch.setattr(
-        "softmodels.results.data_files.KEPT", 1000
+        "softmodels.runs.store.KEPT", 1000
     )  # the whole run's steps as they were before they were gathered
 
     case = Case.from_toml(CASES[name])

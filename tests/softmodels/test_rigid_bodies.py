@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.mechanics.rigid_shapes import RigidShape
-from softmodels.pictures.rigid_bodies import shape_layers, shape_surface, shapes_of, way
-from softmodels.pictures.viewpoint import look
-from softmodels.results.stored import States
+from softmodels.mechanics.contact import RigidShape
+from softmodels.pictures.offscreen import (
+    look,
+    shape_layers,
+    shape_surface,
+    shapes_of,
+    way,
+)
+from softmodels.runs.stored import States
 
 BALL = RigidShape("sphere", "top", (0.0, 0.001, 0.03), 0.01, guide="0.6, 0, 0.8", spring=50.0, name="ball")
 ROD = RigidShape("cylinder", "top", (0.0, 0.0, 0.03), 0.01, name="rod")

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 import softmodels as sm
-from geometries import kept_meshes
+from geometries import meshing
 from softmodels.cli.options import main
 from softmodels.disk import command
 from softmodels.mechanics.compiling import wait_for_cache
@@ -24,7 +24,7 @@ def test_a_failed_mesher_is_a_sentence_and_status_1(monkeypatch, capsys, tmp_pat
         raise Exception("PLC Error: a segment and a facet intersect")  # what Gmsh raises
 
     monkeypatch.setattr(gmsh.model.mesh, "generate", broken)
-    monkeypatch.setattr(kept_meshes, "take", lambda actuator, path: False)
+    monkeypatch.setattr(meshing, "load_cached_mesh", lambda actuator, path: False)
     monkeypatch.setattr(sys, "argv", ["disk", *STEPS, "--output", str(tmp_path / "disk")])
     with pytest.raises(SystemExit) as end:
         main(command)

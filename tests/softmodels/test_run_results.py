@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from softmodels.case.case import Case
-from softmodels.results.state_words import StateWords
-from softmodels.runs.progress import Progress
+from softmodels.runs.columns import StateLabels
+from softmodels.runs.recording import Progress
 
 COLUMNS = (
     "step", "pressure_cm", "pressure_Pa", "added_volume_ml", "apex_mm", "max_displacement_mm", "max_stretch",
@@ -191,7 +191,7 @@ def test_a_terminal_shows_a_bar(monkeypatch, capsys):
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     row = {"step": 3, "pressure_cm": 88.5, "apex_mm": 2.0, "added_volume_ml": 1.0, "newton_iterations": 2}
-    with Progress(177.0, "cm", StateWords("apex"), quiet=False) as progress:
+    with Progress(177.0, "cm", StateLabels("apex"), quiet=False) as progress:
         progress.step(row, 88.5)
         bar = progress._bar.tasks[0]
         assert bar.completed == 88.5 and bar.total == 177.0 and bar.description == "88.5 of 177 cm"

@@ -9,11 +9,10 @@ import pytest
 
 import softmodels as sm
 from softmodels.__main__ import softmodels as whole_command
-from softmodels.case.material_errors import MaterialErrors
-from softmodels.fitting.curves.columns import TensileError
-from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.stress_error import StressError
-from softmodels.fitting.law_parameters import LawChoice
+from softmodels.case.materials import MaterialErrors
+from softmodels.fitting.curves.curve import TensileCurve, TensileError
+from softmodels.fitting.curves.residuals import StressError
+from softmodels.fitting.problem import LawChoice
 from softmodels.fitting.scoring import score_curve, write_scores
 from softmodels.materials.laws import Gent, NeoHookean, Ogden, Yeoh
 from softmodels.materials.specimens import respond

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.fitting.outlines.shadow import shadow_of
-from softmodels.results.quadratic_curve import QuadraticCurve
+from softmodels.fitting.outlines.silhouette import shadow_of
+from softmodels.runs.grid import QuadraticCurve
 
 
 def surface(rim, pieces=40):

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk, Membrane
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.fitting.outlines.heights import Height, HeightResiduals
-from softmodels.fitting.outlines.outline_residuals import OutlineResiduals
-from softmodels.fitting.outlines.reading import OutlineFitError
+from softmodels.fitting.outlines.residuals import Height, HeightResiduals, OutlineResiduals
+from softmodels.fitting.outlines.shapes import OutlineFitError
+from softmodels.fitting.problem import LawChoice
 
 SECTION = HollowDisk(section="axisymmetric")
 WEDGE = HollowDisk(angle=30.0, azimuth=20.0)
@@ -19,7 +18,7 @@ ADDED = 0.6e-6
 
 @pytest.fixture(scope="module")
 def device(comm, tmp_path_factory):
-    from softmodels.fitting.outlines.device_model import DeviceModel
+    from softmodels.fitting.outlines.device import DeviceModel
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System

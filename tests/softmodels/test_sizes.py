@@ -17,13 +17,13 @@ MOST_ANY = 35
 PACKAGES = [Path(package.__file__).parent for package in (softmodels, measurement, geometries)]
 
 MANY_PARAMETERS: set[str] = {
-    "softmodels/design/optimise.py: optimise", "softmodels/fitting/score_materials.py: score",
-    "softmodels/runs/door.py: inflate", "softmodels/runs/moulding.py: mould",
+    "softmodels/design/optimise.py: optimise", "softmodels/fitting/scoring.py: score",
+    "softmodels/runs/api.py: inflate", "softmodels/casting/files.py: mould",
 }  # fmt: skip
 """Public calls, whose arguments are real ones so that Tab completes them."""
 LONG_FUNCTIONS: set[str] = {
     "measurement/edge/tracing.py: _trace", "measurement/series/photo.py: outline_of",
-    "softmodels/cli/fit_command.py: fit_material", "softmodels/runs/door.py: inflate",
+    "softmodels/cli/fit_command.py: fit_material", "softmodels/runs/api.py: inflate",
 }  # fmt: skip
 """Sequences of steps, and public calls with a line and a sentence for each argument."""
 

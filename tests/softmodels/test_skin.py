@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from geometries import Balloon, Bellows, HollowDisk, Membrane, SeminarActuator
-from softmodels.pictures.cut_open import best_plane
-from softmodels.results.skin import CUT, OUTSIDE, skin_of
+from softmodels.pictures.solid import best_plane
+from softmodels.runs.grid import CUT, OUTSIDE, surface_of
 
 SHARP_DISK = {"cell_size": 0.004, "refinement": 1.0}
 SLAB = {"channels": 2, "spread": 40.0, "around": 8.0, "cell_size": 0.008}
@@ -30,7 +30,7 @@ PARTS = (("can", 45), ("can", 180), ("ball", 60), ("ball", 90))
 def surface(request, drawings, wedge_part, tmp_path_factory):
     device = DEVICES[request.param] if request.param in DEVICES else wedge_part(*request.param)
     points, cells, kind = drawings.grid_of(device, tmp_path_factory.mktemp("skin"))
-    return device, points, skin_of(points, cells, kind, device)
+    return device, points, surface_of(points, cells, kind, device)
 
 
 def volume(corners):
@@ -93,7 +93,7 @@ def test_the_cut_of_a_slab_runs_through_its_channels(surface):
 )
 def test_a_section_of_several_parts_points_outwards_everywhere(device, drawings, tmp_path):
     """Cells of what is bonded on may be numbered the other way round: its faces would be seen from inside alone."""
-    skin = skin_of(*drawings.grid_of(device, tmp_path), device)
+    skin = surface_of(*drawings.grid_of(device, tmp_path), device)
     points, _, _ = drawings.grid_of(device, tmp_path)
     corners = skin.points(points)[skin.triangles]
     assert len(skin.images) * volume(corners) == pytest.approx(device.solid_volume, rel=0.01)

@@ -7,9 +7,22 @@ import dataclasses
 import numpy as np
 import pytest
 
-from softmodels.materials.homogeneous import MODES, nominal_stress, uniaxial_compressible
-from softmodels.materials.laws import LAWS, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.materials.specimens import log_strain_stiffness, nudged, respond
+from softmodels.materials.laws import (
+    LAWS,
+    Gent,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    Yeoh,
+)
+from softmodels.materials.specimens import (
+    MODES,
+    log_strain_stiffness,
+    nominal_stress,
+    nudged,
+    respond,
+    uniaxial_compressible,
+)
 
 L = np.array([0.6, 0.9, 1.0, 1.3, 2.0, 3.0])
 EXAMPLES = {

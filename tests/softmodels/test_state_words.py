@@ -6,9 +6,14 @@ import re
 
 import pytest
 
-from softmodels.pictures import film, hot_spots, outline_curves, report
+from softmodels.pictures import (
+    curves,
+    film,
+    offscreen,
+    report,
+)
 from softmodels.pictures.style import headline
-from softmodels.results.stored import States
+from softmodels.runs.stored import States
 
 AIR = re.compile(r"\d cm|cm of water| ml\b|added volume|cavity")
 """What tells of air."""
@@ -32,9 +37,9 @@ def weighed(runs, tmp_path_factory):
 def drawn(states):
     """All words that pictures and report make of a state's load."""
     row, words = states.rows[states.main], states.words
-    labels = outline_curves._labels(states.rows, words, range(len(states.rows)))
+    labels = curves._labels(states.rows, words, range(len(states.rows)))
     return [
-        headline(row, words), film._caption(states, 0.5), hot_spots.peak_text(states, states.main), *labels.values(),
+        headline(row, words), film._caption(states, 0.5), offscreen.peak_text(states, states.main), *labels.values(),
         report.ending(states, {}), *report._notes(states),
         *(str(line["term"]) for line in report._lines(states.rows, states)),
     ]  # fmt: skip
@@ -53,7 +58,7 @@ def test_a_device_without_a_cavity_shows_no_air(beam):
     assert headline(states.rows[-1], states.words).startswith("force 0.2 N, tip rise")
     assert "stable under load and under travel" in done.out
     # Its outline is drawn under each load, which took a pressure or a volume before.
-    assert outline_curves.profile_steps(states.rows, states.words)[-1] == len(states.rows) - 1
+    assert curves.profile_steps(states.rows, states.words)[-1] == len(states.rows) - 1
 
 
 def test_a_membrane_under_its_weight_shows_its_volume_and_no_pressure(weighed):

@@ -10,9 +10,9 @@ import pytest
 from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.materials.laws import NeoHookean
-from softmodels.path.syringe import Syringe
-from softmodels.results.stability_report import jumped_over
-from softmodels.results.store import Results
+from softmodels.path.supply import Syringe
+from softmodels.runs.notes import jumped_over
+from softmodels.runs.store import Results
 
 SHADOW = ("--variant", "shadow", "--support", "base", "--quiet")
 

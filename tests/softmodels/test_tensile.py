@@ -9,13 +9,11 @@ import numpy as np
 import openpyxl
 import pytest
 
-from measurement.wording import spoken
-from softmodels.fitting.curves.columns import TensileError, recognise
-from softmodels.fitting.curves.curve import Specimen, read_curve, small_modulus
-from softmodels.fitting.curves.stress_error import DENSE, StressError, noise
-from softmodels.materials.homogeneous import balloon_pressure
+from softmodels.common.errors import spoken
+from softmodels.fitting.curves.curve import Specimen, TensileError, read_curve, recognise, small_modulus
+from softmodels.fitting.curves.residuals import DENSE, StressError, noise
 from softmodels.materials.laws import NeoHookean
-from softmodels.materials.specimens import respond
+from softmodels.materials.specimens import balloon_pressure, respond
 
 MU = 20e3
 L = np.linspace(1.0, 3.0, 21)
@@ -367,7 +365,7 @@ def test_lines_of_numbers_are_not_searched_for_a_header(write, monkeypatch):
     """Patterns look at lines of words alone: a raw curve has 37,512 lines of numbers."""
     asked = []
     monkeypatch.setattr(
-        "softmodels.fitting.curves.columns.recognise", lambda text, place: asked.append(text) or recognise(text, place)
+        "softmodels.fitting.curves.curve.recognise", lambda text, place: asked.append(text) or recognise(text, place)
     )
     rows = "".join(f"{1 + i / 500:.4f},{i}\n" for i in range(1000))
     assert len(read_curve(write("stretch,stress (kPa)\n" + rows)).stretch) == 1000

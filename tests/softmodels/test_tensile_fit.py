@@ -7,24 +7,19 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.case.case import Case
-from softmodels.case.material_table import material_from
+from softmodels.case.materials import material_from
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
-from softmodels.fitting.curves.curve_residuals import largest_strain, residuals_of
-from softmodels.fitting.curves.fit_curves import fit_curves, prepared
-from softmodels.fitting.curves.law_fit import fit_law_to_curves
-from softmodels.fitting.curves.stress_error import StressError
-from softmodels.fitting.files import write_materials
-from softmodels.fitting.identifiability import unseen
-from softmodels.fitting.law_parameters import LawChoice, all_laws
-from softmodels.fitting.least_squares import fit_parameters
-from softmodels.fitting.options import FitOptions
-from softmodels.fitting.problem import Extra, FitError, Parameter, Prior
-from softmodels.fitting.profile import profile
-from softmodels.fitting.score_materials import score
+from softmodels.fitting.curves.fit import fit_curves, fit_law_to_curves, prepared
+from softmodels.fitting.curves.residuals import StressError, largest_strain, residuals_of
+from softmodels.fitting.least_squares import fit_parameters, profile
+from softmodels.fitting.problem import Extra, FitError, FitOptions, LawChoice, Parameter, Prior, all_laws
+from softmodels.fitting.result import unseen
+from softmodels.fitting.scoring import score
+from softmodels.fitting.tables import write_materials
 from softmodels.materials.laws import LAWS, NeoHookean
 from softmodels.materials.specimens import MODE_NAMES, respond
-from softmodels.results.notes import stretch_notes
-from softmodels.results.row import Row
+from softmodels.runs.notes import stretch_notes
+from softmodels.runs.row import Row
 
 TRUTH = {
     "neo-hookean": {"shear_modulus": 20e3},

@@ -11,8 +11,8 @@ import h5py
 import numpy as np
 import pytest
 
-from softmodels.results.row import Row
-from softmodels.results.store import Results
+from softmodels.runs.row import Row
+from softmodels.runs.store import Results
 
 # VTK and h5py each bring an HDF5: VTK reads in a process of its own.
 READ = """

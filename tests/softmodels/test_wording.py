@@ -10,15 +10,13 @@ import pytest
 from click.testing import CliRunner
 
 import softmodels as sm
-from geometries.fields import field_of
-from geometries.kinds import Quantity
-from measurement.wording import spoken, written
+from softmodels.common.errors import spoken, written
+from softmodels.common.schema import Quantity, field_of
 from softmodels.disk import command
-from softmodels.path.air_supply import SUPPLIES, AirSupply, register
-from softmodels.path.syringe import Stroke
-from softmodels.results.columns import term
-from softmodels.runs.door import inflate  # noqa: F401  (says what its arguments are)
-from softmodels.runs.explanation import explain, explain_failure
+from softmodels.path.supply import SUPPLIES, AirSupply, Stroke, register
+from softmodels.runs.api import inflate  # noqa: F401  (says what its arguments are)
+from softmodels.runs.columns import term
+from softmodels.runs.notes import explain, explain_failure
 
 COARSE = {"section": "axisymmetric", "cell_size": 6e-3, "refinement": 1.0}
 BALLOONS = sm.HollowDisk(membrane=1e-3, **COARSE)

@@ -18,12 +18,20 @@ import pytest
 
 import softmodels as sm
 from geometries import Actuator
-from geometries.fields import about
-from geometries.kinds import Choice, Flag, Length, Open, Quantity, Several, Words
-from measurement.wording import OWN
-from softmodels.fitting.law_parameters import LawChoice
-from softmodels.materials.material import Material
-from softmodels.runs.requests import case_of
+from softmodels.common.errors import OWN
+from softmodels.common.schema import (
+    Choice,
+    Flag,
+    Length,
+    Open,
+    Quantity,
+    Several,
+    Words,
+    about,
+)
+from softmodels.fitting.problem import LawChoice
+from softmodels.materials.laws import Material
+from softmodels.runs.run import case_of
 
 LEAST = 300
 """Wrong calls that are made at least."""
@@ -271,9 +279,9 @@ def nothing_starts(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     for place in (
         "geometries.actuator.Actuator.write", "softmodels.mechanics.system.System.__init__",
-        "softmodels.runs.door.start", "softmodels.runs.moulding.made", "softmodels.design.optimise.start",
-        "softmodels.runs.between.start", "softmodels.fitting.curves.fit_curves.fit_law_to_curves",
-        "softmodels.fitting.outlines.fit_device.start", "softmodels.runs.run.begin",
+        "softmodels.runs.api.start", "softmodels.casting.files.made", "softmodels.design.optimise.start",
+        "softmodels.runs.run.start", "softmodels.fitting.curves.fit.fit_law_to_curves",
+        "softmodels.fitting.outlines.fit.start", "softmodels.runs.run.begin",
     ):  # fmt: skip
         monkeypatch.setattr(place, started)
 
@@ -440,7 +448,7 @@ def test_degenerate_stl_files(text, tmp_path, monkeypatch):
     file = tmp_path / "hand.stl"
     file.write_text(text)
     shape = {"shape": "stl", "file": str(file), "faces": "top", "at": (0, 0, 0.05)}
-    with pytest.raises((sm.CaseError, sm.PartError, sm.RunError)) as told:
+    with pytest.raises((sm.CaseError, sm.ComponentError, sm.RunError)) as told:
         sm.inflate(DISK, LAW, "0:30 cm", parts=sm.RigidShape(**shape))
     assert len(str(told.value)) > 20 and str(file) in str(told.value)
 

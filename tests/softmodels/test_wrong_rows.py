@@ -7,9 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from softmodels.fitting.believable import expected, objection
-from softmodels.fitting.outlines.pressure_course import Row, wrong_readings
-from softmodels.fitting.outlines.wrong_rows import by_course
+from softmodels.fitting.comparison import expected, objection
+from softmodels.fitting.outlines.checks import HeightRow, by_course, wrong_readings
 from softmodels.fitting.problem import FitError
 from softmodels.materials.laws import NeoHookean, Yeoh
 
@@ -26,7 +25,7 @@ def series(hardening=0.3, seed=0, heights=HEIGHTS):
         len(heights)
     )
     return [
-        Row(f"{i}.jpg", h, p, 10.0, 8e-6, u)
+        HeightRow(f"{i}.jpg", h, p, 10.0, 8e-6, u)
         for i, (h, p, u) in enumerate(zip(heights, pressures.tolist(), unit, strict=True))
     ]
 

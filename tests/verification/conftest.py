@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from geometries import Actuator, CutPlane, Hold
-from geometries.fields import choice_field, length_field, number_field
+from softmodels.common.schema import choice_field, length_field, number_field
 
 KEPT = 6
 """Equations that are kept for tests that ask for them again."""
@@ -572,8 +572,7 @@ def solved():
     The points end where the path does; `PathEnd` is the third value then, else None.
     """
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.points import PathEnd
-    from softmodels.path.quantities import DIRECT
+    from softmodels.path.points import DIRECT, PathEnd
 
     def solve(equations, goals, control="auto", quantity="pressure", **options):
         path = Continuation(equations, DIRECT.get(quantity, quantity), control, **options)

@@ -43,7 +43,7 @@ def figures(
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import PathEnd
-    from softmodels.results.fields import Fields
+    from softmodels.runs.fields import Fields
 
     found = {}
     solids = (("wedge", WEDGE, wedge, 1.0), ("slab", SLAB, slab, 1.0), ("finger", FINGER, finger, 0.1))
@@ -95,10 +95,8 @@ def ending(comm) -> list[float]:
     from softmodels.mechanics.mpi import on_root
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.ends import LOCKED
-    from softmodels.path.points import PathEnd
-    from softmodels.path.quantities import AddedVolume
+    from softmodels.path.continuation import LOCKED, Continuation, trace
+    from softmodels.path.points import AddedVolume, PathEnd
 
     held = (Rigid(region="cap", kind="held", name="plate"), Clamp("outer", slip="z", name="grip"))
     with tempfile.TemporaryDirectory() as folder:
@@ -138,8 +136,8 @@ def loaded(comm, section: Path) -> list[float]:
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.quantities import DIRECT
-    from softmodels.path.stages import hang, load_from
+    from softmodels.path.points import DIRECT
+    from softmodels.path.schedule import hang, load_from
 
     parts = (Gravity(direction="-z"), Mass(face="top", amount=0.02), Force(face="top", direction="-z", name="push"))
     solver = Solver(System(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495), parts=parts))
@@ -159,7 +157,7 @@ def meeting(comm, wedge: Path) -> list[float]:
     from softmodels.mechanics.controls import volume_control
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.mechanics.walls.part import Walls
+    from softmodels.mechanics.walls import Walls
 
     equations = Solver(System(Body.from_file(WEDGE, wedge, comm), NeoHookean(30e3, 0.49), parts=[Walls("cavity")]))
     system = equations.system
@@ -177,19 +175,19 @@ def design(comm) -> list[float]:
     import numpy as np
 
     from softmodels.case.case import Case
-    from softmodels.design.loads import Load
+    from softmodels.design.loads import JudgedLoad
     from softmodels.design.model import DesignModel
+    from softmodels.design.quantities.geometric import AddedVolume, Mass
     from softmodels.design.quantities.limits import LimitMargin
     from softmodels.design.quantities.peaks import PeakStretch
     from softmodels.design.quantities.places import Rise
-    from softmodels.design.quantities.volumes import AddedVolume, Mass
     from softmodels.materials.laws import NeoHookean
 
     quantities = (
         Rise(at=2000.0),
         PeakStretch(at=2000.0),
         AddedVolume(at=2000.0),
-        Rise(at=Load("volume", 40e-6)),
+        Rise(at=JudgedLoad("volume", 40e-6)),
         LimitMargin(),
         Mass(),
     )
@@ -212,7 +210,7 @@ def program(comm, pair: Path) -> list[float]:
     from softmodels.mechanics.system import System
     from softmodels.path.program import Series
     from softmodels.path.schedule import follow
-    from softmodels.results.fields import Fields
+    from softmodels.runs.fields import Fields
 
     equations = Solver(System(Body.from_file(pair_of(pair.with_suffix(".step")), pair, comm), NeoHookean(30e3, 0.49)))
     fields, found = Fields(equations), []
@@ -235,7 +233,7 @@ def bifurcation(equations) -> dict[str, list[float]]:
 
     from softmodels.path.branching import follow
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.quantities import AddedVolume
+    from softmodels.path.points import AddedVolume
 
     path = Continuation(equations, AddedVolume(), largest_step=2.0)
     first = next(point for point in trace(path, [12.0]) if point.bifurcation)
@@ -251,11 +249,11 @@ def rates(equations, added: float) -> list[float]:
     import numpy as np
 
     from softmodels.fitting.outlines.silhouette import Silhouette
+    from softmodels.mechanics.body import Reshaping
     from softmodels.mechanics.controls import volume_control
-    from softmodels.mechanics.morphing import Reshaping
     from softmodels.mechanics.sensitivity import Sensitivity
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.quantities import AddedVolume
+    from softmodels.path.points import AddedVolume
 
     moving = Reshaping(equations.system.body, ("membrane",))
     sensitivity, silhouette = Sensitivity(equations, moving), Silhouette(equations.system)

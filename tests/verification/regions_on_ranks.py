@@ -21,15 +21,15 @@ def layered(folder):
 
 def figures(comm, device, mesh):
     """Numbers that no number of ranks may change."""
-    from softmodels.case.region import Region
+    from softmodels.case.materials import Region
     from softmodels.materials.laws import NeoHookean, Yeoh
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.mpi import largest, total
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
-    from softmodels.path.quantities import DIRECT
-    from softmodels.results.fields import Fields
+    from softmodels.path.points import DIRECT
+    from softmodels.runs.fields import Fields
 
     parts = [Region(Yeoh(60e3, 2e3, 100.0, 0.49), name="shell")]
     solver = Solver(System(Body.from_file(device, mesh, comm), NeoHookean(30e3, 0.48), parts=parts))

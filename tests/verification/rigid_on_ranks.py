@@ -19,12 +19,11 @@ import softmodels as sm  # noqa: E402
 from softmodels.mechanics.body import Body  # noqa: E402
 from softmodels.mechanics.controls import pressure_control  # noqa: E402
 from softmodels.mechanics.loads import Force  # noqa: E402
-from softmodels.mechanics.rigid import Rigid  # noqa: E402
-from softmodels.mechanics.rotations import rotation_vector  # noqa: E402
+from softmodels.mechanics.rigid import Rigid, rotation_vector  # noqa: E402
 from softmodels.mechanics.solver import Solver  # noqa: E402
 from softmodels.mechanics.system import System  # noqa: E402
+from softmodels.path.schedule import hang  # noqa: E402
 from softmodels.path.stability import Stability  # noqa: E402
-from softmodels.path.stages import hang  # noqa: E402
 
 MEMBRANE = sm.Membrane(
     radius=0.02, thickness=0.001, clamp_width=0.0, plate_radius=0.005, rings=(0.008, 0.011), ring_thickness=0.001

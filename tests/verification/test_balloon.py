@@ -9,9 +9,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from geometries import Balloon
-from softmodels.materials.homogeneous import sphere_pressure
 from softmodels.materials.laws import NeoHookean
-from softmodels.results.fields import Fields
+from softmodels.materials.specimens import sphere_pressure
+from softmodels.runs.fields import Fields
 
 LAW = NeoHookean(30e3, 0.5)
 STRETCHES = np.array([1.1, 1.3, 1.6, 2.0])

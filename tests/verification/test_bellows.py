@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from geometries import Bellows
 from softmodels.materials.laws import NeoHookean
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 LAW = NeoHookean(30e3, 0.5)
 SMALL = 1e-4

@@ -12,7 +12,7 @@ import pytest
 from geometries import BendingBellows, PneuNet
 from softmodels.materials.laws import Yeoh
 from softmodels.materials.silicones import SILICONES
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 TUBE = "cross-section of a long tube with an eccentric channel, bent by pressure"
 CLOSED = "Betti's theorem with Saint-Venant's bending, small pressures"

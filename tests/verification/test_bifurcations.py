@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from softmodels.materials.laws import MooneyRivlin, NeoHookean
 from softmodels.path.branching import follow
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 TUBE = "exact incremental theory of a thick tube of a length held, inflated"
 RUBBER = MooneyRivlin(45e3, 5e3, 0.5)

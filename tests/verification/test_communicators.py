@@ -13,7 +13,7 @@ from softmodels.mechanics.body import Body
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 DEVICES = 3
 

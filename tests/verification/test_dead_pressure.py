@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from softmodels.materials.homogeneous import balloon_pressure
 from softmodels.materials.laws import NeoHookean, Yeoh
+from softmodels.materials.specimens import balloon_pressure
 from softmodels.path.continuation import Continuation
 from softmodels.path.points import PathEnd
-from softmodels.path.pressure_cycle import cycle
+from softmodels.path.schedule import cycle
 
 THIN = 0.01
 SHELL = "thin-shell theory of a Yeoh balloon under a dead pressure, up and down"

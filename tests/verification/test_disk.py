@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from measurement.units import pascal_per_cm
+from softmodels.common.units import pascal_per_cm
 from softmodels.materials.laws import NeoHookean
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 COLUMNS = (70.0, 130.0, 177.0)
 CM = pascal_per_cm()

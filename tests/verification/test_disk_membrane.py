@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from measurement.units import pascal_per_cm
+from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.outlines.silhouette import Silhouette
 from softmodels.materials.laws import NeoHookean
-from softmodels.pictures.outline_curves import profile as seen_from_the_side
-from softmodels.results.fields import Fields
+from softmodels.pictures.curves import profile as seen_from_the_side
+from softmodels.runs.fields import Fields
 
 SILICONE = NeoHookean(30e3, 0.49)
 COLUMNS = (70.0, 177.0)

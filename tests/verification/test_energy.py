@@ -7,7 +7,7 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean, Yeoh
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 
 def work(points):

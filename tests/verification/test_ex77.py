@@ -13,7 +13,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from softmodels.materials.material import Material, parameter
+from softmodels.materials.laws import Material, parameter
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System

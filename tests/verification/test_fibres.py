@@ -15,12 +15,11 @@ import pytest
 from scipy.optimize import brentq, root
 
 import softmodels as sm
-from softmodels.mechanics.fabric import Fabric
-from softmodels.mechanics.fibres import ONSET, Fibres
+from softmodels.mechanics.fibres import ONSET, Fabric, Fibres
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 LAW = sm.NeoHookean(30e3, 0.5)
 TUBE = sm.Cylinder(length=0.12, fillet=0.0, base="sliding")
@@ -239,7 +238,7 @@ def test_one_helix_twists_the_tube(body_of, figure):
 
 def test_sphere_in_a_fabric(bodies, body_of, solved, figure):
     """Stiffnesses alike in both directions: P = k (h^2 - 1) / ((1 - v) B h) beside the shell's own."""
-    from softmodels.materials.homogeneous import sphere_pressure
+    from softmodels.materials.specimens import sphere_pressure
 
     shell, fabric = bodies.Sphere(through=4, along=12), Fabric(on="outer", along=300.0, across=300.0, poisson=0.3)
     solver = Solver(System(body_of(shell), LAW, parts=(fabric,)))

@@ -10,10 +10,10 @@ import pytest
 import softmodels as sm
 from geometries import Balloon, Bellows, Membrane
 from measurement.outline.outline import Outline
-from softmodels.fitting.outlines.shadow import shadow_of
+from softmodels.fitting.outlines.silhouette import shadow_of
 from softmodels.fitting.outlines.simulated import half_outline
-from softmodels.pictures.outline_curves import profile
-from softmodels.results.quadratic_curve import QuadraticCurve
+from softmodels.pictures.curves import profile
+from softmodels.runs.grid import QuadraticCurve
 
 MODULUS = 20e3
 ERROR = 30e-6

@@ -9,14 +9,11 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.fitting.outlines.measured_device import MeasuredDevice
+from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.problem import FitError
-from softmodels.mechanics.parts import PartError
-from softmodels.mechanics.rigid_shapes import RigidShape
-from softmodels.mechanics.round_shapes import slopes
-from softmodels.mechanics.walls.by_distance import HardeningPenalty, PressedByDistance
-from softmodels.mechanics.walls.friction import Grip, Rubbed, Rubbing
-from softmodels.mechanics.walls.surface import Surface
+from softmodels.mechanics.component import ComponentError
+from softmodels.mechanics.contact import RigidShape, slopes
+from softmodels.mechanics.pressing import Grip, HardeningPenalty, PressedByDistance, Rubbed, Rubbing, Surface
 
 LAW = sm.NeoHookean(30e3, 0.49)
 SECTION = sm.HollowDisk(section="axisymmetric")
@@ -173,13 +170,13 @@ def test_a_pressed_disk_comes_back_by_another_way_and_to_rest(figure):
 
 
 def test_what_cannot_be_meant_is_refused(tmp_path):
-    with pytest.raises(PartError, match="coefficient of friction of 7 cannot be meant"):
+    with pytest.raises(ComponentError, match="coefficient of friction of 7 cannot be meant"):
         dataclasses.replace(PLATE, friction=7.0)
-    with pytest.raises(PartError, match="a slip belongs to"):
+    with pytest.raises(ComponentError, match="a slip belongs to"):
         dataclasses.replace(PLATE, friction=0.0, slip=1e-4)
-    with pytest.raises(PartError, match="shapes that stand still"):
+    with pytest.raises(ComponentError, match="shapes that stand still"):
         dataclasses.replace(PLATE, guide="z", spring=5.0)
-    with pytest.raises(PartError, match="no radius, length"):
+    with pytest.raises(ComponentError, match="no radius, length"):
         dataclasses.replace(PLATE, radius=0.01)
     with pytest.raises(sm.CaseError, match="lower the pressure by a series"):
         sm.inflate(SECTION, LAW, "0,5 cm", parts=[PLATE], cycle=True)
@@ -191,7 +188,7 @@ def test_what_cannot_be_meant_is_refused(tmp_path):
     solid = dataclasses.replace(case, actuator=sm.HollowDisk())
     with pytest.raises(sm.CaseError, match="with friction, which is not written into decks"):
         sm.export(solid, tmp_path / "disk.inp")
-    with pytest.raises((PartError, sm.CaseError), match="not square to the cut plane"):
+    with pytest.raises((ComponentError, sm.CaseError), match="not square to the cut plane"):
         sm.inflate(sm.HollowDisk(), LAW, "0,5 cm", parts=[dataclasses.replace(PLATE, along=(0.0, 0.6, -0.8))])
-    with pytest.raises((PartError, sm.CaseError), match="the device lies"):
+    with pytest.raises((ComponentError, sm.CaseError), match="the device lies"):
         sm.inflate(SECTION, LAW, "0,5 cm", parts=[dataclasses.replace(PLATE, at=(0.0, 0.0, 0.012))])

@@ -8,19 +8,17 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.case.case import Case, CaseError
-from softmodels.case.load_request import LoadRequest
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.load import LoadRequest
 from softmodels.materials.laws import NeoHookean
+from softmodels.mechanics.component import ComponentError
+from softmodels.mechanics.contact import RigidShape, slopes
 from softmodels.mechanics.controls import volume_control
-from softmodels.mechanics.parts import PartError
-from softmodels.mechanics.rigid_shapes import RigidShape
-from softmodels.mechanics.round_shapes import slopes
+from softmodels.mechanics.pressing import GivingWay, HardeningPenalty, PressedByDistance, Stand, Surface
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.mechanics.walls.by_distance import HardeningPenalty, PressedByDistance
-from softmodels.mechanics.walls.giving_way import GivingWay, Stand
-from softmodels.mechanics.walls.surface import Surface
 
 BALANCE = "the balance of a shape that gives way"
 LAW = NeoHookean(30e3, 0.49)
@@ -184,13 +182,13 @@ def test_energy_and_the_material_rate(body_of, figure):
 
 
 def test_what_cannot_be_meant_is_refused():
-    with pytest.raises(PartError, match="say which"):
+    with pytest.raises(ComponentError, match="say which"):
         dataclasses.replace(BALL, guide="")
-    with pytest.raises(PartError, match="needs a spring or a mass"):
+    with pytest.raises(ComponentError, match="needs a spring or a mass"):
         dataclasses.replace(BALL, spring=0.0)
-    with pytest.raises(PartError, match="no direction"):
+    with pytest.raises(ComponentError, match="no direction"):
         dataclasses.replace(BALL, guide="upwards")
-    with pytest.raises((PartError, sm.CaseError), match="gives way along z or -z"):
+    with pytest.raises((ComponentError, sm.CaseError), match="gives way along z or -z"):
         sm.inflate(SECTION, LAW, "0,5 cm", parts=[dataclasses.replace(BALL, guide="x")])
-    with pytest.raises((PartError, sm.CaseError), match="would leave the cut plane"):
+    with pytest.raises((ComponentError, sm.CaseError), match="would leave the cut plane"):
         sm.inflate(sm.HollowDisk(), LAW, "0,5 cm", parts=[dataclasses.replace(BALL, guide="y")])

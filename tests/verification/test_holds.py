@@ -7,13 +7,14 @@ import pytest
 
 import softmodels as sm
 from geometries import HollowDisk
-from softmodels.case.case import Case, CaseError
-from softmodels.case.region import Region
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.materials import Region
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import BodyError
+from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.holds import Clamp
-from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 
@@ -106,6 +107,6 @@ def test_case_file():
 
 
 def test_free_to_move(body_of):
-    with pytest.raises(PartError, match="free to move as a whole"):
+    with pytest.raises(ComponentError, match="free to move as a whole"):
         System(body_of(DISK), LAW, parts=[Clamp("support", along="x")])
     assert np.isfinite(System(body_of(DISK), LAW, parts=[Clamp("support", along="z")]).rest().V)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.materials.homogeneous import sphere_pressure
 from softmodels.materials.laws import NeoHookean
+from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 STRETCH = 1.4
 

@@ -10,9 +10,10 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean
-from softmodels.mechanics import memory, methods
+from softmodels.mechanics import mpi
+from softmodels.mechanics import solver as solver_module
 from softmodels.mechanics.controls import volume_control
-from softmodels.mechanics.memory import TooLargeError
+from softmodels.mechanics.mpi import TooLargeError
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
@@ -89,17 +90,17 @@ def test_section_past_its_limit(paths, figure):
 
 def test_model_that_does_not_fit(body_of, monkeypatch):
     """It is given to the iterative solver where that one fits, and refused with the estimate before anything is solved."""
-    monkeypatch.setattr(methods, "AMPLE", math.inf)
+    monkeypatch.setattr(solver_module, "AMPLE", math.inf)
     system = System(body_of(WEDGE), LAW)
-    both = [methods.chosen(system, method) for method in ("auto", "direct", "iterative")]
+    both = [solver_module.select_solver(system, method) for method in ("auto", "direct", "iterative")]
     assert [method.name for method in both] == ["direct", "direct", "iterative"]
     direct, iterative = both[0].memory, both[2].memory
-    monkeypatch.setattr(memory, "free", lambda: 0.5 * min(direct, iterative))
+    monkeypatch.setattr(mpi, "free", lambda: 0.5 * min(direct, iterative))
     for method, taken in (("auto", direct), ("direct", direct), ("iterative", iterative)):
         with pytest.raises(TooLargeError, match=f"{taken / 1e9:.2g} GB of memory, where .* GB are free"):
-            methods.chosen(system, method)
-    monkeypatch.setattr(methods.Multigrid, "memory", lambda system: 0.1 * min(direct, iterative))
-    switched = methods.chosen(system, "auto")
+            solver_module.select_solver(system, method)
+    monkeypatch.setattr(solver_module.Multigrid, "memory", lambda system: 0.1 * min(direct, iterative))
+    switched = solver_module.select_solver(system, "auto")
     assert switched.name == "iterative" and f"a factorisation would take about {direct / 1e9:.2g} GB" in switched.told
     with pytest.raises(TooLargeError, match='or solver="iterative"'):
-        methods.chosen(system, "direct")
+        solver_module.select_solver(system, "direct")

@@ -16,8 +16,8 @@ from softmodels.mechanics.loads import Force
 from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
+from softmodels.path.schedule import hang
 from softmodels.path.stability import Stability
-from softmodels.path.stages import hang
 
 DIRECT = "the direct solver"
 WITHOUT = "the same device without its parts"

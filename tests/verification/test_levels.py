@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk, PneuNet
-from softmodels.case.region import Region
+from softmodels.case.materials import Region
 from softmodels.materials.laws import NeoHookean
-from softmodels.mechanics.linear_level import corners_of
+from softmodels.mechanics.iterative import corners_of
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 

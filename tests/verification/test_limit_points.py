@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
-from softmodels.materials.homogeneous import balloon_limit
 from softmodels.materials.laws import NeoHookean
+from softmodels.materials.specimens import balloon_limit
 from softmodels.mechanics.body import CAVITY
 
 THIN = 0.01  # thickness over middle radius

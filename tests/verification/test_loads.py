@@ -11,22 +11,26 @@ from scipy.integrate import quad, solve_bvp
 from scipy.optimize import brentq, minimize_scalar
 
 from geometries import Actuator, Beam, Hold, HollowDisk
-from geometries.fields import length_field, number_field
-from softmodels.case.region import Region
+from softmodels.case.materials import Region
+from softmodels.common.schema import length_field, number_field
 from softmodels.materials.laws import NeoHookean, Yeoh
+from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
-from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import PathEnd
+from softmodels.path.points import DIRECT, PathEnd
 from softmodels.path.program import Series
-from softmodels.path.quantities import DIRECT
-from softmodels.path.schedule import follow
-from softmodels.path.stages import HangingEnd, hang, inflate_from, load_from
-from softmodels.results.fields import Fields
+from softmodels.path.schedule import (
+    HangingEnd,
+    follow,
+    hang,
+    inflate_from,
+    load_from,
+)
+from softmodels.runs.fields import Fields
 
 MU, DENSITY, ACCELERATION = 20e3, 1000.0, 1000.0
 """Of the hanging rod: so heavy that it stretches to more than its length at the top."""
@@ -442,7 +446,7 @@ PULL_TOP = Force(face="top", direction="z", name="top")
     ],
 )
 def test_loads_that_cannot_be_meant(make, message):
-    with pytest.raises(PartError, match=message):
+    with pytest.raises(ComponentError, match=message):
         make()
 
 
@@ -455,5 +459,5 @@ def test_loads_that_cannot_be_meant(make, message):
     ],
 )
 def test_loads_that_are_not_on_the_mesh(body_of, part, message):
-    with pytest.raises(PartError, match=message):
+    with pytest.raises(ComponentError, match=message):
         System(body_of(ROD), NeoHookean(MU, 0.5), parts=(part,))

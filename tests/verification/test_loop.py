@@ -13,14 +13,14 @@ import softmodels as sm
 from measurement.__main__ import main as measurement
 from measurement.outline.outline import Outline
 from measurement.synthetic.photographer import photograph, save
-from measurement.units import pascal_per_cm
 from softmodels.case.case import Case
 from softmodels.cli import demo
 from softmodels.cli.fit_command import fit_material
-from softmodels.fitting.outlines.shadow import shadow_of
+from softmodels.common.units import pascal_per_cm
+from softmodels.fitting.outlines.silhouette import shadow_of
 from softmodels.fitting.outlines.simulated import half_outline
-from softmodels.pictures.outline_curves import profile
-from softmodels.results.quadratic_curve import QuadraticCurve
+from softmodels.pictures.curves import profile
+from softmodels.runs.grid import QuadraticCurve
 
 PRESSURES = tuple(cm * pascal_per_cm() for cm in (35.0, 80.0, 125.0, 177.0))
 SILICONES = {

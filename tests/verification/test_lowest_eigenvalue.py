@@ -15,9 +15,9 @@ from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.mechanics.walls.part import Walls
+from softmodels.mechanics.walls import Walls
 from softmodels.path import stability
-from softmodels.path.lanczos import lowest
+from softmodels.path.stability import lowest
 
 DENSE = "lowest eigenvalue by LAPACK, dense matrices"
 COARSE = {"cell_size": 0.01, "refinement": 1.0, "fillet": 0.0, "base_fillet": 0.0}
@@ -154,7 +154,7 @@ def test_what_is_not_found_is_not_a_number(ballooned, monkeypatch):
     equations, points = ballooned
     watched = stability.Stability.of(equations)
     equations.factorise(points[-1].state)
-    monkeypatch.setattr("softmodels.path.lanczos.MOST_STEPS", 3)
+    monkeypatch.setattr("softmodels.path.stability.MOST_STEPS", 3)
     assert math.isnan(watched.lowest())
     # Nor is one taken where the matrix has fewer negative eigenvalues than it is said to have, or more.
     monkeypatch.undo()
@@ -167,7 +167,7 @@ def test_a_nan_has_the_next_point_factorised(ballooned, monkeypatch):
     equations, points = ballooned
     watched = stability.Stability.of(equations)
     monkeypatch.setattr(stability, "ALWAYS", 0)
-    monkeypatch.setattr("softmodels.path.spectra.lowest", lambda *words: (_ for _ in ()).throw(NoConvergence("")))
+    monkeypatch.setattr("softmodels.path.stability.lowest", lambda *words: (_ for _ in ()).throw(NoConvergence("")))
     equations.factorise(points[-1].state)
     assert math.isnan(watched.signature(exact=True).lowest)
     assert watched.wants(types.SimpleNamespace(w=points[-1].state.w, P=points[-1].state.P))

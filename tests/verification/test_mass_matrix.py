@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import softmodels as sm
-from softmodels.mechanics.petsc_matrices import assembled_matrix, sparse_matrix
+from softmodels.mechanics.assembly import assembled_matrix, sparse_matrix
 from softmodels.mechanics.system import System
 
 

@@ -7,10 +7,9 @@ import pytest
 
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import read_curve
-from softmodels.fitting.curves.curve_residuals import largest_strain, residuals_of
-from softmodels.fitting.curves.law_fit import fit_law_to_curves
-from softmodels.fitting.curves.stress_error import StressError
-from softmodels.fitting.law_parameters import LawChoice
+from softmodels.fitting.curves.fit import fit_law_to_curves
+from softmodels.fitting.curves.residuals import StressError, largest_strain, residuals_of
+from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Ogden
 from softmodels.materials.silicones import silicone_called
 from softmodels.materials.specimens import respond

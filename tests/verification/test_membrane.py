@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from geometries import Membrane
 from softmodels.materials.laws import NeoHookean, Yeoh
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 RADIUS = 0.020
 THIN, THICK = 0.005, 0.03

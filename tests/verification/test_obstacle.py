@@ -10,15 +10,15 @@ import pytest
 from scipy.optimize import fsolve
 
 from geometries import HollowDisk
-from softmodels.case.case import Case, CaseError
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.strain import HomogeneousStrain
 from softmodels.mechanics.contact import ONSET, Obstacle, ObstacleError
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.reaction import held_force
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import System
-from softmodels.results.fields import Fields
+from softmodels.mechanics.system import System, held_force
+from softmodels.runs.fields import Fields
 
 UNIFORM = "uniform state of a block against a rigid plane"
 SOFT = NeoHookean(30e3, 0.3)

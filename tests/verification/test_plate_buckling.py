@@ -25,7 +25,7 @@ from softmodels.mechanics.body import Body
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 THEORY = "exact incremental theory of a plate pushed together, lengths of 5 and 2 thicknesses"
 PLATES = [(5.0, 2, NeoHookean(50e3, 0.5)), (2.0, 1, MooneyRivlin(20e3, 5e3, 0.5))]

@@ -47,7 +47,7 @@ def test_a_wedge_with_oblique_planes(formulation, system_of, figure):
 
 
 def test_two_materials(system_of, figure):
-    from softmodels.case.region import Region
+    from softmodels.case.materials import Region
 
     system = system_of(PneuNet(cell_size=0.004, chambers=2), "mixed", [Region(OTHER, name="base")])
     assert len(system._products.kept) == 3

@@ -24,7 +24,7 @@ ML = 1e6
 @pytest.fixture(scope="module")
 def balloons(bodies):
     """Two half balloons, one inside the other and apart: what one does says nothing of the other."""
-    from geometries.fields import number_field
+    from softmodels.common.schema import number_field
 
     @dataclasses.dataclass(frozen=True, kw_only=True)
     class Balloons(bodies.Sphere):
@@ -91,7 +91,7 @@ def run(balloons, body_of):
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.points import PathEnd
-    from softmodels.results.fields import Fields
+    from softmodels.runs.fields import Fields
 
     def through(*series, device=balloons):
         eq = Solver(System(body_of(device), RUBBER))
@@ -222,7 +222,7 @@ def test_back_to_nothing(part, run):
 def test_like_series_are_one_pressure(part, run, body_of, solved):
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.results.fields import Fields
+    from softmodels.runs.fields import Fields
 
     points, _ = run(Series("pressure_cm", (50.0,)), Series("pressure_cm", (25.0,)), device=part)
     eq = Solver(System(body_of(dataclasses.replace(part, pressure_ratios=(1.0, 0.5))), RUBBER))
@@ -258,7 +258,8 @@ def test_like_series_are_one_pressure(part, run, body_of, solved):
     ],
 )
 def test_what_cannot_be_meant_is_said(part, tables, message):
-    from softmodels.case.case import Case, CaseError
+    from softmodels.case.case import Case
+    from softmodels.case.entries import CaseError
 
     with pytest.raises(CaseError, match=message):
         Case.from_toml(_toml(part, tables))

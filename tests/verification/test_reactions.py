@@ -8,17 +8,14 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.mechanics.contact import Obstacle
+from softmodels.mechanics.contact import Obstacle, RigidShape
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.loads import Force, Gravity, Mass
-from softmodels.mechanics.reaction import held_force
 from softmodels.mechanics.rigid import Rigid
-from softmodels.mechanics.rigid_nodes import Nodes
-from softmodels.mechanics.rigid_shapes import RigidShape
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import System
-from softmodels.path.stages import hang, inflate_from
-from softmodels.results.fields import Fields
+from softmodels.mechanics.system import Nodes, System, held_force
+from softmodels.path.schedule import hang, inflate_from
+from softmodels.runs.fields import Fields
 
 LAW = sm.NeoHookean(30e3)
 WHOLE = "the whole of weight, forces and air"

@@ -20,15 +20,15 @@ import pytest
 from scipy.integrate import quad
 
 import softmodels as sm
-from softmodels.case.region import Region
+from softmodels.case.materials import Region
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.body import Body
+from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control, volume_control
-from softmodels.mechanics.parts import PartError
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 SOFT, HARD = NeoHookean(30e3, 0.5), Yeoh(60e3, 2e3, 100.0, 0.5)
 SPHERE = "closed integrals of a sphere of two layers, radii 10, 12 and 15 mm, inner stretch to 1.8"
@@ -221,17 +221,19 @@ def test_a_region_and_its_face_may_bear_one_name(body_of):
 
 
 def test_what_is_no_region(layered, body_of):
-    with pytest.raises(PartError, match=r"\[region.core\]: LayeredSphere has no region 'core'; its regions are shell"):
+    with pytest.raises(
+        ComponentError, match=r"\[region.core\]: LayeredSphere has no region 'core'; its regions are shell"
+    ):
         Region(SOFT, name="core").check_on(layered["sphere"])
-    with pytest.raises(PartError, match="no cells of this name; it has"):
+    with pytest.raises(ComponentError, match="no cells of this name; it has"):
         System(body_of(layered["sphere"]), SOFT, parts=[Region(HARD, name="core")])
-    with pytest.raises(PartError, match="leave nothing to the main material"):
+    with pytest.raises(ComponentError, match="leave nothing to the main material"):
         System(body_of(layered["sphere"]), SOFT, parts=[Region(HARD, name="shell"), Region(HARD, name="solid")])
-    with pytest.raises(PartError, match="no name"):
+    with pytest.raises(ComponentError, match="no name"):
         Region(SOFT)
-    with pytest.raises(PartError, match="check the units"):
+    with pytest.raises(ComponentError, match="check the units"):
         Region(NeoHookean(30.0), name="shell")
-    with pytest.raises(PartError, match=r"region.shell.*a density of 1.07e\+06 kg/m\^3 is no solid's"):
+    with pytest.raises(ComponentError, match=r"region.shell.*a density of 1.07e\+06 kg/m\^3 is no solid's"):
         Region(SOFT, 1.07e6, name="shell")
 
 

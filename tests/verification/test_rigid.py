@@ -17,19 +17,25 @@ from scipy.spatial.transform import Rotation
 
 import softmodels as sm
 from geometries import Actuator, CutPlane, Hold
-from geometries.fields import choice_field, length_field
-from softmodels.case.case import Case, CaseError
-from softmodels.case.region import Region
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.materials import Region
+from softmodels.common.schema import choice_field, length_field
+from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.holds import Clamp
 from softmodels.mechanics.loads import Force
-from softmodels.mechanics.parts import PartError
-from softmodels.mechanics.rigid import Rigid
-from softmodels.mechanics.rotations import Turn, amounts, nearest, rotation_vector
+from softmodels.mechanics.rigid import (
+    Rigid,
+    Turn,
+    amounts,
+    nearest,
+    rotation_vector,
+)
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
+from softmodels.path.schedule import hang, inflate_from
 from softmodels.path.stability import Stability
-from softmodels.path.stages import hang, inflate_from
 
 DISK = sm.HollowDisk(section="axisymmetric", cell_size=0.002)
 LAW = sm.NeoHookean(28e3)
@@ -153,7 +159,7 @@ def test_a_held_end_has_no_end_of_stiffness():
 
 def test_what_cannot_be(body_of):
     def refused(**changes):
-        with pytest.raises((CaseError, PartError)) as error:
+        with pytest.raises((CaseError, ComponentError)) as error:
             Case("disk", DISK, LAW, (10.0,), parts=(Rigid(**{"face": "top", "name": "plate", **changes}),))
         return str(error.value)
 
@@ -164,7 +170,7 @@ def test_what_cannot_be(body_of):
     assert "leave the symmetry" in refused(kind="guided", direction=(1.0, 0.0, 0.0))
     assert "needs the face" in refused(face="")
     twice = (PLATE, dataclasses.replace(PLATE, name="other"))
-    with pytest.raises(PartError, match="meets another rigid part"):
+    with pytest.raises(ComponentError, match="meets another rigid part"):
         System(body_of(DISK), LAW, parts=twice)
 
 

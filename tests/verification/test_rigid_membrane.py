@@ -16,13 +16,11 @@ from softmodels import inflate, silicone
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.loads import Force, Gravity
 from softmodels.mechanics.rigid import Rigid
-from softmodels.mechanics.rigid_nodes import Nodes
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import System
-from softmodels.path.continuation import Continuation, trace
-from softmodels.path.quantities import DIRECT
-from softmodels.path.snapping import Concentration
-from softmodels.path.stages import Stage, hang, inflate_from
+from softmodels.mechanics.system import Nodes, System
+from softmodels.path.continuation import Concentration, Continuation, trace
+from softmodels.path.points import DIRECT
+from softmodels.path.schedule import Stage, hang, inflate_from
 
 RADIUS, PLATE, MU, G = 0.020, 0.008, 30e3, 9.80665
 AT = (0, 4, 8, 14, 20)

@@ -10,17 +10,16 @@ import pytest
 
 import softmodels as sm
 from geometries import CutPlane, Hold, HollowDisk
-from geometries.fields import length_field
-from softmodels.case.case import Case, CaseError
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.common.schema import length_field
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.contact import ONSET_PRESSURE
+from softmodels.mechanics.component import ComponentError
+from softmodels.mechanics.contact import ONSET_PRESSURE, RigidShape
 from softmodels.mechanics.controls import pressure_control, volume_control
-from softmodels.mechanics.parts import PartError
-from softmodels.mechanics.reaction import held_force
-from softmodels.mechanics.rigid_shapes import RigidShape
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import System
+from softmodels.mechanics.system import System, held_force
 
 MOULD = "neo-Hookean shell in a rigid hollow sphere"
 LAW = NeoHookean(30e3, 0.5)
@@ -165,7 +164,7 @@ def test_a_case_keeps_its_shapes_and_refuses_what_makes_none(body_of):
         ({"stiffness": 0.0}, "shear moduli per size"),
         ({"name": "Ball 1"}, "small letter"),
     ):
-        with pytest.raises(PartError, match=words):
+        with pytest.raises(ComponentError, match=words):
             dataclasses.replace(BALL, **changes)
     for device, shape, words in (
         (SECTION, dataclasses.replace(BALL, at=(0.001, 0.0, 0.03)), "of revolution"),
@@ -179,5 +178,5 @@ def test_a_case_keeps_its_shapes_and_refuses_what_makes_none(body_of):
         (dataclasses.replace(BALL, at=(0.0, 0.0, 0.02)), "at rest the device lies"),
         (dataclasses.replace(tube, radius=0.01), "outside of the hollow cylinder"),
     ):
-        with pytest.raises(PartError, match=words):
+        with pytest.raises(ComponentError, match=words):
             System(body_of(SECTION), LAW, parts=[shape])

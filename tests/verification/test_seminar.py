@@ -10,8 +10,8 @@ import pytest
 from geometries import SeminarActuator
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.reaction import held_force
-from softmodels.results.fields import Fields
+from softmodels.mechanics.system import held_force
+from softmodels.runs.fields import Fields
 
 MIRRORED = "the slab, by the mirrored one on the mirrored mesh"
 HALVED = "the full slab, by its half"
@@ -118,7 +118,7 @@ def test_sheet_on_the_thin_side_lessens_the_stretch(body_of, solved, inflated):
 
 def test_stiffness_is_the_tangents(equilibrium, solved, figure):
     """A dead load a little along its own motion leaves that much of itself unbalanced; and it is a unit load."""
-    from softmodels.mechanics.face_load import face_load
+    from softmodels.mechanics.system import face_load
 
     slab = SeminarActuator(**COARSE)
     equations = equilibrium(slab, LAW)

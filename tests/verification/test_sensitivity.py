@@ -9,18 +9,17 @@ import pytest
 
 from geometries import GeometryError, HollowDisk, Membrane
 from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from softmodels.mechanics.controls import pressure_control, volume_control
-from softmodels.mechanics.coupling import Coupling
+from softmodels.mechanics.body import Reshaping
+from softmodels.mechanics.controls import Coupling, pressure_control, volume_control
 from softmodels.mechanics.loads import Force, Gravity, Mass
-from softmodels.mechanics.morphing import Reshaping
 from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.sensitivity import Sensitivity, known_parameters
 from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.quantities import AddedVolume
-from softmodels.path.stages import hang, inflate_from
+from softmodels.path.points import AddedVolume
+from softmodels.path.schedule import hang, inflate_from
 
 TAYLOR = "Taylor's remainder of displacement, pressure and volume, before and past a limit point"
 LAWS = {

@@ -12,13 +12,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from softmodels.case.case import Case, CaseError
-from softmodels.materials.homogeneous import sphere_pressure
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
 from softmodels.materials.laws import MaterialError, NeoHookean
+from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 SPHERE = "closed form of a thick sphere with a bonded sheet"
 LAW = NeoHookean(30e3, 0.5)

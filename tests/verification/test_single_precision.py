@@ -7,7 +7,7 @@ import pytest
 
 from geometries import Beam, HollowDisk
 from softmodels.materials.laws import NeoHookean
-from softmodels.mechanics import factorisation
+from softmodels.mechanics import direct
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
@@ -24,7 +24,7 @@ def solver_of(body_of, monkeypatch):
     """Return a function that gives a device's solver in a precision, whatever the device's size."""
 
     def made(device, rounded):
-        monkeypatch.setattr(factorisation, "SMALL", 0 if rounded else 10**9)
+        monkeypatch.setattr(direct, "SMALL", 0 if rounded else 10**9)
         return Solver(System(body_of(device), LAW), "direct")
 
     return made

@@ -7,10 +7,9 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case
-from softmodels.case.load_request import LoadRequest
+from softmodels.case.load import LoadRequest
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.stiffest import rounding_of_stress, spread
-from softmodels.mechanics.system import System
+from softmodels.mechanics.system import System, rounding_of_stress, spread
 
 FINGER = sm.PneuNet(
     chambers=6, chamber_length=0.006, chamber_width=0.014, chamber_height=0.014, wall=0.0015, gap=0.0015, base=0.004,

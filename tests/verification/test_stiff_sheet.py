@@ -12,7 +12,7 @@ from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path.continuation import Continuation, trace
-from softmodels.results.lost_path import advice
+from softmodels.runs.notes import advice
 
 COARSE = {"cell_size": 0.01, "refinement": 1.0, "fillet": 0.0, "base_fillet": 0.0}
 DISK = HollowDisk.variant("shadow", section="axisymmetric", **COARSE)

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from geometries.fields import FieldError
+from softmodels.common.errors import FieldError
 from softmodels.materials.laws import NeoHookean
-from softmodels.mechanics.parts import PartError
-from softmodels.mechanics.stl_shapes import _winding
-from softmodels.mechanics.walls.fixed import FixedWall, PressedOn
-from softmodels.mechanics.walls.gap import Penalty
-from softmodels.mechanics.walls.surface import Surface
+from softmodels.mechanics.component import ComponentError
+from softmodels.mechanics.contact import _winding
+from softmodels.mechanics.pressing import FixedWall, Penalty, PressedOn, Surface
 
 LAW = NeoHookean(30e3, 0.45)
 DISK = sm.HollowDisk(cell_size=0.004, angle=30)
@@ -102,7 +100,7 @@ def test_what_cannot_be_meant_is_refused(tmp_path, stl_files):
     )
 
     def refused(match, device=DISK, **fields):
-        with pytest.raises((PartError, FieldError, sm.CaseError), match=match):
+        with pytest.raises((ComponentError, FieldError, sm.CaseError), match=match):
             sm.inflate(device, LAW, "0,5 cm", parts=[sm.RigidShape("stl", "top", **{"at": AT, "file": file, **fields})])
 
     refused("needs that file", file="")
@@ -114,12 +112,12 @@ def test_what_cannot_be_meant_is_refused(tmp_path, stl_files):
     refused("one of revolution", device=sm.HollowDisk(section="axisymmetric"))
     refused("at rest the device lies in the shape", at=(0.0, 0.0, 0.012))
     refused("larger rounding", rounding=1e-5)
-    with pytest.raises(PartError, match="no file"):
+    with pytest.raises(ComponentError, match="no file"):
         sm.RigidShape("sphere", "top", AT, RADIUS, file=file)
 
 
 def test_the_file_counts_by_its_content(tmp_path, stl_files):
-    from softmodels.case.identity import identity
+    from softmodels.case.case import identity
 
     file = stl_files.write_stl(tmp_path / "ball.stl", *stl_files.ball(RADIUS))
     case = sm.Case(

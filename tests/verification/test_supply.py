@@ -9,9 +9,9 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from geometries import HollowDisk
-from softmodels.materials.homogeneous import balloon_pressure
 from softmodels.materials.laws import NeoHookean
-from softmodels.path.syringe import Stroke, Syringe
+from softmodels.materials.specimens import balloon_pressure
+from softmodels.path.supply import Stroke, Syringe
 
 LAW = "law of the gas in a syringe"
 THIN = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)

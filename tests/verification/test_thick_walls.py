@@ -1,4 +1,4 @@
-"""Thick-walled spheres and tubes against the closed integrals of `softmodels.materials.homogeneous`.
+"""Thick-walled spheres and tubes against the closed integrals of `softmodels.materials.specimens`.
 
 Both walls are incompressible, so the cavity's volume gives the stretch of the inner wall and the pressure follows in closed
 form. A path under volume control meets the stretches exactly, past the pressure's limit point too, and what is left is the
@@ -14,9 +14,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softmodels.materials.homogeneous import sphere_pressure, tube_pressure
 from softmodels.materials.laws import NeoHookean, Ogden, Yeoh
-from softmodels.results.fields import Fields
+from softmodels.materials.specimens import sphere_pressure, tube_pressure
+from softmodels.runs.fields import Fields
 
 STRETCHES = (1.1, 1.4, 1.8)
 SPHERE = "closed integral of a thick incompressible sphere, radii 10 and 15 mm, inner stretch to 1.8"

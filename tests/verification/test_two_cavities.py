@@ -13,7 +13,7 @@ from softmodels.case.case import Case
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 RATIOS = "ratios (0.5, 1) at P, by (1, 2) at P/2"
 LAW = NeoHookean(30e3, 0.49)
@@ -90,9 +90,8 @@ def test_case_file_names_the_part_beside_it(part, tmp_path):
 
 def test_a_stiffness_does_not_depend_on_what_it_begins_with(part, body_of, figure):
     """With a volume held it begins from other states' answers, which change that volume, or from one that leads nowhere."""
-    from softmodels.mechanics.controls import pressure_control
-    from softmodels.mechanics.coupling import Coupling
-    from softmodels.mechanics.face_load import face_load
+    from softmodels.mechanics.controls import Coupling, pressure_control
+    from softmodels.mechanics.system import face_load
 
     equations = Solver(System(body_of(part), LAW))
     eq = equations.system

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from softmodels.materials.laws import NeoHookean
-from softmodels.results.fields import Fields
+from softmodels.runs.fields import Fields
 
 
 @pytest.mark.parametrize("poisson", (0.45, 0.5))

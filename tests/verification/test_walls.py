@@ -9,24 +9,21 @@ import numpy as np
 import pytest
 
 from geometries import CutPlane, Hold, HollowDisk
-from geometries.fields import length_field, number_field
-from geometries.symmetry import reflected
-from softmodels.case.case import Case, CaseError
+from geometries.actuator import reflected
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.common.schema import length_field, number_field
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body
+from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.controls import pressure_control, volume_control
-from softmodels.mechanics.parts import PartError
+from softmodels.mechanics.pressing import Pairs, Penalty, Pressed, Surface
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.mechanics.walls.energy import Pressed
-from softmodels.mechanics.walls.gap import Penalty
-from softmodels.mechanics.walls.pairs import Pairs
-from softmodels.mechanics.walls.part import Walls
-from softmodels.mechanics.walls.passing import passes
-from softmodels.mechanics.walls.surface import Surface
-from softmodels.results.grid import Grid
-from softmodels.results.state_values import Sampling
+from softmodels.mechanics.walls import Walls, passes
+from softmodels.runs.grid import Grid
+from softmodels.runs.state_values import Sampling
 
 RUBBER = NeoHookean(30e3, 0.49)
 PENALTY = Penalty(300.0, 0.005)
@@ -264,9 +261,9 @@ def test_a_case_keeps_its_walls_and_refuses_what_makes_none(body_of):
         ("top", 0.0, "shear moduli per size"),
         ("top", math.nan, "stiffness"),
     ):
-        with pytest.raises(PartError, match=words):
+        with pytest.raises(ComponentError, match=words):
             Walls(faces, stiffness)
     with pytest.raises(CaseError, match="unknown entry 'face'"):
         Case.from_toml(case.to_toml() + "\n[walls.other]\nface = 'top'\n")
-    with pytest.raises(PartError, match="no face 'lid'"):
+    with pytest.raises(ComponentError, match="no face 'lid'"):
         System(body_of(disk), RUBBER, parts=[Walls("lid")])

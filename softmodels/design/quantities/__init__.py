@@ -1,11 +1,20 @@
 """What designs are judged by, one idea a file; `QUANTITIES` has them by name."""
 
-from softmodels.design.quantities import composite, forces, gaps, geometric, limits, outline, peaks, places, volumes
-from softmodels.design.quantities.base import QUANTITIES, Quantity, quantity
+from softmodels.design.quantities import (
+    composite,
+    forces,
+    gaps,
+    geometric,
+    limits,
+    outline,
+    peaks,
+    places,
+)
+from softmodels.design.quantities.base import QUANTITIES, DesignQuantity, quantity
 
 __all__ = [
     "QUANTITIES",
-    "Quantity",
+    "DesignQuantity",
     "composite",
     "forces",
     "gaps",
@@ -15,5 +24,4 @@ __all__ = [
     "peaks",
     "places",
     "quantity",
-    "volumes",
 ]

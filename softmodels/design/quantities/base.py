@@ -7,25 +7,27 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from measurement.units import quantity as read_quantity
-from softmodels.design.loads import Load
+from softmodels.common.arrays import Array
+from softmodels.common.units import quantity as read_quantity
+from softmodels.design.loads import JudgedLoad
 
 if TYPE_CHECKING:
-    from softmodels.design.designed_body import DesignedBody
+    import ufl
+
+    from softmodels.design.body import DesignedBody
     from softmodels.mechanics.system import State
 
-Array = npt.NDArray[np.float64]
 
-QUANTITIES: dict[str, type[Quantity]] = {}
+QUANTITIES: dict[str, type[DesignQuantity]] = {}
 """Every known quantity by its name in problem files."""
 
 
-def quantity[T: type[Quantity]](cls: T) -> T:
+def quantity[T: type[DesignQuantity]](cls: T) -> T:
     """Make a quantity known by its name."""
     QUANTITIES[cls.name] = cls
     return cls
@@ -89,7 +91,7 @@ class TargetMeasure(Measure):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Quantity(abc.ABC):
+class DesignQuantity(abc.ABC):
     """Something a design is judged by.
 
     Attributes:
@@ -104,16 +106,16 @@ class Quantity(abc.ABC):
     of_state: ClassVar[bool] = True
     """Whether it is of a state, so that ``at`` has to be given."""
 
-    at: Load | float | None = None
+    at: JudgedLoad | float | None = None
 
     def __post_init__(self) -> None:
         if self.at is not None:
-            object.__setattr__(self, "at", Load.of(self.at))
+            object.__setattr__(self, "at", JudgedLoad.of(self.at))
 
     @property
-    def load(self) -> Load | None:
+    def load(self) -> JudgedLoad | None:
         """The state at which it is taken."""
-        return None if self.at is None else Load.of(self.at)
+        return None if self.at is None else JudgedLoad.of(self.at)
 
     @property
     def title(self) -> str:
@@ -140,3 +142,77 @@ def length(what: str, value: float | str) -> float:
     if not (np.isfinite(found) and found >= 0.0):
         raise ValueError(f"{what} is {value!r}; it must be a length above zero, or 0 for none")
     return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Quantities that are functions of integrals over the body: values and derivatives from UFL forms alone.
+
+
+Combine = Callable[[Array], tuple[float, Array]]
+"""Value of a function of integrals, and its slopes by them."""
+
+
+class FormMeasure(Measure):
+    """A function of integrals.
+
+    Args:
+        design: The meshed device.
+        forms: UFL forms without arguments; those of the state are functions of `System.w`.
+        combine: The function, and its slopes.
+        counted_in_stress: Whether the function is in shear moduli.
+        by_pressure: Derivatives of the last forms' sum by the pressures of the cavities, dimensionless.
+    """
+
+    def __init__(
+        self, design: DesignedBody, forms: Sequence[ufl.Form], combine: Combine, *,
+        counted_in_stress: bool = False, by_pressure: Sequence[ufl.Form] = (),
+    ):  # fmt: skip
+        import ufl
+
+        self.design, self.combine, self.counted_in_stress = design, combine, counted_in_stress
+        system, form = design.system, design.system.form
+        self._forms = [form(one) for one in forms]
+        test = ufl.TestFunction(system.space)
+        self._slopes = [
+            form(ufl.derivative(one, system.w, test)) if system.w in one.coefficients() else None for one in forms
+        ]
+        self._by_pressure = [form(one) for one in by_pressure]
+        self._covectors = [design.motion.compiled(one) for one in forms]
+
+    def _combined(self) -> tuple[float, Array]:
+        """The value in SI units and its slopes by the integrals."""
+        system = self.design.system
+        unit = system.stress_unit if self.counted_in_stress else 1.0
+        value, rates = self.combine(np.array([system.integral(form) for form in self._forms]))
+        return unit * value, unit * rates
+
+    def value(self, state: State | None) -> float:
+        return self._combined()[0]
+
+    def slopes(self, state: State | None) -> Slopes:
+        system = self.design.system
+        value, rates = self._combined()
+        by_w: Array | None = None
+        by_X = np.zeros(self.design.motion.entries)
+        for rate, slope, covector in zip(rates, self._slopes, self._covectors, strict=True):
+            if slope is not None:
+                part = rate * system.assemble([slope])
+                by_w = part if by_w is None else by_w + part
+            by_X += rate * self.design.motion.assembled(covector)
+        by_P = sum(
+            (
+                share * system.integral(form)
+                for share, form in zip(system.coupling.shares, self._by_pressure, strict=False)
+            ),
+            0.0,
+        )
+        return Slopes(value, by_w, float(rates[-1] * by_P), by_X, self.note(value))
+
+    def note(self, value: float) -> str:
+        """A sentence on how far the value can be trusted."""
+        return ""
+
+
+def scaled(factor: float) -> Combine:
+    """The sum of the integrals times a factor."""
+    return lambda values: (factor * float(values.sum()), np.full(len(values), factor))

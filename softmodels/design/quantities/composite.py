@@ -8,29 +8,32 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from softmodels.design.loads import Load
-from softmodels.design.quantities.base import Measure, Quantity, length, quantity
+from softmodels.common.arrays import Array
+from softmodels.design.loads import JudgedLoad
+from softmodels.design.quantities.base import (
+    DesignQuantity,
+    Measure,
+    length,
+    quantity,
+)
 from softmodels.design.quantities.places import AXES, Place
-from softmodels.design.squares import Squares
-from softmodels.design.tip_path_file import read_tip_path
+from softmodels.design.quantities.tip_path import read_tip_path
+from softmodels.design.trials import Squares
 
 if TYPE_CHECKING:
-    from softmodels.design.designed_body import DesignedBody
-
-Array = npt.NDArray[np.float64]
+    from softmodels.design.body import DesignedBody
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class CompositeQuantity(Quantity):
+class CompositeQuantity(DesignQuantity):
     """A function of other quantities."""
 
     of_state: ClassVar = False
 
     @property
     @abc.abstractmethod
-    def parts(self) -> tuple[Quantity, ...]:
+    def parts(self) -> tuple[DesignQuantity, ...]:
         """The others."""
 
     @abc.abstractmethod
@@ -58,7 +61,7 @@ class Mean(CompositeQuantity):
     unit: ClassVar = "1"
     help: ClassVar = "weighted mean of a quantity at several loads"
 
-    terms: tuple[Quantity, ...] = ()
+    terms: tuple[DesignQuantity, ...] = ()
     weights: tuple[float, ...] = ()
 
     @property
@@ -66,7 +69,7 @@ class Mean(CompositeQuantity):
         return "mean of " + ", ".join(one.key for one in self.terms)
 
     @property
-    def parts(self) -> tuple[Quantity, ...]:
+    def parts(self) -> tuple[DesignQuantity, ...]:
         return self.terms
 
     def combined(self, values: Array) -> tuple[float, Array]:
@@ -84,7 +87,7 @@ class TipPath(CompositeQuantity):
         of: The probe; the device's first one if empty.
         target: Rows of pressure in Pa and the place's coordinates in m; nan where a coordinate is not asked for.
         file: Or a table with columns such as ``pressure_kPa``, ``x_mm``, ``z_mm``, or a run's ``path.csv``; see
-            `softmodels.design.tip_path_file`.
+            `softmodels.design.quantities.tip_path`.
         sigma: Standard error of a coordinate in m, or a text with a unit; 0 to estimate it from what is left.
         cm: Pa of one centimetre of the case's column, for a file whose pressures are in cm; 0 if it is not known.
     """
@@ -121,14 +124,14 @@ class TipPath(CompositeQuantity):
     @property
     def _wanted(self) -> list[tuple[Place, float]]:
         return [
-            (Place(at=Load.of(row[0]), of=self.of, axis=axis), row[1 + i])
+            (Place(at=JudgedLoad.of(row[0]), of=self.of, axis=axis), row[1 + i])
             for row in self.target
             for i, axis in enumerate(AXES)
             if not np.isnan(row[1 + i])
         ]
 
     @property
-    def parts(self) -> tuple[Quantity, ...]:
+    def parts(self) -> tuple[DesignQuantity, ...]:
         return tuple(place for place, _ in self._wanted)
 
     def residuals(self, values: Array) -> Array:

@@ -6,24 +6,28 @@ import dataclasses
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from softmodels.design.quantities.base import Measure, Quantity, Slopes, quantity
-from softmodels.design.quantities.forms import FormMeasure, scaled
-from softmodels.mechanics.section_axes import in_section
+from softmodels.common.arrays import Array
+from softmodels.design.quantities.base import (
+    DesignQuantity,
+    FormMeasure,
+    Measure,
+    Slopes,
+    quantity,
+    scaled,
+)
+from softmodels.mechanics.body import in_section
 
 if TYPE_CHECKING:
     from dolfinx import fem
 
-    from softmodels.design.designed_body import DesignedBody
+    from softmodels.design.body import DesignedBody
     from softmodels.mechanics.system import State
-
-Array = npt.NDArray[np.float64]
 
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class BlockedForce(Quantity):
+class BlockedForce(DesignQuantity):
     """Force along the lift on what holds the device's tip."""
 
     name: ClassVar = "blocked_force"
@@ -59,7 +63,7 @@ def _moved_role(design: DesignedBody, role: str) -> fem.Function:
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Stiffness(Quantity):
+class Stiffness(DesignQuantity):
     """Force along the lift, spread over the face that is pushed, per rise of it at a given pressure."""
 
     name: ClassVar = "stiffness"

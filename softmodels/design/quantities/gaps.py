@@ -1,6 +1,6 @@
 """Least gap between walls that face each other across air; below zero where they pass through each other.
 
-The gap at a place of the surface is that of `softmodels.results.self_contact`: the signed distance to the closest place of a
+The gap at a place of the surface is that of `softmodels.runs.self_contact`: the signed distance to the closest place of a
 wall that it faces. The least of many has no derivative where two are equal. The quantity is therefore the smooth minimum of
 Kreisselmeier and Steinhauser (1979, doi 10.1016/S1474-6670(17)65584-8),
 
@@ -19,19 +19,29 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.design.quantities.base import Measure, Quantity, Slopes, quantity
+from softmodels.common.arrays import Array
+from softmodels.design.quantities.base import (
+    DesignQuantity,
+    Measure,
+    Slopes,
+    quantity,
+)
+from softmodels.mechanics.body import in_space
 from softmodels.mechanics.mpi import is_root, on_root
-from softmodels.mechanics.section_axes import in_space
-from softmodels.results.grid import Grid, displacement_maps
-from softmodels.results.self_contact import LAST_REACH, REACH, Gaps, Walls
+from softmodels.runs.grid import Grid, displacement_maps
+from softmodels.runs.self_contact import (
+    LAST_REACH,
+    REACH,
+    FacingWalls,
+    Gaps,
+)
 
 if TYPE_CHECKING:
     import scipy.sparse
 
-    from softmodels.design.designed_body import DesignedBody
+    from softmodels.design.body import DesignedBody
     from softmodels.mechanics.system import State
 
-Array = npt.NDArray[np.float64]
 
 SHARPNESS = 50.0
 """rho times the thickness of the thinnest wall: ten places that are equally close take 5 % of that thickness off the gap."""
@@ -51,7 +61,7 @@ class GapMeasure(Measure):
         self._skew = skew[: self._grid.owned]
         self._from_nodes = _interpolation(self._grid, design)
         self._made = self._places()
-        self._walls: Walls | None = None  # on rank 0
+        self._walls: FacingWalls | None = None  # on rank 0
         self._rho = 0.0
 
     def slopes(self, state: State | None) -> Slopes:
@@ -92,7 +102,7 @@ class GapMeasure(Measure):
         grid = self._grid
         if self._walls is None:
             planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
-            self._walls = Walls(grid.points, grid.cells, grid.cell_name, planes)
+            self._walls = FacingWalls(grid.points, grid.cells, grid.cell_name, planes)
         gaps, rates = self._near(self._walls, shift), np.zeros_like(shift)
         if not len(gaps.values):  # as far as they are looked for
             return LAST_REACH * self._walls.size, np.inf, rates
@@ -106,7 +116,7 @@ class GapMeasure(Measure):
         return value, least, rates
 
     @staticmethod
-    def _near(walls: Walls, shift: Array) -> Gaps:
+    def _near(walls: FacingWalls, shift: Array) -> Gaps:
         """Gaps up to twice the least one, or as far as they are looked for."""
         reach = REACH * walls.size
         while True:
@@ -116,7 +126,7 @@ class GapMeasure(Measure):
             reach *= 2.0
 
 
-def _add_rates(rates: Array, walls: Walls, gaps: Gaps, chosen: npt.NDArray[np.bool_], shares: Array) -> None:
+def _add_rates(rates: Array, walls: FacingWalls, gaps: Gaps, chosen: npt.NDArray[np.bool_], shares: Array) -> None:
     """Add the derivatives of chosen gaps by the nodes' places, times a share of each."""
     facets, others, normals = gaps.facets[chosen], gaps.others[chosen], gaps.normals[chosen]
     own, other = walls.shapes(gaps.points[chosen]), gaps.weights[chosen]
@@ -147,7 +157,7 @@ def _interpolation(grid: Grid, design: DesignedBody) -> scipy.sparse.csr_matrix:
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class LeastGap(Quantity):
+class LeastGap(DesignQuantity):
     """Least gap between walls that face each other across air, as a smooth minimum; below zero where they overlap."""
 
     name: ClassVar = "least_gap"

@@ -10,23 +10,28 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
-from geometries.parameters import changed, is_length, parameter
-from softmodels.design.quantities.base import Measure, Quantity, quantity
+from geometries.actuator import changed, is_length, parameter
+from softmodels.common.arrays import Array
+from softmodels.design.quantities.base import (
+    DesignQuantity,
+    FormMeasure,
+    Measure,
+    quantity,
+    scaled,
+)
 
 if TYPE_CHECKING:
-    from softmodels.design.designed_body import DesignedBody
+    from softmodels.design.body import DesignedBody
 
-Array = npt.NDArray[np.float64]
 
 STEP = 1e-6
 """Of the central differences, in shares of the device's size, or of 1."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DeviceQuantity(Quantity):
+class DeviceQuantity(DesignQuantity):
     """What the device's parameters alone tell."""
 
     of_state: ClassVar = False
@@ -63,3 +68,65 @@ class Clearances(DeviceQuantity):
 
     def values(self, device: Actuator) -> dict[str, float]:
         return {f"clearance: {name}": value for name, value in device.clearances.items()}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Volumes, energies and masses.
+
+
+@quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class AddedVolume(DesignQuantity):
+    """Volume that the whole device's cavity has gained."""
+
+    name: ClassVar = "added_volume"
+    unit: ClassVar = "m3"
+    help: ClassVar = "volume that the whole device's cavity has gained"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        system = design.system
+        unit = system.volume_unit
+        return FormMeasure(
+            design,
+            [system.potential.cavity_volume, design.rest_volume],
+            lambda values: (unit * float(values[0] - values[1]), unit * np.array([1.0, -1.0])),
+        )
+
+
+@quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class StoredEnergy(DesignQuantity):
+    """Energy stored in the whole device."""
+
+    name: ClassVar = "stored_energy"
+    unit: ClassVar = "J"
+    help: ClassVar = "energy stored in the whole device's silicone"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        system = design.system
+        return FormMeasure(design, system.potential.energies, scaled(system.volume_unit), counted_in_stress=True)
+
+
+@quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Mass(DesignQuantity):
+    """Mass of the silicone of the whole device.
+
+    Attributes:
+        density: kg/m3; common silicones have 1040 to 1130.
+    """
+
+    name: ClassVar = "mass"
+    unit: ClassVar = "kg"
+    help: ClassVar = "mass of the whole device's silicone"
+    of_state: ClassVar = False
+
+    density: float = 1070.0
+
+    def measure(self, design: DesignedBody) -> Measure:
+        from dolfinx import fem
+
+        body = design.system.body
+        # A constant one: a form of numbers alone has no mesh for UFL to find.
+        solid = fem.Constant(body.mesh, 1.0) * body.hoop * body.measures()[0]
+        return FormMeasure(design, [solid], scaled(self.density * design.system.volume_unit))

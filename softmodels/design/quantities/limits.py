@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, ClassVar
 
-from softmodels.design.quantities.base import Measure, Quantity, quantity
+from softmodels.design.quantities.base import DesignQuantity, Measure, quantity
 
 if TYPE_CHECKING:
-    from softmodels.design.designed_body import DesignedBody
+    from softmodels.design.body import DesignedBody
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class OfLimit(Quantity):
+class OfLimit(DesignQuantity):
     """Something of the limit point of the pressure."""
 
     of_state: ClassVar = False

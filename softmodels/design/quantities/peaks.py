@@ -1,4 +1,5 @@
-"""Peak stretch and peak von Mises stress of a design, as `softmodels.results.peak` has them: means over the 0.5 % of the volume
+"""Peak stretch and peak von Mises stress of a design, as `softmodels.runs.state_values` has them: means over the 0.5 % of the
+volume
 where they are largest. The largest value at a point has no limit as a mesh with a sharp corner is refined, so a search that
 keeps it on one mesh misses it on the next; and it has no derivative where two points are equal.
 """
@@ -9,29 +10,40 @@ import dataclasses
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from softmodels.design.quantities.base import QUANTITIES, Measure, Quantity, Slopes, quantity
-from softmodels.design.quantities.forms import FormMeasure
+from softmodels.common.arrays import Array
+from softmodels.design.quantities.base import (
+    QUANTITIES,
+    DesignQuantity,
+    FormMeasure,
+    Measure,
+    Slopes,
+    quantity,
+)
 from softmodels.materials.strain import Strain, eigenvalues
 from softmodels.mechanics.mpi import largest
-from softmodels.results.peak import ROUNDED, SHARE, volume_peak
-from softmodels.results.stresses import principal_stretches, shape_stresses, von_mises
+from softmodels.runs.state_values import (
+    ROUNDED,
+    SHARE,
+    principal_stretches,
+    shape_stresses,
+    volume_peak,
+    von_mises,
+)
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
-    from softmodels.design.designed_body import DesignedBody
+    from softmodels.design.body import DesignedBody
     from softmodels.mechanics.system import State
 
-Array = npt.NDArray[np.float64]
 
 WORTH_A_NOTE = 0.02
 """Share of the peak by which the largest value at a point may lie above it before that is reported."""
 
 
 class PeakMeasure(FormMeasure):
-    """The peak of a field over the body; see `softmodels.results.peak`.
+    """The peak of a field over the body; see `softmodels.runs.state_values`.
 
     The value q from which on the field counts is taken from the values at the integration points. There the peak is least as a
     function of q, so its derivatives are those at fixed q.
@@ -107,7 +119,7 @@ class _Mises(ValuesOf):
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class PeakStretch(Quantity):
+class PeakStretch(DesignQuantity):
     """Peak of the largest principal stretch: its mean over the 0.5 % of the silicone where it is largest."""
 
     name: ClassVar = "peak_stretch"
@@ -124,7 +136,7 @@ class PeakStretch(Quantity):
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class PeakVonMises(Quantity):
+class PeakVonMises(DesignQuantity):
     """Peak of the von Mises stress: its mean over the 0.5 % of the silicone where it is largest."""
 
     name: ClassVar = "peak_von_mises"

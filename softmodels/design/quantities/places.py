@@ -6,17 +6,21 @@ import dataclasses
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from softmodels.design.quantities.base import Measure, Quantity, Slopes, quantity
+from softmodels.common.arrays import Array
+from softmodels.design.quantities.base import (
+    DesignQuantity,
+    Measure,
+    Slopes,
+    quantity,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from softmodels.design.designed_body import DesignedBody
+    from softmodels.design.body import DesignedBody
     from softmodels.mechanics.system import State
 
-Array = npt.NDArray[np.float64]
 
 AXES = ("x", "y", "z")
 STEP = 1e-5
@@ -82,7 +86,7 @@ def _probe(design: DesignedBody, name: str) -> str:
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Rise(Quantity):
+class Rise(DesignQuantity):
     """How far a probe has moved along the lift.
 
     Attributes:
@@ -106,7 +110,7 @@ class Rise(Quantity):
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Height(Quantity):
+class Height(DesignQuantity):
     """Height of a probe under pressure: how high it was drawn, and how far it has risen.
 
     A design changes both, so the device whose top is highest is not the one whose top rises most.
@@ -132,7 +136,7 @@ class Height(Quantity):
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Place(Quantity):
+class Place(DesignQuantity):
     """Where a probe is.
 
     Attributes:
@@ -163,7 +167,7 @@ class Place(Quantity):
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DeviceFigure(Quantity):
+class DeviceFigure(DesignQuantity):
     """A figure of this kind of device that follows from its probes, such as a slab's lift angle.
 
     Attributes:

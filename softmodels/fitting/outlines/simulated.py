@@ -7,18 +7,16 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from measurement.outline.outline import Outline
-from softmodels.fitting.outlines.device_model import DeviceModel
-from softmodels.fitting.outlines.shadow import shadow_of
-from softmodels.results.quadratic_curve import QuadraticCurve
-
-Array = npt.NDArray[np.float64]
+from softmodels.common.arrays import Array
+from softmodels.fitting.outlines.device import DeviceModel
+from softmodels.fitting.outlines.silhouette import shadow_of
+from softmodels.runs.grid import QuadraticCurve
 
 
 @dataclasses.dataclass(frozen=True)
-class Camera:
+class SimulatedCamera:
     """What stands between the device and its measured outlines.
 
     Attributes:
@@ -40,7 +38,7 @@ def simulated_outlines(
     model: DeviceModel,
     values: Mapping[str, float],
     requested: Sequence[float],
-    camera: Camera,
+    camera: SimulatedCamera,
     quantity: str = "pressure",
     rng: np.random.Generator | None = None,
 ) -> list[Outline]:

@@ -1,0 +1,1 @@
+"""Parts drawn or meshed elsewhere: STEP files, and meshes of other programs."""

@@ -1,0 +1,408 @@
+"""Photographs as light: reading the file, undoing its gamma curve, and taking values between pixels.
+
+A shadow's edge lies where half of the lamp is seen, which is half of the light and not half of the stored number: in a
+JPEG the two differ by a good part of the penumbra's width. So the stored numbers go through sRGB's curve first
+(IEC 61966-2-1), at the pixels that are looked at only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import os
+import re
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageCms, UnidentifiedImageError
+
+from softmodels.common.arrays import Array
+from softmodels.common.errors import reason
+from softmodels.common.files import check_file
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a file is by its first bytes, so that one that is no photograph is refused by its true name and with what to do.
+#
+# Pillow opens many raw files as TIFF and then reads the small preview in them: their kind has to be known before.
+
+
+READABLE = "JPEG, PNG, TIFF, HEIC, WebP, AVIF, JPEG 2000, MPO or BMP"
+"""The formats named to the user."""
+
+RAW_ENDINGS = frozenset(
+    {f".{name}" for name in re.findall(r"\w+", """
+    3fr arw cr2 cr3 crw dcr dng erf fff iiq k25 kdc mef mos mrw nef nrw orf pef raf raw rw2 rwl sr2 srf srw x3f
+    """)}
+)  # fmt: skip
+"""Endings of cameras' raw files; most of them are TIFF inside, so that their first bytes do not tell them."""
+
+RAW = "it is a camera's raw file; develop it to a 16-bit TIFF, without lens correction, cropping or turning, and list that"
+
+VIDEO = "it is a video; save single pictures of it as PNG, at the measured pressures, and list those"
+
+_SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
+    (0, b"%PDF", "it is a PDF document; save the photograph in it as a picture (pdfimages does), and list that"),
+    (0, b"%!PS", "it is a PostScript document, no photograph"),
+    (0, b"FUJIFILMCCD-RAW", RAW),
+    (0, b"IIRO", RAW),
+    (0, b"IIRS", RAW),
+    (0, b"MMOR", RAW),
+    (0, b"IIU\0", RAW),
+    (0, b"FOVb", RAW),
+    (0, b"\0MRM", RAW),
+    (8, b"CR\x02", RAW),
+    (6, b"HEAPCCDR", RAW),
+    (4, b"ftypcrx", RAW),
+    (0, b"\x1a\x45\xdf\xa3", VIDEO),
+    (0, b"FLV", VIDEO),
+    (0, b"\0\0\1\xba", VIDEO),
+    (0, b"\0\0\1\xb3", VIDEO),
+    (0, b"\x30\x26\xb2\x75", VIDEO),
+    (8, b"AVI ", VIDEO),
+    (0, b"PK\3\4", "it is a ZIP archive or an office document; take the photograph out of it, and list that"),
+    (0, b"\xff\x0a", "it is a JPEG XL picture, which cannot be read; save it as PNG or TIFF"),
+    (4, b"JXL ", "it is a JPEG XL picture, which cannot be read; save it as PNG or TIFF"),
+    (0, b"version https://git-lfs", "it is Git LFS's pointer in place of the picture; fetch it with git lfs pull"),
+)
+"""Offset, bytes and what such a file is, as the reason for its refusal."""
+
+_STILLS = frozenset(b"heic heix heim heis hevc hevx mif1 msf1 miaf avif avis jp2".split())
+"""Brands of ISO base media files that are pictures; every other brand is a video or sound."""
+
+
+def foreign_kind(path: Path) -> str | None:
+    """Why a file is no photograph that can be read, as far as its first bytes and its ending tell; None if they do not.
+
+    Raises:
+        OSError: The file cannot be opened.
+    """
+    with path.open("rb") as file:
+        head = file.read(512)
+    if not head:
+        return f"the file is no picture, it is empty; {READABLE} is needed"
+    if path.suffix.lower() in RAW_ENDINGS:
+        return RAW
+    for offset, mark, what in _SIGNATURES:
+        if head[offset : offset + len(mark)] == mark:
+            return what
+    if head[4:8] == b"ftyp" and head[8:12].strip() not in _STILLS:
+        return VIDEO
+    text = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()
+    if text.startswith((b"<!doctype html", b"<html")):
+        return "it is a web page, maybe what a server answered in place of the picture; fetch the picture again"
+    if text.startswith((b"<svg", b"<?xml")):
+        return f"it is a drawing or another XML file, no photograph; {READABLE} is needed"
+    return None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Pixels of a picture file, whatever its format and depth: unturned, and on one scale from 0 to 255.
+#
+# The lens and the screen were measured in the sensor's own pixels, so nothing turns a picture here: the orientation that EXIF
+# asks viewers for is left alone, and the turn that HEIC's decoder makes by itself is taken back.
+
+
+Pixels = npt.NDArray[np.uint8]
+
+DEPTHS = (8, 10, 12, 14, 16)
+"""Bits that cameras count light in; files keep more than 8 of them in 16."""
+
+MEMORY_PER_PIXEL, MEMORY_PER_DEEP_PIXEL = 14, 25
+"""Bytes per pixel that decoding takes at its peak, measured: with 8 bits per channel, and with more."""
+
+MOST_MEMORY = 0.8
+"""Share of the memory now free that one picture may take."""
+
+WITH_PAGES = {"TIFF", "GIF", "WEBP", "PNG"}
+"""Formats whose further pictures are pages or an animation; in MPO and HEIC they belong to the one photograph."""
+
+DEEP = {"PNG", "TIFF"}
+"""Formats of which Pillow reads 16-bit colour as 8 bits, without a word."""
+
+FORMATS = ("JPEG", "PNG", "TIFF", "HEIF", "WEBP", "AVIF", "JPEG2000", "BMP", "GIF", "PPM")
+"""Formats that are read (MPO as JPEG). Pillow knows more, and lets other programs run some of them, such as PostScript."""
+
+_UNUSABLE = {
+    "1": "black or white and nothing between, where an edge has lost its shades",
+    "F": "decimal numbers, whose scale is not known",
+    "LAB": "in the colours of CIELAB",
+    "HSV": "in the colours of HSV",
+}
+"""Modes of Pillow whose pixels are no light that could be measured."""
+
+_UNTURNED = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_90,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_270,
+}
+"""What takes back the turn that EXIF's orientation asks for."""
+
+
+class PictureError(ValueError):
+    """A file that gives no pixels; the message is the reason, a sentence for the user."""
+
+
+@contextlib.contextmanager
+def opened(path: Path) -> Iterator[Image.Image]:
+    """A picture file, opened but not decoded; no size is too large here, `read_pixels` looks at the memory.
+
+    Raises:
+        PictureError: No file, no picture, or one of a kind that cannot be read.
+    """
+    try:
+        check_file(path)
+        foreign = foreign_kind(path)
+    except FileNotFoundError:
+        raise PictureError("there is no such file") from None
+    except OSError as error:
+        raise PictureError(f"the file cannot be read: {reason(error)}") from None
+    if foreign is not None:
+        raise PictureError(foreign)
+    _know_heic()
+    most = Image.MAX_IMAGE_PIXELS
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # odd tags are no reason; what cannot be decoded raises
+        # Pillow's own limit of 179 megapixels would name a good photograph a bomb.
+        Image.MAX_IMAGE_PIXELS = None
+        try:
+            with Image.open(path, formats=FORMATS) as picture:
+                yield picture
+        except UnidentifiedImageError:
+            raise PictureError(f"the file is no picture, or one that cannot be read; {READABLE} is needed") from None
+        finally:
+            Image.MAX_IMAGE_PIXELS = most
+
+
+def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
+    """Pixels of a picture file.
+
+    More than 8 bits are brought to 8: counted from the greatest number that the depth allows, which is the least of 8, 10,
+    12, 14 and 16 bits that holds the picture's greatest value. Rounding to 1/255 of the light moves an edge by some
+    hundredths of a pixel at most.
+
+    Args:
+        path: The file.
+        size: Width and height it must have, None if any will do.
+
+    Returns:
+        Red, green and blue, shape (height, width, 3); a grey picture has three equal channels.
+
+    Raises:
+        PictureError: No pixels, another size, or too large for this machine's memory.
+    """
+    path = Path(path)
+    try:
+        with opened(path) as picture:
+            orientation = _turned_by_reader(picture)
+            wide, high = picture.size if orientation not in (5, 6, 7, 8) else picture.size[::-1]
+            if size is not None and (wide, high) != size:
+                raise PictureError(f"it has {wide} x {high} pixels where the setup has {size[0]} x {size[1]}")
+            _check_memory(wide, high, MEMORY_PER_DEEP_PIXEL if _is_deep(picture) else MEMORY_PER_PIXEL)
+            _check_pages(picture)
+            pixels = _decoded(path, picture)
+    except PictureError:
+        raise
+    except Exception as error:  # the decoders raise whatever a damaged file leads them into
+        raise PictureError(f"the file is damaged ({reason(error) or type(error).__name__})") from None
+    if orientation in _UNTURNED:
+        pixels = np.asarray(Image.fromarray(pixels).transpose(_UNTURNED[orientation]))
+    return np.ascontiguousarray(pixels)
+
+
+def _decoded(path: Path, picture: Image.Image) -> Pixels:
+    deep = _is_deep(picture)
+    picture.load()  # tells a damaged file, also before OpenCV takes what there is of it
+    if deep:
+        # Of 16-bit colour Pillow keeps the upper 8 bits alone; OpenCV gives what the file holds.
+        whole = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+        if whole is not None and whole.dtype == np.uint16 and whole.shape[1::-1] == picture.size:
+            return _colours(whole)
+    if picture.mode.startswith("I"):
+        return _colours(_whole_numbers(np.asarray(picture)))
+    if picture.mode == "CMYK":
+        return np.asarray(_from_ink(picture))
+    if picture.mode in _UNUSABLE:
+        raise PictureError(
+            f"its pixels are {_UNUSABLE[picture.mode]}; save it as grey or RGB with 8 or 16 bits per channel"
+        )
+    if picture.has_transparency_data:
+        return _opaque(picture)
+    return np.asarray(picture if picture.mode == "RGB" else picture.convert("RGB"))
+
+
+def _is_deep(picture: Image.Image) -> bool:
+    """Whether a PNG or TIFF, not yet decoded, holds 16 bits per channel: its first tile names the numbers it is made of."""
+    tiles = getattr(picture, "tile", None)
+    if picture.format not in DEEP or not tiles:
+        return False
+    kind = tiles[0][3]
+    return "16" in str(kind if isinstance(kind, str) else next(iter(kind or ()), ""))
+
+
+def _colours(deep: npt.NDArray[np.uint16]) -> Pixels:
+    """Numbers of more than 8 bits, grey (h, w) or blue, green, red and maybe opacity (h, w, 3 or 4), as 8-bit colours."""
+    if deep.ndim == 3 and deep.shape[2] == 4 and deep[..., 3].min() < deep[..., 3].max():
+        raise PictureError(_CUT_OUT)
+    light = deep if deep.ndim == 2 else deep[..., 2::-1]
+    most = int(light.max())
+    bits = next(depth for depth in DEPTHS if most < 2**depth)
+    table = np.rint(np.arange(2**bits) * (255.0 / (2**bits - 1))).astype(np.uint8)
+    small = table[light]
+    return np.repeat(small[..., None], 3, axis=2) if small.ndim == 2 else small
+
+
+def _whole_numbers(values: npt.NDArray[np.generic]) -> npt.NDArray[np.uint16]:
+    low, high = int(values.min()), int(values.max())
+    if low < 0 or high > 65535:
+        raise PictureError("its pixels are numbers of more than 16 bits; save it with 8 or 16 bits per channel")
+    return values.astype(np.uint16)
+
+
+def _from_ink(picture: Image.Image) -> Image.Image:
+    """Printers' inks as colours: by the file's own profile, or by the plain rule where it has none."""
+    profile = picture.info.get("icc_profile")
+    if profile:
+        with contextlib.suppress(ImageCms.PyCMSError, OSError):
+            source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+            made = ImageCms.profileToProfile(picture, source, ImageCms.createProfile("sRGB"), outputMode="RGB")
+            if made is not None:
+                return made
+    return picture.convert("RGB")
+
+
+_CUT_OUT = "parts of it are transparent: it has been cut out or drawn on; list the photograph itself"
+
+
+def _opaque(picture: Image.Image) -> Pixels:
+    whole = np.asarray(picture.convert("RGBA"))
+    if whole[..., 3].min() < 255:
+        raise PictureError(_CUT_OUT)
+    return whole[..., :3]
+
+
+def _check_pages(picture: Image.Image) -> None:
+    """Refuse several pictures in one file; a reduced copy beside the picture, as some programs write it, is none."""
+    count = getattr(picture, "n_frames", 1)
+    if count < 2 or picture.format not in WITH_PAGES:
+        return
+    size, pages = picture.size, 0
+    for number in range(min(count, 50)):
+        picture.seek(number)
+        pages += picture.size == size
+    picture.seek(0)
+    if pages > 1:
+        raise PictureError(
+            f"it holds {count} pictures (pages or an animation); save the one that is meant as its own file"
+        )
+
+
+def _check_memory(width: int, height: int, per_pixel: int) -> None:
+    if width < 1 or height < 1:
+        raise PictureError(f"it has {width} x {height} pixels: there is nothing in it")
+    need, free = per_pixel * width * height, free_memory()
+    if free is not None and need > MOST_MEMORY * free:
+        raise PictureError(
+            f"it has {width} x {height} pixels; reading it takes about {need / 1e9:.1f} GB of memory and {free / 1e9:.1f} GB "
+            "are free: measure fewer at a time (--jobs 1), or make all photographs and the setup's smaller by the same factor"
+        )
+
+
+def free_memory() -> float | None:
+    """Bytes that can be had without swapping; None where the system does not tell."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
+            if line.startswith("MemAvailable:"):
+                return float(line.split()[1]) * 1024.0
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
+    return None
+
+
+def _turned_by_reader(picture: Image.Image) -> int:
+    """The EXIF orientation that a reader has turned the picture by already; HEIC's does."""
+    if picture.format != "HEIF":
+        return 1
+    return int(picture.info.get("original_orientation") or 1)
+
+
+@functools.cache
+def _know_heic() -> None:
+    with contextlib.suppress(ImportError):  # without it such a file is refused as one that cannot be read
+        import pi_heif
+
+        pi_heif.register_heif_opener()
+
+
+_STORED = np.arange(256) / 255.0
+LIGHT: npt.NDArray[np.float32] = np.where(
+    _STORED <= 0.04045, _STORED / 12.92, ((_STORED + 0.055) / 1.055) ** 2.4
+).astype(np.float32)
+"""Light from 0 to 1 of every stored number by sRGB's curve, shape (256,)."""
+
+TONES: dict[str, npt.NDArray[np.float32]] = {"srgb": LIGHT, "linear": _STORED.astype(np.float32)}
+"""Known tone curves: a camera's JPEG, and numbers proportional to light (a developed raw file)."""
+
+
+class Unmeasurable(ValueError):
+    """A photograph that must not be measured; the message is the reason, a sentence for the user."""
+
+
+def read_photograph(path: Path, size: tuple[int, int] | None = None) -> Pixels:
+    """Read a photograph as it left the sensor, unturned: the lens and the screen were measured in its own pixels.
+
+    Args:
+        path: A picture file as `picture_file.read_pixels` takes it.
+        size: Width and height it must have, None if any will do.
+
+    Returns:
+        Red, green and blue, shape (height, width, 3); a grey picture has three equal channels.
+
+    Raises:
+        Unmeasurable: No file, no picture, cut short, or another size.
+    """
+    try:
+        return read_pixels(path, size)
+    except PictureError as error:
+        raise Unmeasurable(str(error)) from None
+
+
+def sample_light(image: Pixels, points: Array, light: npt.NDArray[np.float32] = LIGHT) -> Array:
+    """Light between pixels, bilinear.
+
+    Args:
+        image: Stored numbers, shape (h, w, 3).
+        points: Places (x, y) in px, shape (..., 2); outside the frame the value is NaN.
+        light: Light of every stored number, shape (256,).
+
+    Returns:
+        Light of the channels, shape (..., 3).
+    """
+    height, width = image.shape[:2]
+    flat = points.reshape(-1, 2)
+    x, y = flat[:, 0], flat[:, 1]
+    with np.errstate(invalid="ignore"):
+        inside = (x >= 0.0) & (y >= 0.0) & (x <= width - 1.0) & (y <= height - 1.0)
+    x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
+    left, top = np.minimum(x.astype(np.int64), width - 2), np.minimum(y.astype(np.int64), height - 2)
+    right_share, low_share = (x - left).astype(np.float32), (y - top).astype(np.float32)
+    rows = image.reshape(-1, 3)
+    first = top * width + left
+    value = np.zeros((len(flat), 3), dtype=np.float32)
+    for offset, share in (
+        (0, (1 - right_share) * (1 - low_share)),
+        (1, right_share * (1 - low_share)),
+        (width, (1 - right_share) * low_share),
+        (width + 1, right_share * low_share),
+    ):
+        value += light[rows[first + offset]] * share[:, None]
+    value[~inside] = np.nan
+    return value.astype(np.float64).reshape(*points.shape[:-1], 3)

@@ -1,0 +1,614 @@
+"""The printed grid as one photograph shows it: is the camera where it was, and how much light do the lines take.
+
+The setup says where every line should be. Short profiles across the lines, outside the shadow, say where it is in this
+photograph: the difference tells a moved camera, and the mean profile tells how much light the ink takes at each distance
+from a line's middle. Dividing by that lets an edge be found where it runs across or along a line, which would pull it to
+itself otherwise. A camera moved by exactly one whole pitch looks unmoved; nothing in the picture can tell.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import least_squares
+from scipy.spatial import cKDTree
+from scipy.special import ndtr
+
+from measurement.camera.pictures import (
+    LIGHT,
+    Pixels,
+    Unmeasurable,
+    sample_light,
+)
+from measurement.robust import deviation, deviations, robust_fit
+from measurement.screen.setup import Setup
+from softmodels.common.arrays import Array
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The grid's lines as the camera blurs them: how wide, how dark and how much out of focus.
+#
+# The blur of a photograph acts on the product of the shadow and the ink, not on each alone. A line of width L that takes the
+# share D of the light, under a Gaussian blur s, lets T(d) = 1 - D (Phi((d + L/2) / s) - Phi((d - L/2) / s)) through. The
+# blurred product of a penumbra S and the sharp line is S T less their covariance under the blur,
+#
+#     cov = -D (C(z, (d + L/2) / s; r) - C(z, (d - L/2) / s; r)),    C(a, b; r) = integral from 0 to r of phi2(a, b; t) dt,
+#
+# with z = u / w the place across the edge in its own width and r = s cos(angle) / w the correlation of both blurs, cos(angle)
+# that of the edge's and the line's normals. What penumbra the lamp itself makes is part of w, not of s, so a sharp photograph
+# of a soft shadow has nearly none of this, and one out of focus has much.
+#
+# Source of the bivariate normal integral: Z. Drezner, G. O. Wesolowsky, J. Stat. Comput. Simul. 35 (1990) 101,
+# doi 10.1080/00949659008811236.
+
+
+STRONGEST = 0.97
+"""Largest correlation of both blurs: an edge as sharp as the line along which it runs, but for the noise of both widths."""
+
+LEAST_DEPTH = 0.02
+"""Least share of the light that a blurred line takes, for its shape to be told."""
+
+DOUBT = 0.005
+"""Misfit that a factor of e in the depth makes from halfway between the least that is possible and black."""
+
+NODES = np.polynomial.legendre.leggauss(8)
+
+
+@dataclasses.dataclass(frozen=True)
+class LineShape:
+    """A straight line of the grid.
+
+    Attributes:
+        width: Its width in m on the screen.
+        depth: Share of the light that it takes where it is sharp.
+        blur: Standard deviation in m of the picture's blur on the screen.
+    """
+
+    width: float
+    depth: float
+    blur: float
+
+    @classmethod
+    def fitted(cls, distance: Array, inks: Array) -> tuple[LineShape | None, LineShape | None]:
+        """The lines of both directions, of one ink and one blur; None where there is no line to be seen.
+
+        Args:
+            distance: Distances (k,) in m from a line's middle, from 0 to the profiles' end.
+            inks: Share of light (2, k) that the lines let through there, relative to that at the profiles' end.
+        """
+        seen = [axis for axis in (0, 1) if 1.0 - inks[axis].min() > LEAST_DEPTH]
+        lines: list[LineShape | None] = [None, None]
+        if seen:
+            for axis, line in zip(seen, cls._of_one_ink(distance, inks[seen]), strict=True):
+                lines[axis] = line
+        return lines[0], lines[1]
+
+    @classmethod
+    def _of_one_ink(cls, distance: Array, inks: Array) -> list[LineShape]:
+        depth, end = float(1.0 - inks.min()), float(distance[-1])
+        half = [float(distance[1.0 - ink > 0.5 * (1.0 - ink.min())].max()) for ink in inks]
+        far = distance >= end * 2.0 / 3.0  # what a profile is taken relative to
+        inked = inks < 1.0  # the faintest ink is left out of it
+
+        def lines(logs: Array) -> list[LineShape]:
+            values = np.exp(logs)
+            return [cls(float(width), float(values[0]), float(values[1])) for width in values[2:]]
+
+        def missed(logs: Array) -> Array:
+            through = np.array([line.through(distance) for line in lines(logs)])
+            rest = (through / through[:, far].mean(axis=1, keepdims=True) - inks)[inked]
+            # A line much narrower than the blur does not tell whether it is faint and wide or black and thin.
+            return np.r_[rest, DOUBT * (logs[0] - 0.5 * np.log(depth))]
+
+        low = np.log([0.5 * depth, 0.003 * end, *[0.02 * end for _ in half]])
+        high = np.log([1.0, end, *[2.0 * end for _ in half]])
+        starts = (
+            [depth, 0.2 * min(half), *(2.0 * value for value in half)],
+            [min(1.0, 2.0 * depth), 0.8 * min(half), *half],
+        )
+        fits = [
+            least_squares(missed, np.clip(np.log(np.maximum(start, 1e-9)), low + 1e-6, high - 1e-6), bounds=(low, high))
+            for start in starts
+        ]
+        return lines(min(fits, key=lambda fit: float(fit.cost)).x)
+
+    def through(self, off: Array) -> Array:
+        """Share of light that the blurred line lets through at signed distances from its middle in m."""
+        upper, lower = (off + 0.5 * self.width) / self.blur, (off - 0.5 * self.width) / self.blur
+        return np.asarray(1.0 - self.depth * (ndtr(upper) - ndtr(lower)))
+
+    def covariance(self, off: Array, z: Array, correlation: Array) -> Array:
+        """What blurred shadow times blurred line lacks to the blurred product, per unit of the edge's rise.
+
+        Args:
+            off: Signed distances (...) in m from the line's middle.
+            z: Places (...) across the edge in its widths.
+            correlation: Correlation (...) of the edge's and the line's blur, its sign that of d off / d z.
+        """
+        upper, lower = (off + 0.5 * self.width) / self.blur, (off - 0.5 * self.width) / self.blur
+        r = np.clip(correlation, -STRONGEST, STRONGEST)
+        # r = sin(t) takes the integrand's steepness near r = 1 away.
+        half = 0.5 * np.arcsin(r)
+        total = np.zeros(np.broadcast_shapes(off.shape, z.shape))
+        for node, weight in zip(*NODES, strict=True):
+            t = half * (1.0 + node)
+            sine, cosine2 = np.sin(t), np.cos(t) ** 2
+            for sign, place in ((1.0, upper), (-1.0, lower)):
+                exponent = -0.5 * (z * z - 2.0 * sine * z * place + place * place) / cosine2
+                total += sign * weight * np.exp(exponent)
+        return np.asarray(-self.depth * total * half / (2.0 * np.pi))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A region of one photograph as light, and where it lies on the screen.
+
+
+VIEW_NODES = 33
+"""Places along each side of a region at which its reach on the screen is asked."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class View:
+    """What is looked at of a photograph.
+
+    Attributes:
+        image: The photograph, shape (h, w, 3).
+        setup: Camera and screen.
+        roi: Region x0, y0, x1, y1 in px.
+        light: Light of every stored number.
+    """
+
+    image: Pixels
+    setup: Setup
+    roi: tuple[int, int, int, int]
+    light: npt.NDArray[np.float32] = dataclasses.field(default_factory=lambda: LIGHT)
+
+    @property
+    def size(self) -> Array:
+        """Width and height of the region in px, shape (2,)."""
+        return np.subtract(self.roi[2:], self.roi[:2]).astype(np.float64)
+
+    @property
+    def pixel(self) -> float:
+        """Length in m of a pixel in the middle of the region, in the object's plane."""
+        middle = np.array([[0.5 * (self.roi[0] + self.roi[2]), 0.5 * (self.roi[1] + self.roi[3])]])
+        return float(np.sqrt(np.abs(np.linalg.det(self.setup.jacobian(middle)[0]))))
+
+    def sample(self, points: Array) -> Array:
+        """Light (..., 3) at pixels (..., 2); NaN outside of the picture."""
+        return sample_light(self.image, points, self.light)
+
+    def extent(self) -> tuple[Array, Array]:
+        """Least and greatest X and Z in m on the screen that the region shows, shapes (2,)."""
+        x0, y0, x1, y1 = self.roi
+        columns, rows = np.meshgrid(np.linspace(x0, x1 - 1, VIEW_NODES), np.linspace(y0, y1 - 1, VIEW_NODES))
+        places = self.setup.to_metres(np.column_stack([columns.ravel(), rows.ravel()])) * self.setup.magnification
+        places = places[np.isfinite(places).all(axis=1)]
+        return places.min(axis=0), places.max(axis=0)
+
+    def inside(self, points: Array, margin: float = 0.0) -> npt.NDArray[np.bool_]:
+        """Which pixels (..., 2) lie in the region, and so far in px from its rim; shape (...)."""
+        low, high = np.array(self.roi[:2]) + margin, np.array(self.roi[2:]) - 1.0 - margin
+        return np.asarray(((points >= low) & (points <= high)).all(axis=-1))
+
+    def reduced(self, points: Array, shape: tuple[int, ...]) -> Array:
+        """Pixels (..., 2) of the photograph in those of the region made smaller to a picture of this shape (h, w)."""
+        scale = np.array(shape[::-1]) / self.size
+        return np.asarray((points - self.roi[:2] + 0.5) * scale - 0.5)
+
+    def enlarged(self, points: Array, shape: tuple[int, ...]) -> Array:
+        """The inverse of `reduced`."""
+        scale = self.size / np.array(shape[::-1])
+        return np.asarray((points + 0.5) * scale - 0.5 + self.roi[:2])
+
+
+REACH = 0.2
+"""Half length of a profile across a line, in pitches: shifts up to this are seen as shifts."""
+
+SAMPLES = 161
+"""Points of a profile."""
+
+STATIONS = 12
+"""Places along one line between two crossings."""
+
+INKED = 0.95
+"""Share of light through the ink below which a place belongs to a line."""
+
+SEEN_DEPTH = 0.06
+"""Least share of the light that a grid line takes away."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class GridLook:
+    """What one photograph shows of the printed grid.
+
+    Attributes:
+        pitch: Distance of the lines in m.
+        seen: Share of the expected places where a line was seen.
+        place: Where a line was seen: X and Z in m on the screen, shape (n, 2).
+        shift: Signed distances in m of the lines there from where the setup has them, shape (n,).
+        axis: Whether each is a shift along X (0) or along Z (1), shape (n,).
+        ink: Share of light that a line lets through over the distance from its middle; values at `distance`, shape (2, k),
+            first for the lines of constant X.
+        distance: Distances in m from a line's middle, shape (k,).
+        offsets: Where each line lies from where it should be in m: for X and for Z, by its number.
+    """
+
+    pitch: float
+    seen: float
+    place: Array
+    shift: Array
+    axis: npt.NDArray[np.int64]
+    ink: Array
+    distance: Array
+    offsets: tuple[dict[int, float], dict[int, float]]
+
+    def affine_terms(self, chosen: npt.NDArray[np.bool_]) -> Array:
+        """Terms (m, 3) of an affine function over those places where a line was seen, in pitches."""
+        return np.column_stack([np.ones(int(chosen.sum())), self.place[chosen] / self.pitch])
+
+    @property
+    def line_reach(self) -> float:
+        """Half length in pitches of the shortest profile across a line that still shows the bare screen on both sides."""
+        inked = self.distance[(self.ink < INKED).any(axis=0)]
+        return float(np.clip(2.2 * inked.max(initial=0.0) / self.pitch, 0.3 * REACH, REACH))
+
+    @functools.cached_property
+    def lines(self) -> tuple[LineShape | None, LineShape | None]:
+        """Width, depth and blur of the lines of constant X and of constant Z; None where none are seen."""
+        return LineShape.fitted(self.distance, self.ink)
+
+    def off_line(self, place: Array, axis: int) -> Array:
+        """Signed distances (...) in m from the nearest line at places (...) along X or Z in m."""
+        line = np.rint(place / self.pitch).astype(np.int64)
+        return np.asarray(place - line * self.pitch - _look_up(self.offsets[axis], line))
+
+    def transmission(self, places: Array) -> Array:
+        """Share of light that the ink lets through at places (..., 2) in m on the screen."""
+        cover = []
+        # Of sharp ink, which alone covers all or nothing; a blurred line covers a part of each place.
+        sharp = [line.depth for line in self.lines if line is not None]
+        darkest = max(1.0 - float(self.ink.min()), *sharp, 1e-9)
+        for axis in (0, 1):
+            across = np.abs(self.off_line(places[..., axis], axis))
+            cover.append((1.0 - np.interp(across, self.distance, self.ink[axis], right=1.0)) / darkest)
+        # Ink on ink is the same ink: at a crossing the covered shares join as chances do, they do not multiply up.
+        return 1.0 - darkest * (1.0 - (1.0 - cover[0]) * (1.0 - cover[1]))
+
+
+def look_at_grid(view: View, pitch: float, is_lit: npt.NDArray[np.bool_], reach: float = REACH) -> GridLook:
+    """Look at the grid lines where they should be: at whole multiples of the pitch on the screen.
+
+    Args:
+        view: The photograph.
+        pitch: Distance of the lines in m.
+        is_lit: Where lines are looked for, on the region made smaller.
+        reach: Half length of a profile across a line, in pitches.
+    """
+    across = np.linspace(-reach * pitch, reach * pitch, SAMPLES)
+    both = []
+    for axis in (0, 1):
+        number, target = _places_on_lines(view, pitch, reach, axis)
+        number, target, points = _profiles_across(view, number, target, across, is_lit, axis)
+        both.append(_family(view, number, target, points, across))
+    expected = sum(family.expected for family in both)
+    shift = np.concatenate([family.shift for family in both])
+    half = SAMPLES // 2
+    return GridLook(
+        pitch,
+        len(shift) / expected if expected else 0.0,
+        np.concatenate([family.place for family in both]),
+        shift,
+        np.repeat([0, 1], [len(family.shift) for family in both]),
+        np.array([0.5 * (family.ink[half:] + family.ink[: half + 1][::-1]) for family in both]),
+        across[half:],
+        (both[0].offsets, both[1].offsets),
+    )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Family:
+    """What is seen of the lines of one direction.
+
+    Attributes:
+        expected: Number of places where a line could be seen.
+        place: Those where one was seen, X and Z in m on the screen, shape (n, 2).
+        shift: Distances in m of the lines from there, shape (n,).
+        ink: Share of light that a line lets through at each sample of a profile, shape (SAMPLES,).
+        offsets: Where each line lies from where it should be in m, by its number.
+    """
+
+    expected: int
+    place: Array
+    shift: Array
+    ink: Array
+    offsets: dict[int, float]
+
+
+def _family(view: View, number: Array, target: Array, points: Array, across: Array) -> _Family:
+    """The lines with these numbers (n,) at places (n, 2), seen in profiles of pixels (n, SAMPLES, 2) across them."""
+    if not len(points):
+        return _Family(0, np.zeros((0, 2)), np.zeros(0), np.ones(SAMPLES), {})
+    centre, ink, clear = _lines_in(view.sample(points).mean(axis=2), across)
+    lines = {int(line): centre[clear & (number == line)] for line in np.unique(number)}
+    offsets = {line: float(np.median(found)) for line, found in lines.items() if len(found) >= 3}
+    return _Family(len(points), target[clear], centre[clear], ink, offsets)
+
+
+def _places_on_lines(view: View, pitch: float, reach: float, axis: int) -> tuple[Array, Array]:
+    """Numbers (n,) of the lines of one direction and places (n, 2) along them in m, wherever the region may show them."""
+    low, high = (end / pitch for end in view.extent())
+    along = (np.arange(STATIONS) + 0.5) / STATIONS
+    along = along[np.abs(along - 0.5) < 0.5 - 0.6 * reach]
+    lines = np.arange(np.ceil(low[axis]), np.floor(high[axis]) + 1)
+    gaps = np.arange(np.floor(low[1 - axis]), np.ceil(high[1 - axis]))
+    number, other = (part.ravel() for part in np.meshgrid(lines, (gaps[:, None] + along).ravel(), indexing="ij"))
+    target = np.empty((number.size, 2))
+    target[:, axis], target[:, 1 - axis] = number * pitch, other * pitch
+    return number, target
+
+
+def _profiles_across(
+    view: View, number: Array, target: Array, across: Array, is_lit: npt.NDArray[np.bool_], axis: int
+) -> tuple[Array, Array, Array]:
+    """Those of the lines and places whose profiles lie in what is looked at, and the profiles' pixels (n, SAMPLES, 2)."""
+    pixel = view.setup.to_pixels(target / view.setup.magnification)
+    keep = np.isfinite(pixel).all(axis=1) & view.inside(pixel)
+    number, target, pixel = number[keep], target[keep], pixel[keep]
+    if not len(pixel):
+        return number, target, np.zeros((0, SAMPLES, 2))
+    inverse = np.linalg.inv(view.setup.jacobian(pixel) * view.setup.magnification)
+    points = pixel[:, None, :] + across[None, :, None] * inverse[:, None, :, axis]
+    some = points[:, :: SAMPLES // 8]
+    index = np.rint(view.reduced(some, is_lit.shape)).astype(np.int64)
+    index = np.clip(index, 0, np.array(is_lit.shape[::-1]) - 1)
+    keep = (view.inside(some, 2.0) & is_lit[index[..., 1], index[..., 0]]).all(axis=1)
+    return number[keep], target[keep], points[keep]
+
+
+def _lines_in(value: Array, across: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    """Middle of the dark line in each profile (n, k), the mean profile (k,) about it, and where a line is clear."""
+    size = value.shape[1]
+    ends = np.r_[0 : size // 6, size - size // 6 : size]
+    # A straight base line through both ends takes uneven light and vignetting out.
+    basis = np.column_stack([np.ones(size), across / across[-1]])
+    base = value[:, ends] @ np.linalg.pinv(basis[ends]).T @ basis.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        through = value / base
+    noise = deviations(through[:, ends] - 1.0, 1)
+    kernel = np.ones(5) / 5.0
+    smooth = np.apply_along_axis(np.convolve, 1, 1.0 - through, kernel, "same")
+    depth = smooth.max(axis=1)
+    clear = np.isfinite(depth) & (depth > np.maximum(SEEN_DEPTH, 4.0 * noise / np.sqrt(5.0)))
+    weight = np.where(smooth > 0.4 * depth[:, None], smooth - 0.4 * depth[:, None], 0.0)
+    centre = across[np.argmax(smooth, axis=1)]
+    window = 0.6 * across[-1]
+    for _ in range(2):
+        near = np.where(np.abs(across - centre[:, None]) < window, weight, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            centre = near @ across / near.sum(axis=1)
+    clear &= np.isfinite(centre) & (np.abs(centre) < 0.8 * across[-1])
+    if not clear.any():
+        return centre, np.ones(size), clear
+    # Of hundreds of profiles each looks at the line from another sub-pixel place; aligned, they show it finely.
+    aligned = [np.interp(across + shift, across, row) for shift, row in zip(centre[clear], through[clear], strict=True)]
+    ink = np.median(aligned, axis=0)
+    ink = np.where(1.0 - ink > 0.01, ink, 1.0)
+    return centre, np.minimum(ink, 1.0), clear
+
+
+def _look_up(offsets: dict[int, float], line: npt.NDArray[np.int64]) -> Array:
+    if not offsets:
+        return np.zeros(line.shape)
+    low, high = min(offsets), max(offsets)
+    table = np.array([offsets.get(number, 0.0) for number in range(low, high + 1)])
+    known = (line >= low) & (line <= high)
+    return np.where(known, table[np.clip(line - low, 0, high - low)], 0.0)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Is the screen, near the outline, where the setup has it?
+#
+# `movement.py` asks whether the picture of the whole screen has moved. A screen that bulges, or hot air before it, moves only a
+# part of it, and the shadow's edge with it. So each printed line is looked at piece by piece, in the light and inside of the
+# shadow, and what a piece lies off beyond the whole screen's movement counts for the outline near it.
+
+
+PIECE = 5
+"""Places along a line that are taken together; their median does not see dust on one or two of them."""
+
+NOISES = 6.0
+"""Standard errors of such a median up to which a piece may lie where it should: the largest of some hundreds do."""
+
+DOUBTED, DOUBTED_NOISES = 25e-6, 8.0
+"""Distance of a piece of line from where it should be, in m and in standard errors, from which the outline beside it is not
+trusted."""
+
+NEAR = 1.0
+"""Distance of a piece from the outline in pitches up to which it tells of it."""
+
+FADES = 0.5
+"""Distance in pitches over which what a piece lies off fades to 1/e."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Pieces:
+    """Pieces of the printed lines.
+
+    Attributes:
+        place: Their middles in m on the screen, shape (n, 2).
+        off: Distance in m across the line from where each should be, the whole screen's movement taken out, shape (n,).
+        error: Standard error of each in m, shape (n,).
+        pitch: Distance of the lines in m.
+    """
+
+    place: Array
+    off: Array
+    error: Array
+    pitch: float
+
+
+def pieces_of(looks: list[GridLook]) -> Pieces:
+    """The pieces of all lines that any of the looks has seen; the first look tells the whole screen's movement."""
+    pitch = looks[0].pitch
+    places, offs, errors = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)]
+    whole = [_affine(looks[0], axis) for axis in (0, 1)]
+    for look in looks:
+        every = np.ones(len(look.shift), dtype=bool)
+        found = [
+            _medians(look, axis, look.shift - look.affine_terms(every) @ movement)
+            for axis, movement in enumerate(whole)
+            if movement is not None
+        ]
+        if not sum(len(part[1]) for part in found):
+            continue
+        scatter = deviation(np.concatenate([part[2] for part in found]))
+        # The median of n values has pi/2 times the variance of their mean; values about their own median scatter less.
+        # A shadow's faint lines are read less well than the lit screen's, so each look has an error of its own.
+        error = scatter * np.sqrt(np.pi / 2.0 / PIECE) * 1.25
+        for place, off, _ in found:
+            places.append(place)
+            offs.append(off)
+            errors.append(np.full(len(off), error))
+    return Pieces(np.concatenate(places), np.concatenate(offs), np.concatenate(errors), pitch)
+
+
+def _medians(look: GridLook, axis: int, shift: Array) -> tuple[Array, Array, Array]:
+    """Middles (n, 2) of pieces of the lines of one axis, their medians (n,), and how far their values lie from these (n, k)."""
+    places, medians, rests = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros((0, PIECE))]
+    number = np.where(look.axis == axis, np.rint(look.place[:, axis] / look.pitch), np.nan)
+    for line in np.unique(number[np.isfinite(number)]):
+        on = np.flatnonzero(number == line)
+        on = on[np.argsort(look.place[on, 1 - axis])]
+        if len(on) < PIECE:
+            continue
+        window = np.lib.stride_tricks.sliding_window_view(on, PIECE)
+        # A piece that reaches over a part where the line is not seen tells of neither end.
+        window = window[np.ptp(look.place[window, 1 - axis], axis=1) < 1.2 * look.pitch]
+        median = np.median(shift[window], axis=1)
+        places.append(look.place[window[:, PIECE // 2]])
+        medians.append(median)
+        rests.append(np.abs(shift[window] - median[:, None]))
+    return np.concatenate(places), np.concatenate(medians), np.concatenate(rests).ravel()
+
+
+def flatness(pieces: Pieces, points: Array) -> tuple[Array, str | None]:
+    """What the screen's own shape makes uncertain of an edge, and what speaks against trusting it.
+
+    Args:
+        pieces: The pieces of the printed lines.
+        points: The edge in m on the screen, shape (n, 2).
+
+    Returns:
+        Standard errors (n,) in m, and a sentence or None.
+    """
+    if not len(pieces.off):
+        return np.zeros(len(points)), None
+    # What the pieces have in common beyond their noise is the screen's own; far from all of them a point has more of it.
+    best = pieces.error <= pieces.error.min()
+    common2 = deviation(pieces.off[best]) ** 2 - float(pieces.error.min()) ** 2
+    far = cKDTree(pieces.place).query(points)[0] / (FADES * pieces.pitch)
+    error = np.sqrt(max(0.0, common2)) * np.minimum(1.0, far)
+    near, _ = cKDTree(points).query(pieces.place, distance_upper_bound=NEAR * pieces.pitch)
+    beside = np.isfinite(near)
+    beyond = np.abs(pieces.off) * (np.abs(pieces.off) > NOISES * pieces.error)
+    for number in np.flatnonzero(beyond > 0.0):
+        far = np.linalg.norm(points - pieces.place[number], axis=1) / (FADES * pieces.pitch)
+        error = np.maximum(error, beyond[number] * np.exp(-far))
+    doubted = beyond * beside * (beyond >= np.maximum(DOUBTED, DOUBTED_NOISES * pieces.error))
+    worst = int(np.argmax(doubted))
+    if not doubted[worst]:
+        return error, None
+    return error, (
+        f"{near[worst] * 1e3:.1f} mm beside the edge the printed grid lies {beyond[worst] * 1e6:.0f} um off: the screen bulges "
+        "or slides there, hot air or a drop on the lens bends the light, or the lens' correction is wrong"
+    )
+
+
+def _affine(look: GridLook, axis: int) -> Array | None:
+    """Movement (3,) of the whole screen along one axis: a constant and its growth along X and Z; None if too little is seen."""
+    mine = look.axis == axis
+    if mine.sum() < 4 * PIECE:
+        return None
+    return robust_fit(look.affine_terms(mine), look.shift[mine], 8).coefficients
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Has the camera or the screen moved since the setup?
+#
+# The printed grid tells: an affine movement of its lines is the camera's or the screen's, and what it leaves of their shifts is
+# noise, dust, or another setup.
+
+
+MOVED = 15e-6
+"""Movement of the screen's picture in m since the setup from which a photograph is refused, or `MOVED_PX` if that is more."""
+
+MOVED_PX = 0.5
+
+GRID_SEEN, FEWEST = 0.4, 24
+"""Least share of the grid's expected lines that must be visible, and least number of places where one was seen."""
+
+GRID_REST = 60e-6
+"""Greatest scatter in m of the grid's lines about where they should be, or `GRID_REST_PX` if that is more."""
+
+GRID_REST_PX = 1.5
+
+
+def movement(look: GridLook) -> tuple[float, float]:
+    """How far the picture of the screen has moved since the setup, and what of the shifts that leaves, both in m.
+
+    Returns:
+        Root mean square of the affine movement that fits the shifts best, over the places where lines were seen, and
+        the root mean square of the rest; infinite where too few lines were seen.
+    """
+    moved2, rest2 = 0.0, 0.0
+    for axis in (0, 1):
+        mine = look.axis == axis
+        if mine.sum() < FEWEST // 2:
+            return np.inf, np.inf
+        fit = robust_fit(look.affine_terms(mine), look.shift[mine], 6)
+        moved2 += float(np.mean(fit.value**2))
+        rest2 += float(np.mean(np.minimum(fit.rest, 5.0 * fit.scatter) ** 2))
+    return np.sqrt(moved2), np.sqrt(rest2)
+
+
+def check_movement(look: GridLook, magnification: float, pixel: float) -> float:
+    """Refuse a photograph whose grid is not where the setup has it.
+
+    Args:
+        look: What it shows of the grid.
+        magnification: The shadow's.
+        pixel: Length in m of a pixel in the object's plane.
+
+    Returns:
+        The movement in m, in the object's plane.
+
+    Raises:
+        Unmeasurable: With the reason.
+    """
+    if look.seen < GRID_SEEN or len(look.shift) < FEWEST:
+        raise Unmeasurable(
+            f"the grid is not where the setup has it ({look.seen:.0%} of its lines are seen): the camera or the screen has "
+            "moved, the picture is turned or mirrored, or the grid cannot be seen; photograph the grid again and run setup anew"
+        )
+    moved, rest = (value / magnification for value in movement(look))
+    if not np.isfinite(moved):
+        raise Unmeasurable(
+            "too few of the grid's lines are seen beside the shadow, along one of their two directions, to check whether the "
+            "camera has moved; show more of the grid, or take one with a smaller pitch"
+        )
+    if not moved <= max(MOVED, MOVED_PX * pixel):
+        raise Unmeasurable(
+            f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
+            "picture is turned, mirrored, cropped or too noisy; photograph the grid again from where the camera stands "
+            "now and run setup anew"
+        )
+    if not rest <= max(GRID_REST, GRID_REST_PX * pixel):
+        raise Unmeasurable(
+            f"the grid's lines lie {rest * 1e6:.0f} um off: the picture is too noisy, too much compressed or too dusty to "
+            "see them, the screen has bent, or this is another setup; clean and flatten the screen, and photograph "
+            "grid and body again"
+        )
+    return moved

@@ -1,0 +1,148 @@
+"""The parts of a case: tables ``[kind]`` or ``[kind.name]``, of every kind that is registered."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import (
+    Iterator,
+    Mapping,
+    MutableMapping,
+    Sequence,
+)
+
+from geometries import Actuator
+from softmodels.case.entries import (
+    MISSING,
+    Entry,
+    Missing,
+    Option,
+    Tables,
+    Written,
+    table_of,
+)
+from softmodels.case.materials import Region
+from softmodels.common.errors import FieldError
+from softmodels.common.schema import Text, Words, about
+from softmodels.mechanics.component import COMPONENTS, Component, ComponentError
+from softmodels.mechanics.contact import RigidShape
+from softmodels.mechanics.fibres import Fabric, Fibres
+from softmodels.mechanics.holds import Clamp
+from softmodels.mechanics.loads import (
+    Force,
+    Gravity,
+    Mass,
+    Moment,
+    gravity_of,
+)
+from softmodels.mechanics.rigid import Rigid
+from softmodels.mechanics.walls import Walls
+
+Parts = tuple[Component, ...]
+
+OWN_KINDS: tuple[type[Component], ...] = (
+    RigidShape, Walls, Rigid, Region, Clamp, Fabric, Fibres, Gravity, Mass, Force, Moment,
+)  # fmt: skip
+"""Kinds of the library's own: their import here registers them."""
+
+
+class PartsEntry(Entry[Parts]):
+    """What is added to the device."""
+
+    @property
+    def tables(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(COMPONENTS)
+
+    def read(self, tables: Tables) -> Parts | Missing:
+        found = [part for name, kind in COMPONENTS.items() if name in tables for part in _of_table(kind, tables)]
+        return tuple(found) or MISSING
+
+    def write(self, value: Parts, text: Text) -> Written:
+        written: dict[str, dict[str, object]] = {}
+        for part in value:
+            table = written.setdefault(part.table, {})
+            (table.setdefault(part.name, {}) if part.name else table).update(part.write_table(text))  # type: ignore[attr-defined]
+        return written
+
+    def options(self) -> Iterator[Option]:
+        for kind in _optional():
+            defaults = {field.name: field.default for field in dataclasses.fields(kind)}
+            for name, option in _options(kind).items():
+                field = about(kind)[name]
+                default = None if defaults[name] is dataclasses.MISSING else defaults[name]
+                yield Option(option, field, default, name.upper() if isinstance(field.kind, Words) else None)
+
+    def arguments(self, field: str) -> dict[str, str]:
+        return {option: f"{kind.__name__}.{name}" for kind in _optional() for name, option in _options(kind).items()}
+
+    def take(self, options: MutableMapping[str, object]) -> Parts | Missing:
+        found = []
+        for kind in _optional():
+            given = {name: options.pop(option, None) for name, option in _options(kind).items()}
+            table = {name: value for name, value in given.items() if value is not None}
+            if table:
+                kind.check_required("", table)
+                found.append(kind(**table))  # type: ignore[arg-type]
+        return tuple(found) or MISSING
+
+
+def _optional() -> list[type[Component]]:
+    """Kinds of parts that command lines have options for."""
+    return [kind for kind in COMPONENTS.values() if kind.optional]
+
+
+def _options(kind: type[Component]) -> dict[str, str]:
+    """Options by field."""
+    first, *others = about(kind)
+    return {first: kind.table, **{name: f"{kind.table}_{name}" for name in others}}
+
+
+def _of_table(kind: type[Component], tables: Tables) -> list[Component]:
+    table = table_of(tables, kind.table)
+    if kind.always_named:
+        table = {name: value for name, value in table.items() if isinstance(value, Mapping)}
+        return [kind.read_table(name, table_of(table, name)) for name in table]
+    named = [isinstance(value, Mapping) for value in table.values()]
+    if not any(named):
+        return [kind.read_table("", table)]
+    if not all(named):
+        raise FieldError(
+            f"[{kind.table}] has entries beside [{kind.table}.name] tables; put each {kind.table} in a table with a name"
+        )
+    return [kind.read_table(name, table_of(table, name)) for name in table]
+
+
+def with_walls(parts: Sequence[Component], actuator: Actuator) -> Parts:
+    """The parts of a case: walls that meet press on each other unless it says otherwise."""
+    if actuator.meeting == () or any(isinstance(part, Walls) for part in parts):
+        return tuple(parts)
+    kinds = list(COMPONENTS.values())
+    behind = kinds[kinds.index(Walls) + 1 :]
+    at = next((number for number, part in enumerate(parts) if type(part) in behind), len(parts))
+    return (*parts[:at], Walls(), *parts[at:])  # as a case file would be read
+
+
+def without_walls(parts: Sequence[Component]) -> Parts:
+    """Parts for what does not know of walls that press on each other by themselves: designs, and decks."""
+    return tuple(Walls("none") if isinstance(part, Walls) and part.automatic else part for part in parts)
+
+
+def check_parts(parts: Sequence[Component], actuator: Actuator) -> None:
+    """Refuse parts that the device cannot take, or that have one name in common.
+
+    Raises:
+        ComponentError: Which, and why.
+    """
+    twice = [label for label, count in Counter(part.label for part in parts).items() if count > 1]
+    if twice:
+        raise ComponentError(
+            f"several parts are called {twice[0]}; give each a name of its own, since their columns bear it"
+        )
+    gravity = gravity_of(parts)
+    for part in parts:
+        if part.weighs and not gravity.any():
+            raise ComponentError(
+                f"{part.where} has a mass, which gravity pulls at; say where that pulls to ([gravity], --gravity -z)"
+            )
+        part.check_under(gravity)
+        part.check_on(actuator)

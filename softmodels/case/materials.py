@@ -1,0 +1,545 @@
+"""Materials as text: values of a command line, tables of a TOML file, names of the library."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterator, Mapping, MutableMapping
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.case.entries import (
+    MISSING,
+    Entry,
+    Missing,
+    Option,
+    Tables,
+    Written,
+    table_of,
+)
+from softmodels.common.calls import checked, read_only
+from softmodels.common.errors import FieldError, known_are
+from softmodels.common.files import read_text
+from softmodels.common.schema import (
+    About,
+    Quantity,
+    Text,
+    Words,
+)
+from softmodels.common.toml_file import TomlError, read_toml
+from softmodels.common.units import exact_text
+from softmodels.materials.laws import (
+    LAWS,
+    SOFTEST,
+    Material,
+    MaterialError,
+    NeoHookean,
+    parameter_fields,
+)
+from softmodels.materials.silicones import (
+    PRODUCTS,
+    named,
+    product_of,
+    sheet_of,
+    silicone_called,
+    source_names,
+    spanning,
+)
+from softmodels.materials.stability import check_rest
+from softmodels.mechanics.component import ComponentError, register_component
+from softmodels.mechanics.loads import check_density
+from softmodels.mechanics.regions import RegionPart
+from softmodels.mechanics.sensitivity import known_parameters
+
+DEFAULT = NeoHookean(shear_modulus=30e3)
+CONVENTION = "convention"
+"""Key that says how a law's parameters are meant, where there are several ways."""
+FITTED = "fitted_stretch"
+"""Key of the range of stretch that a law was fitted over."""
+
+
+def material_options_of() -> dict[str, tuple[str, list[str]]]:
+    """Help and laws of everything that a material's table may hold, by name: fields first, then what stands in for them."""
+    entries: dict[str, tuple[str, list[str]]] = {}
+    for law in LAWS.values():
+        for field in parameter_fields(law):
+            entries.setdefault(field.name, (field.metadata["help"], []))[1].append(law.name)
+    for law in LAWS.values():
+        for name, (_, text) in law.alternatives.items():
+            entries.setdefault(name, (text, []))[1].append(law.name)
+    for law in LAWS.values():
+        if law.conventions:
+            entries.setdefault(CONVENTION, (law.convention_help, []))[1].append(law.name)
+    return entries
+
+
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def material_from(name: str | None, values: Mapping[str, object]) -> Material:
+    """The material of a command line.
+
+    Args:
+        name: A law, a silicone, a TOML file, or None for the default law.
+        values: Parameters as texts with units by name; None where not given.
+
+    Raises:
+        MaterialError: An unknown name, a parameter that is missing, foreign or impossible.
+    """
+    given = {key: value for key, value in values.items() if value is not None}
+    if name is None and not given:
+        return DEFAULT
+    law = DEFAULT.name if name is None else name
+    if law in LAWS:
+        if law == DEFAULT.name and not {*DEFAULT.parameters, *DEFAULT.alternatives} & set(given):
+            given["shear_modulus"] = exact_text(DEFAULT.shear_modulus, "Pa")
+        return from_table({"law": law, **given})
+    if silicone := silicone_called(law):
+        table = to_table(silicone.material)
+        if mixed := _mixed(given):
+            flags = " and ".join(map(_flag, mixed))
+            raise MaterialError(
+                f"the silicone {law} has a law and parameters of its own, and {flags} would mix another with them; leave out "
+                f"{flags}, or name a law in place of the silicone, such as --material yeoh"
+            )
+    elif law.endswith(".toml") or Path(law).is_file():
+        return _from_file(law, given)
+    else:
+        known = known_are(law, [*LAWS, *PRODUCTS])
+        raise MaterialError(f"material {law!r} is neither a law, a silicone nor a TOML file; {known}")
+    return from_table({**table, **given})
+
+
+def _from_file(file: object, changes: Mapping[str, object]) -> Material:
+    """The material of a TOML file, such as ``fitted.toml``, perhaps with another Poisson's ratio."""
+    if not isinstance(file, str) or not file:
+        raise MaterialError(f"material file {file!r} is no file's name; write it like file = 'results/fit/fitted.toml'")
+    if mixed := _mixed(changes):
+        raise MaterialError(
+            f"material file {file}: it holds the law and its parameters already; delete {' and '.join(mixed)} beside it, or "
+            "delete the file and name a law"
+        )
+    try:
+        return from_table({**_read_file(Path(file)), **changes})
+    except MaterialError as error:
+        raise MaterialError(f"material file {file}: {error}") from None
+
+
+def _read_file(path: Path) -> dict[str, object]:
+    try:
+        table = read_toml(path)
+    except TomlError as error:
+        raise MaterialError(f"it {error}") from None
+    if not isinstance(table.get("material"), dict):
+        raise MaterialError("it has no [material] table")
+    return dict(table["material"])
+
+
+def to_table(material: Material, text: Text = exact_text) -> dict[str, object]:
+    """A material as a TOML table: its law and parameters with units. `from_table` gives back an equal one.
+
+    ``text`` writes the quantities; `softmodels.common.units.readable` is for people.
+    """
+    table: dict[str, object] = {"law": material.name}
+    for field in parameter_fields(material):
+        value, unit = getattr(material, field.name), field.metadata["unit"]
+        if isinstance(value, tuple):
+            table[field.name] = [text(v, unit) if unit else v for v in value]
+        else:
+            table[field.name] = text(value, unit) if unit else value
+    if material.conventions:
+        table[CONVENTION] = material.conventions[0]  # the same numbers read in the other way are another rubber
+    if material.fitted_stretch is not None:
+        table[FITTED] = list(material.fitted_stretch)
+    return table
+
+
+def from_table(table: Mapping[str, object]) -> Material:
+    """The material of a TOML table: ``law`` (or ``silicone``, or the ``file`` of a fitted one) and its parameters.
+
+    Raises:
+        MaterialError: See `material_from`.
+    """
+    values = dict(table)
+    if "file" in values:
+        return _from_file(values.pop("file"), values)
+    if "silicone" in values:
+        silicone = values.pop("silicone")
+        found = silicone_called(silicone) if isinstance(silicone, str) else None
+        if found is None:
+            known = known_are(silicone, PRODUCTS, ", and their sources (softmodels silicones)")
+            raise MaterialError(f"silicone {silicone!r} is unknown; {known}")
+        if mixed := _mixed(values):
+            names = " and ".join(mixed)
+            raise MaterialError(
+                f"silicone = {silicone!r} has a law and parameters of its own, and {names} would mix another with them; delete "
+                f"{names} for the silicone, or delete silicone for a law of your own"
+            )
+        return from_table({**to_table(found.material), **values})
+    if "law" not in values:
+        known = f"a law (law = one of {', '.join(LAWS)})"
+        raise MaterialError(
+            f"the material names neither a silicone (silicone = '{next(iter(PRODUCTS))}') nor {known} nor a fitted one "
+            "(file = 'fitted.toml')"
+        )
+    name = values.pop("law")
+    if not isinstance(name, str) or name not in LAWS:
+        raise MaterialError(f"law {name!r} is unknown; {known_are(name, LAWS)}")
+    law = LAWS[name]
+    fitted = _range(name, values.pop(FITTED, None))
+    fields = {field.name: field for field in parameter_fields(law)}
+    convention = values.pop(CONVENTION, law.conventions[0]) if law.conventions else ""
+    if not isinstance(convention, str) or (convention and convention not in law.conventions):
+        raise MaterialError(f"{name}: convention {convention!r} is not one of {', '.join(law.conventions)}")
+    parameters: dict[str, float | tuple[float, ...]] = {}
+    for key, value in values.items():
+        if key in fields:
+            about = fields[key].metadata
+            parameters[key] = (_many if about["many"] else _number)(name, key, value, about["unit"])
+        elif key in law.alternatives:
+            parameters[key] = _number(name, key, value, law.alternatives[key][0])
+        else:
+            raise MaterialError(f"{name} has no parameter {key!r}; it has {', '.join(fields)}")
+    if not parameters.keys() & law.alternatives.keys():
+        for key, field in fields.items():
+            if key not in parameters and field.default is dataclasses.MISSING:
+                raise MaterialError(f"{name} needs {key} ({field.metadata['help']}); give it with {_flag(key)}")
+    made = law.from_values(parameters, convention)
+    return made if fitted is None else dataclasses.replace(made, fitted_stretch=fitted)
+
+
+def _range(law: str, value: object) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    if not isinstance(value, list | tuple) or len(value) != 2 or not all(isinstance(v, int | float) for v in value):
+        raise MaterialError(f"{law}: {FITTED} = {value!r} is no range of stretch; write it like {FITTED} = [1.02, 3.0]")
+    return float(value[0]), float(value[1])
+
+
+def _mixed(beside: Mapping[str, object]) -> list[str]:
+    """What beside a silicone's name or a material's file would make a mixture of two materials: all but Poisson's ratio."""
+    return [name for name in beside if name != "poisson"]
+
+
+def _many(law: str, key: str, value: object, unit: str) -> tuple[float, ...]:
+    parts = value.split(",") if isinstance(value, str) else value
+    return tuple(_number(law, key, part, unit) for part in (parts if isinstance(parts, list | tuple) else [parts]))
+
+
+def _number(law: str, key: str, value: object, unit: str) -> float:
+    try:
+        return Quantity(unit).read(f"{law}: {key}", value)
+    except FieldError as error:
+        raise MaterialError(str(error)) from None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What is not known of a material: the covariance of a fitted one's parameters, the sources of a named one; a case's table.
+
+
+WIDTH_95 = 2 * 1.959964
+"""Standard deviations in a 95 % interval."""
+
+
+@checked
+@dataclasses.dataclass(frozen=True)
+class MaterialErrors:
+    """How uncertain a material is.
+
+    Attributes:
+        names: Parameters of the law.
+        covariance: Of them, SI units, n rows of n numbers.
+        how: Where it comes from, a clause.
+        around: The material that they were found around; None where that is not known.
+    """
+
+    names: tuple[str, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    how: str = dataclasses.field(default="", compare=False, repr=False)
+    around: Material | None = dataclasses.field(default=None, compare=False, repr=False)
+
+    @property
+    def matrix(self) -> npt.NDArray[np.float64]:
+        """The covariance, shape (n, n)."""
+        return read_only(np.array(self.covariance))
+
+    @property
+    def roots(self) -> npt.NDArray[np.float64]:
+        """Changes of the parameters, independent of each other and of one standard deviation each, shape (n, m)."""
+        size = np.sqrt(np.diag(self.matrix))
+        values, vectors = np.linalg.eigh(self.matrix / np.outer(size, size))
+        return read_only(np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))))
+
+    @classmethod
+    def from_file(cls, path: Path) -> MaterialErrors:
+        """From ``fitted.toml``; with ``fit.json`` beside it the whole covariance, else that of the 95 % intervals alone.
+
+        Raises:
+            MaterialError: No fit, or one without errors.
+        """
+        try:
+            tables = read_toml(path)
+        except TomlError as error:
+            raise MaterialError(f"the fitted material {path} {error}") from None
+        fit = tables.get("fit")
+        if not isinstance(fit, dict) or not isinstance(tables.get("material"), dict):
+            raise MaterialError(f"{path} holds no fit; give the fitted.toml that softmodels fit has written")
+        try:
+            fitted = from_table(tables["material"])
+        except MaterialError as error:
+            raise MaterialError(f"{path}: {error}") from None
+        known = known_parameters(fitted)
+        names, covariance, how = _whole(path, fitted) or _intervals(path, fit)
+        kept = [k for k, name in enumerate(names) if name in known]  # a device's fit has the bench's numbers too
+        if not kept:
+            raise MaterialError(f"{path} has no errors of {', '.join(known)}; a fit with free parameters is needed")
+        rows = covariance[np.ix_(kept, kept)].tolist()
+        return cls(tuple(names[k] for k in kept), tuple(map(tuple, rows)), how, fitted)
+
+    def check(self, material: Material) -> None:
+        """Refuse errors of another material, or numbers that are no covariance.
+
+        Raises:
+            MaterialError: Which.
+        """
+        if self.around is not None and self.around != material:
+            raise MaterialError(
+                f"the errors ({self.how}) are of another material than the case's; take that there too, so that they are "
+                "around its values: file = ... in [material], or --material"
+            )
+        known = known_parameters(material)
+        if unknown := [name for name in self.names if name not in known]:
+            raise MaterialError(f"errors of {unknown[0]} are given, which {material.name} does not have")
+        square = len(self.names) > 0 and all(len(row) == len(self.names) for row in self.covariance)
+        matrix = self.matrix if square and len(self.covariance) == len(self.names) else np.full((1, 1), np.nan)
+        if not np.isfinite(matrix).all() or (np.diag(matrix) <= 0.0).any() or not np.allclose(matrix, matrix.T):
+            raise MaterialError(
+                "the errors' covariance is not one: finite and symmetric, with variances above zero, a row for each parameter"
+            )
+
+
+@dataclasses.dataclass(frozen=True)
+class SourceBand:
+    """The sources of a named silicone, each of which a case is solved with.
+
+    Attributes:
+        product: The silicone's name without a source.
+    """
+
+    product: str
+
+    def __post_init__(self) -> None:
+        if self.product not in PRODUCTS:
+            raise MaterialError(f"silicone {self.product!r} is unknown; known are {', '.join(PRODUCTS)}")
+        if not spanning(self.product):
+            raise MaterialError(
+                f"{self.product} has one source here, so there is no band of its sources; leave out --band, or fit a cast of "
+                "your own"
+            )
+
+    @property
+    def how(self) -> str:
+        """What it is, a clause."""
+        return f"the sources of {self.product}"
+
+    def check(self, material: Material) -> None:
+        """Refuse another material than this silicone.
+
+        Raises:
+            MaterialError: It is none of the sources.
+        """
+        name = named(material)
+        if name is None or product_of(name) != self.product:
+            raise MaterialError(
+                f"the band is that of the sources of {self.product}, and the case's material is none of them; take that "
+                f"silicone (--material {self.product}), or leave out --band"
+            )
+
+    def others(self, material: Material) -> dict[str, Material]:
+        """The other sources by name, from the softest to the stiffest, with a material's own Poisson's ratio."""
+        own = named(material)
+        names = [name for name in source_names(self.product) if name != own]
+        found = {name: silicone_called(name) for name in names}
+        return {
+            name: dataclasses.replace(one.material, poisson=material.poisson)  # type: ignore[call-arg]
+            for name, one in found.items()
+            if one is not None
+        }
+
+
+type AnyBand = MaterialErrors | SourceBand
+
+
+def band_of(text: str | Path) -> AnyBand:
+    """The band of a silicone's sources by its name, or of a fitted material by its ``fitted.toml``.
+
+    Raises:
+        MaterialError: Neither, or one without errors.
+    """
+    if silicone_called(str(text)) is not None:
+        return SourceBand(product_of(str(text)))
+    return MaterialErrors.from_file(Path(text))
+
+
+Found = tuple[tuple[str, ...], npt.NDArray[np.float64], str]
+
+
+def _whole(path: Path, fitted: Material) -> Found | None:
+    """Names and covariance of the ``fit.json`` beside a fitted material; None if there is none.
+
+    Of several laws it is the one with the material's own numbers: fits call a sum of one term ``ogden1``, materials ``ogden``.
+    """
+    try:
+        laws = json.loads(read_text(path.with_name("fit.json")))["laws"]
+        told = [one for one in laws if "material" in one]
+        same = (one for one in told if from_table(one["material"]) == fitted)
+        one = next(same, None) or next(one for one in laws if one["law"] == fitted.name)
+        covariance = np.array(one["covariance"], dtype=float)
+        names = tuple(map(str, one["free"]))
+    except (OSError, ValueError, KeyError, TypeError, StopIteration, MaterialError):
+        return None
+    if covariance.shape != (len(names), len(names)) or not np.isfinite(covariance).all():
+        return None
+    return names, covariance, f"covariance of {path.with_name('fit.json')}"
+
+
+def _intervals(path: Path, fit: Mapping[str, object]) -> Found:
+    found = fit.get("intervals_95")
+    intervals = found if isinstance(found, dict) else {}
+    try:
+        widths = {str(name): float(high) - float(low) for name, (low, high) in intervals.items()}
+    except (TypeError, ValueError):
+        raise MaterialError(f"{path}: the intervals of its fit cannot be read") from None
+    if not widths or not all(0.0 < width < np.inf for width in widths.values()):
+        raise MaterialError(f"{path} has no finite 95 % intervals, so the material's errors are not known")
+    sigma = np.array(list(widths.values())) / WIDTH_95
+    return tuple(widths), np.diag(sigma**2), f"95 % intervals of {path}, as if they were independent"
+
+
+class ErrorsEntry(Entry[AnyBand | None]):
+    """The table ``[band]``: a fitted material's ``file``, its ``parameters`` and their ``covariance``, or a ``silicone``."""
+
+    tables = ("band",)
+
+    def read(self, tables: Tables) -> AnyBand | Missing:
+        if "band" not in tables:
+            return MISSING
+        table = table_of(tables, "band")
+        if unknown := set(table) - {"file", "parameters", "covariance", "silicone"}:
+            raise FieldError(
+                f"[band] has an unknown entry {min(unknown)!r}; known are file, parameters, covariance, silicone"
+            )
+        if isinstance(silicone := table.get("silicone"), str) and set(table) == {"silicone"}:
+            return SourceBand(product_of(silicone))
+        file = table.get("file")
+        if isinstance(file, str) and set(table) == {"file"}:
+            return MaterialErrors.from_file(Path(file))
+        names, rows = table.get("parameters"), table.get("covariance")
+        try:
+            covariance = tuple(tuple(float(value) for value in row) for row in rows)  # type: ignore[attr-defined, union-attr]
+            return MaterialErrors(tuple(map(str, names)), covariance, "[band] of the case")  # type: ignore[call-overload]
+        except (TypeError, ValueError):
+            raise FieldError(
+                "[band] needs a fitted material (file = 'results/fit/fitted.toml'), parameters and their covariance in SI, "
+                "or the sources of a silicone (silicone = 'ecoflex-00-30')"
+            ) from None
+
+    def write(self, value: AnyBand | None, text: Text) -> Written:
+        if value is None:
+            return {}
+        if isinstance(value, SourceBand):
+            return {"band": {"silicone": value.product}}
+        return {"band": {"parameters": list(value.names), "covariance": [list(row) for row in value.covariance]}}
+
+    def options(self) -> Iterator[Option]:
+        text = (
+            "a fitted material's fitted.toml: path.csv and the curves get the 95 % band that its errors make; or a silicone's "
+            "name: each of its sources is solved, and the curves get the band that they span"
+        )
+        yield Option("band", About(Words(), text), None, "FILE|NAME")
+
+    def arguments(self, field: str) -> dict[str, str]:
+        return {"band": "band='fitted.toml', or a silicone's name"}
+
+    def take(self, options: MutableMapping[str, object]) -> AnyBand | Missing:
+        given = options.pop("band", None)
+        return MISSING if given is None else band_of(str(given))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A region of a device in a material of its own: a table ``[region.NAME]`` with the entries of ``[material]`` and a density.
+
+
+DENSITY = Quantity("kg/m^3")
+MODULI = (SOFTEST, 1e12)
+"""Shear moduli in Pa that a region can have, from the softest gels to hard metals."""
+
+
+@register_component
+@dataclasses.dataclass(frozen=True)
+class Region(RegionPart):
+    """A region in another material, bonded to its neighbours.
+
+    Attributes:
+        material: Its law and parameters.
+        density: In kg/m3; if None that of the named silicone's data sheet, or else of `softmodels.mechanics.loads.Gravity`.
+        name: Physical group of its cells, one of `Actuator.regions`.
+
+    Raises:
+        ComponentError: No name, or a density that no solid has.
+        MaterialError: A material that is stiffer or softer than any, or not stable at rest.
+    """
+
+    density: float | None = None
+
+    table: ClassVar[str] = "region"
+
+    def check(self) -> None:
+        if not self.name:
+            raise ComponentError(
+                "[region] has no name; write it as [region.base], where base is a region of the device"
+            )
+        mu = self.material.shear_modulus_0
+        if not MODULI[0] <= mu <= MODULI[1]:
+            raise ComponentError(
+                f"{self.where}: the shear modulus is {mu:.4g} Pa, and {MODULI[0]:g} to {MODULI[1]:g} Pa are taken; check "
+                "the units of its parameters"
+            )
+        check_rest(self.material)
+        if self.density is not None:
+            density = DENSITY.settled(f"{self.where} density", self.density)
+            check_density(density, self.where)
+            object.__setattr__(self, "density", density)
+
+    @property
+    def own_density(self) -> float | None:
+        sheet = sheet_of(self.material)
+        return self.density if self.density is not None else sheet.density if sheet else None
+
+    @classmethod
+    def read_table(cls, name: str, table: Mapping[str, object]) -> Region:
+        law = {key: value for key, value in table.items() if key != "density"}
+        given = table.get("density")
+        density = None if given is None else DENSITY.read(f"[region.{name}] density", given)
+        return cls(from_table(law), density, name=name)
+
+    def write_table(self, text: Text) -> dict[str, object]:
+        density = {} if self.density is None else {"density": text(self.density, DENSITY.unit)}
+        return {**to_table(self.material, text), **density}
+
+    @property
+    def explained(self) -> Mapping[str, str]:
+        law = {field.name: field.metadata["help"] for field in parameter_fields(self.material)}
+        return {
+            **law,
+            "density": "density of the region; by its silicone's data sheet, or that of [gravity], if left out",
+        }
+
+    @property
+    def label(self) -> str:
+        """Not its name alone, which a hold or fibres in it may bear too."""
+        return f"region_{self.name}"

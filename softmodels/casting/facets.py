@@ -1,0 +1,314 @@
+"""A body's surface in triangles, as fine as a chord error asks for, and what is measured on it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.common.arrays import Array
+from softmodels.common.calls import keep_arrays
+from softmodels.common.errors import MeshingError
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How long the edges of a body's triangles may be, so that they stray from its surface by no more than a chord error.
+
+
+PLANAR, DELAUNAY = 3, 6
+"""Gmsh's algorithms: a plane needs no nodes inside."""
+
+
+def set_sizes(solid: int, shares: dict[int, float], chord: float) -> None:
+    """Edges as long as the curvature allows, times a share for each face, on the face and on the curves around it."""
+    import gmsh
+
+    low, high = np.reshape(gmsh.model.getBoundingBox(3, solid), (2, 3))
+    largest = 0.25 * float(np.linalg.norm(high - low))
+    sizes: dict[tuple[int, int], float] = {}
+    for surface, share in shares.items():
+        plane = gmsh.model.getType(2, surface) == "Plane"
+        gmsh.model.mesh.setAlgorithm(2, surface, PLANAR if plane else DELAUNAY)
+        size = largest if plane else min(largest, share * 2.0 * math.sqrt(2.0 * chord / _curvature(surface)))
+        sizes[2, surface] = size
+        for _, curve in gmsh.model.getBoundary([(2, surface)], combined=False, oriented=False):
+            bent = _bend(curve)
+            along = min(size, share * 2.0 * math.sqrt(2.0 * chord / bent)) if bent > 0.0 else size
+            sizes[1, curve] = min(along, sizes.get((1, curve), largest))
+    gmsh.option.setNumber("Mesh.MeshSizeMax", largest)
+    gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: sizes.get((dim, tag), largest))
+
+
+def _curvature(surface: int) -> float:
+    """Largest principal curvature at some points of a face, 1/mm."""
+    import gmsh
+
+    low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, surface))
+    grid = np.array(
+        [low + (high - low) * (a, b) for a in np.linspace(0.05, 0.95, 7) for b in np.linspace(0.05, 0.95, 7)]
+    )
+    most, least, _, _ = gmsh.model.getPrincipalCurvatures(surface, grid.ravel())
+    values = np.abs(np.concatenate([most, least]))
+    return max(float(values[np.isfinite(values)].max(initial=0.0)), 1e-6)
+
+
+def _bend(curve: int) -> float:
+    """Largest curvature of a curve, 1/mm."""
+    import gmsh
+
+    low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
+    values = np.abs(gmsh.model.getCurvature(1, curve, np.linspace(low, high, 9)[1:-1]))
+    return float(values[np.isfinite(values)].max(initial=0.0))
+
+
+Cells = npt.NDArray[np.int64]
+
+SHARE = 0.72
+"""Length of an edge over that of the chord which is exactly as far off as allowed: triangles reach farther than their edges."""
+ROUNDS = 4
+"""How often the triangles are made finer where they turn out too coarse."""
+FINE_ENOUGH = 10_000
+"""Triangles above which second order measures a volume well enough; fewer and larger ones are curved to fourth."""
+LEAST_COSINE = 0.7
+"""Cosine between a surface's normal and a triangle's below which it is none: triangles this fine turn by far less."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Facets:
+    """A closed surface in mm.
+
+    Attributes:
+        points: Vertices, shape (n, 3).
+        triangles: Vertices of each triangle, counted against the clock from outside, shape (m, 3).
+        face: Which face of the body each triangle lies on, shape (m,).
+        normals: Outward unit normals of the exact surface at the corners of each triangle, shape (m, 3, 3).
+        chord: Distance in mm that the triangles' middles, and their edges', are from the exact surface at most.
+        volume: Of the exact body, mm3.
+        centre: Its centre of mass, mm.
+    """
+
+    points: Array
+    triangles: Cells
+    face: Cells
+    normals: Array
+    chord: float
+    volume: float
+    centre: Array
+
+    def __post_init__(self) -> None:
+        keep_arrays(self)
+
+    @property
+    def corners(self) -> Array:
+        """Corners of the triangles, shape (m, 3, 3)."""
+        return self.points[self.triangles]
+
+    @property
+    def polyhedron_volume(self) -> float:
+        """Volume within the triangles, mm3."""
+        a, b, c = np.moveaxis(self.corners, 1, 0)
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+    @property
+    def open_edges(self) -> int:
+        """Edges that do not lie between exactly two triangles, turned the same way: none of a watertight surface."""
+        edges = np.concatenate([self.triangles[:, [0, 1]], self.triangles[:, [1, 2]], self.triangles[:, [2, 0]]])
+        known, count = np.unique(edges, axis=0, return_counts=True)
+        both = {tuple(edge) for edge in known.tolist()}
+        return int(np.count_nonzero(count != 1)) + sum((b, a) not in both for a, b in both)
+
+
+def facets_of(file: Path, chord: float) -> Facets:
+    """The surface of the one solid of a STEP file.
+
+    Args:
+        file: The file.
+        chord: Largest distance allowed from the exact surface, mm.
+
+    Raises:
+        MeshingError: It cannot be meshed, or not as finely.
+    """
+    import gmsh  # type: ignore[import-untyped]
+
+    from geometries.meshing import private_model
+
+    with private_model():
+        solid = read_step(file)
+        surfaces = [tag for _, tag in gmsh.model.getBoundary([(3, solid)], oriented=False)]
+        shares = dict.fromkeys(surfaces, SHARE)
+        for _ in range(ROUNDS):
+            set_sizes(solid, shares, chord)
+            gmsh.model.mesh.clear()
+            gmsh.model.mesh.generate(2)
+            off = {surface: _distance(surface, chord) for surface in surfaces}
+            if max(off.values()) <= chord:
+                return _measured(surfaces, max(off.values()))
+            for surface, distance in off.items():
+                shares[surface] *= max(0.5, min(1.0, 0.9 * math.sqrt(chord / max(distance, 1e-12))))
+    raise MeshingError(
+        f"{file.name} cannot be told in triangles to {chord:g} mm: {max(off.values()):.3g} mm were reached; take a larger chord"
+    )
+
+
+def read_step(file: Path) -> int:
+    """Read a STEP file of one solid into the current Gmsh model, in mm; return the solid's tag."""
+    import gmsh
+
+    gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+    gmsh.model.occ.importShapes(str(file), format="step")
+    gmsh.option.setString("Geometry.OCCTargetUnit", "")
+    gmsh.model.occ.synchronize()
+    ((_, solid),) = gmsh.model.getEntities(3)
+    return int(solid)
+
+
+def _measured(surfaces: list[int], chord: float) -> Facets:
+    """Read the current mesh, and turn its triangles outwards."""
+    import gmsh
+
+    tags, places, _ = gmsh.model.mesh.getNodes()
+    index = np.full(int(tags.max()) + 1, -1)
+    index[tags.astype(int)] = np.arange(len(tags))
+    points = places.reshape(-1, 3)
+    meshed = {tag: gmsh.model.mesh.getElementsByType(2, tag)[1].astype(int).reshape(-1, 3) for tag in surfaces}
+    turns = _turns({tag: index[nodes] for tag, nodes in meshed.items()}, points)
+    triangles, normals = [], []
+    for surface, nodes in meshed.items():
+        own, normal = index[nodes], _normals(surface, nodes)
+        if turns[surface] < 0:
+            own, normal = own[:, ::-1], normal[:, ::-1]
+        flat = np.cross(points[own[:, 1]] - points[own[:, 0]], points[own[:, 2]] - points[own[:, 0]])
+        triangles.append(own)
+        normals.append(math.copysign(1.0, np.einsum("ij,ij->", normal.mean(axis=1), flat)) * normal)
+    face = np.repeat(surfaces, [len(meshed[surface]) for surface in surfaces])
+    volume, centre = _volume(turns, points.mean(axis=0), len(face))
+    return Facets(points, np.concatenate(triangles), face, np.concatenate(normals), chord, volume, centre)
+
+
+def _turns(meshed: dict[int, Cells], points: Array) -> dict[int, float]:
+    """For each face, 1 if its triangles go round against the clock from outside, else -1.
+
+    Two faces that meet in an edge go along it in opposite directions if they are turned the same way.
+
+    Raises:
+        MeshingError: The faces do not hang together.
+    """
+    owners: dict[tuple[int, int], list[tuple[int, float]]] = {}
+    for surface, nodes in meshed.items():
+        edges = np.concatenate([nodes[:, [0, 1]], nodes[:, [1, 2]], nodes[:, [2, 0]]])
+        _, where, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+        for a, b in edges[where[count == 1]].tolist():  # on the face's own edge
+            owners.setdefault((min(a, b), max(a, b)), []).append((surface, math.copysign(1.0, b - a)))
+    meets: dict[int, dict[int, float]] = {surface: {} for surface in meshed}
+    for pair in owners.values():
+        if len(pair) == 2 and pair[0][0] != pair[1][0]:
+            (one, way), (other, back) = pair
+            meets[one][other] = meets[other][one] = -way * back
+    begin = next(iter(meshed))
+    turns, queue = {begin: 1.0}, [begin]
+    while queue:
+        here = queue.pop()
+        for other, same in meets[here].items():
+            if other not in turns:
+                turns[other] = same * turns[here]
+                queue.append(other)
+    if len(turns) < len(meshed):
+        raise MeshingError("the faces of a body do not hang together; it has a hollow inside")
+    volume = 0.0
+    for surface, nodes in meshed.items():
+        a, b, c = np.moveaxis(points[nodes], 1, 0)
+        volume += turns[surface] * float(np.einsum("ij,ij->", a, np.cross(b, c)))
+    return {surface: math.copysign(1.0, volume) * turn for surface, turn in turns.items()}
+
+
+def _normals(surface: int, corners: Cells) -> Array:
+    """Normals of a face at the corners of its triangles, shape (m, 3, 3), as Gmsh turns them."""
+    import gmsh
+
+    tags, places, at = gmsh.model.mesh.getNodes(2, surface, includeBoundary=True, returnParametricCoord=True)
+    values = np.reshape(gmsh.model.getNormal(surface, at), (-1, 3))
+    index = np.full(int(tags.max()) + 1, -1)
+    index[tags.astype(int)] = np.arange(len(tags))
+    found = values[index[corners]]
+    a, b, c = np.moveaxis(places.reshape(-1, 3)[index[corners]], 1, 0)
+    flat = np.cross(b - a, c - a)
+    flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
+    flat *= np.sign(np.einsum("ikj,ij->i", found, flat))[:, None]
+    # At a pole the surface's parameters give no normal, or a wrong one; the triangle's stands in.
+    lost = np.einsum("ikj,ij->ik", found, flat) < LEAST_COSINE
+    return np.asarray(np.where(lost[:, :, None], flat[:, None], found))
+
+
+def _distance(surface: int, chord: float) -> float:
+    """Distance in mm that the middles of a face's triangles, and of their edges, are from it at most.
+
+    The surface's point at the mean of the corners' parameters is quick to have, and no nearer than the nearest one, which is
+    looked for only where that says too little.
+    """
+    import gmsh
+
+    if gmsh.model.getType(2, surface) == "Plane":
+        return 0.0
+    _, nodes = gmsh.model.mesh.getElementsByType(2, surface)
+    tags, places, at = gmsh.model.mesh.getNodes(2, surface, includeBoundary=True, returnParametricCoord=True)
+    index = np.full(int(tags.max()) + 1, -1)
+    index[tags.astype(int)] = np.arange(len(tags))
+    own = index[nodes.astype(int).reshape(-1, 3)]
+
+    corners = places.reshape(-1, 3)[own]
+    looked = _middles(corners)
+    if gmsh.model.getType(2, surface) == "Sphere":
+        return float(_off_sphere(corners.reshape(-1, 3), looked).max())
+    parameters = at.reshape(-1, 2)[own]
+    low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, surface))
+    half = 0.5 * (high - low)
+    # A triangle that reaches over the seam of a closed surface is put together on one side of it.
+    wide = np.ptp(parameters, axis=1, keepdims=True) > half
+    parameters = parameters + np.where(wide & (parameters < low + half), 2.0 * half, 0.0)
+    near = np.reshape(gmsh.model.getValue(2, surface, _middles(parameters).ravel()), (-1, 3))
+    distance = np.linalg.norm(near - looked, axis=1)
+    unsure = distance > chord
+    if unsure.any():
+        nearest, _ = gmsh.model.getClosestPoint(2, surface, looked[unsure].ravel())
+        other = np.linalg.norm(np.reshape(nearest, (-1, 3)) - looked[unsure], axis=1)
+        distance[unsure] = np.minimum(distance[unsure], other)
+    return float(distance.max())
+
+
+def _middles(corners: Array) -> Array:
+    """Means of the corners of triangles, (m, 3, d), and of each two of them, shape (4 m, d)."""
+    return np.concatenate([corners.mean(axis=1), *(0.5 * (corners[:, k] + corners[:, k - 1]) for k in range(3))])
+
+
+def _off_sphere(on: Array, looked: Array) -> Array:
+    """Distances of points from the sphere through others: the kernel's nearest point may lie at its far side."""
+    middle = on.mean(axis=0)
+    rows = np.column_stack([2.0 * (on - middle), np.ones(len(on))])
+    found = np.linalg.lstsq(rows, ((on - middle) ** 2).sum(axis=1), rcond=None)[0]
+    radius = math.sqrt(found[3] + found[:3] @ found[:3])
+    return np.asarray(np.abs(np.linalg.norm(looked - middle - found[:3], axis=1) - radius))
+
+
+def _volume(turns: dict[int, float], middle: Array, count: int) -> tuple[float, Array]:
+    """Volume and centre of mass by the divergence theorem, on triangles curved to a higher order.
+
+    Args:
+        turns: 1 for a face whose mesh is turned outwards, -1 for the others.
+        middle: What places are counted from, so that little is lost to rounding.
+        count: Number of triangles.
+    """
+    import gmsh
+
+    gmsh.model.mesh.setOrder(4 if count < FINE_ENOUGH else 2)
+    volume, moment = 0.0, np.zeros(3)
+    for surface, turn in turns.items():
+        for kind in gmsh.model.mesh.getElementTypes(2, surface):
+            local, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss10")
+            jacobians, determinants, places = gmsh.model.mesh.getJacobians(kind, local, surface)
+            normal, at = jacobians.reshape(-1, 3, 3)[:, 2], places.reshape(-1, 3) - middle
+            share = turn * np.tile(weights, len(determinants) // len(weights)) * determinants
+            volume += float((np.einsum("ij,ij->i", at, normal) * share).sum()) / 3.0
+            moment += 0.5 * np.einsum("ij,ij,i->j", at**2, normal, share)
+    return volume, middle + moment / volume

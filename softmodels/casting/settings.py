@@ -1,0 +1,314 @@
+"""What a workshop sets: its printer, its walls, its pins and holes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from geometries import Actuator
+from geometries.registry import to_table as device_table
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.common.calls import checked
+from softmodels.common.errors import FieldError, Spoken, known_are
+from softmodels.common.schema import (
+    angle_field,
+    choice_field,
+    from_table,
+    length_field,
+    number_field,
+    settle,
+    shown,
+    text_field,
+    to_table,
+)
+from softmodels.common.toml_file import TomlError, read_toml
+from softmodels.common.units import brief
+from softmodels.materials.silicones import (
+    CASTING,
+    Casting,
+    casting_of,
+    named,
+    product_of,
+)
+
+STEEPEST = 15.0
+"""Largest draft in degrees; more is a cone and no draft."""
+MOST_SHRINKAGE = 0.05
+"""Silicones that cure by addition shrink by less than 0.01, by condensation by up to 0.02."""
+PIN_LENGTH = 0.6
+"""Length of a pin in thicknesses of the wall that its socket is sunk into."""
+FINEST_CHORD = 2e-6
+"""m; a finer STL is finer than any printer and larger than any slicer takes."""
+
+
+class MouldError(Spoken, ValueError):
+    """A mould that cannot be made as asked; the message is a sentence for the user."""
+
+
+@checked
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Workshop:
+    """What a mould is made with. Lengths are in m, angles in degrees.
+
+    Raises:
+        MouldError: From the constructor, if no mould can be made so.
+    """
+
+    wall: float = length_field(0.005, "thickness of the mould's floors and lids")
+    rim: float = length_field(0.008, "solid of the mould around the part, which holds the pins")
+    draft: float = angle_field(1.0, "lean of pins, sockets, pour opening, vents and an upright inlet against the pull")
+    shrinkage: float = number_field(
+        0.0, "linear shrinkage of the silicone while it cures, 0.001 for 0.1 %; the mould is larger by it"
+    )
+    clearance: float = length_field(0.00015, "gap between a pin and its socket", zero=True)
+    least_wall: float = length_field(0.0008, "thinnest wall or rib that the printer makes")
+    least_gap: float = length_field(0.0005, "narrowest gap or hole that the printer makes")
+    pin: float = length_field(0.004, "diameter of the alignment pins at their root")
+    pour: float = length_field(0.003, "diameter of the pour opening where it meets the silicone")
+    vent: float = length_field(0.001, "diameter of the vents where they meet the silicone")
+    vents: int = choice_field(3, tuple(range(1, 13)), "number of vents of each half")
+    tube: float = length_field(0.002, "outer diameter of the tube that enters the cavity; 0 for no inlet", zero=True)
+    chord: float = length_field(0.00002, "largest distance of the STL from the exact surface")
+    surplus: float = number_field(
+        0.15, "silicone mixed beyond the parts' volume, for sprues and the cup, 0.15 for 15 %"
+    )
+    pull: str = text_field("", "direction in which the mould of an imported part opens, such as '0, 0, 1'")
+    split: str = text_field(
+        "", "place of the parting plane along the pull, such as '2 mm'; the middle of the cavities if not given"
+    )
+
+    def __post_init__(self) -> None:
+        settle(self, MouldError)
+        self._check_shares()
+        self._check_pins()
+        self._check_printer()
+        _ = self.direction, self.level
+
+    def _check_shares(self) -> None:
+        if not 0.0 <= self.draft <= STEEPEST:
+            raise MouldError(f"draft is {shown(self.draft, 'degree')}; it must lie between 0 and {STEEPEST:g} deg")
+        if not 0.0 <= self.shrinkage <= MOST_SHRINKAGE:
+            raise MouldError(
+                f"shrinkage is {self.shrinkage:g}; silicones shrink by 0 to {MOST_SHRINKAGE:g} of each length (0.001 is 0.1 %)"
+            )
+        if not 0.0 <= self.surplus <= 5.0:
+            raise MouldError(f"surplus is {self.surplus:g}; it must lie between 0 and 5 (0.15 is 15 %)")
+        if self.chord < FINEST_CHORD:
+            raise MouldError(
+                f"chord is {shown(self.chord, 'm')}; an STL finer than {shown(FINEST_CHORD, 'm')} is of no use"
+            )
+
+    def _check_pins(self) -> None:
+        left = self.wall - self.pin_length - self.clearance
+        if left < self.least_wall:
+            raise MouldError(
+                f"wall is {shown(self.wall, 'm')}; its sockets, {shown(self.pin_length + self.clearance, 'm')} deep, leave "
+                f"{shown(max(left, 0.0), 'm')} and the printer makes walls from {shown(self.least_wall, 'm')} (least_wall)"
+            )
+        if self.rim < self.pin + 2.0 * (self.clearance + self.least_wall):
+            raise MouldError(
+                f"rim is {shown(self.rim, 'm')}; a pin of {shown(self.pin, 'm')} with walls of {shown(self.least_wall, 'm')} "
+                f"on both sides needs {shown(self.pin + 2.0 * (self.clearance + self.least_wall), 'm')}"
+            )
+        if self.tip(self.pin, self.pin_length) < self.least_wall:
+            raise MouldError(
+                f"draft is {shown(self.draft, 'degree')}; it leaves a pin of {shown(self.pin, 'm')} a tip of "
+                f"{shown(max(self.tip(self.pin, self.pin_length), 0.0), 'm')}, and the printer makes "
+                f"{shown(self.least_wall, 'm')} (least_wall)"
+            )
+
+    def _check_printer(self) -> None:
+        for name in ("vent", "pour"):
+            if getattr(self, name) < self.least_gap:
+                raise MouldError(
+                    f"{name} is {shown(getattr(self, name), 'm')}; the printer makes holes from {shown(self.least_gap, 'm')} "
+                    "(least_gap)"
+                )
+        if self.pour < self.vent:
+            raise MouldError(
+                f"pour is {shown(self.pour, 'm')} and vent {shown(self.vent, 'm')}; the pour opening is the wider one"
+            )
+        if self.tube and self.tube < self.least_wall:
+            raise MouldError(
+                f"tube is {shown(self.tube, 'm')}; the core that leaves room for it is thinner than the printer's "
+                f"{shown(self.least_wall, 'm')} (least_wall); 0 leaves the inlet out"
+            )
+        if self.chord > 0.25 * self.least_gap:
+            raise MouldError(
+                f"chord is {shown(self.chord, 'm')}; it must not pass a quarter of the printer's gap, "
+                f"{shown(0.25 * self.least_gap, 'm')}"
+            )
+
+    @property
+    def pin_length(self) -> float:
+        """How far a pin stands out, m."""
+        return PIN_LENGTH * self.wall
+
+    @property
+    def slope(self) -> float:
+        """Lean per length."""
+        return math.tan(math.radians(self.draft))
+
+    def tip(self, diameter: float, length: float) -> float:
+        """Diameter that the draft leaves at the end of a core, m."""
+        return diameter - 2.0 * length * self.slope
+
+    @property
+    def scale(self) -> float:
+        """Length in the mould over length in the device."""
+        return 1.0 / (1.0 - self.shrinkage)
+
+    @property
+    def direction(self) -> tuple[float, float, float] | None:
+        """The asked pull as a unit vector; None if none is asked for."""
+        if not self.pull.strip():
+            return None
+        parts = self.pull.replace(",", " ").split()
+        try:
+            vector = np.array([float(part) for part in parts])
+        except ValueError:
+            vector = np.zeros(0)
+        if len(vector) != 3 or not np.isfinite(vector).all():
+            raise MouldError(f"pull is {self.pull!r}; a direction is three numbers, such as '0, 0, 1'")
+        length = float(np.linalg.norm(vector))
+        if not 1e-9 < length < 1e9:
+            raise MouldError(f"pull is {self.pull!r}; that is no direction, since it has no length")
+        x, y, z = (float(value) for value in vector / length)
+        return x, y, z
+
+    @property
+    def level(self) -> float | None:
+        """The asked height of the parting plane along the pull in m; None if none is asked for."""
+        if not self.split.strip():
+            return None
+        from softmodels.common.units import UnitError, quantity
+
+        try:
+            return float(quantity(self.split, "m"))
+        except UnitError as error:
+            raise MouldError(f"split: {error}") from None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a mould is asked for: a device, its silicone by name, a workshop; from Python, or from a case file.
+
+
+@dataclasses.dataclass(frozen=True)
+class Asked:
+    """A mould that is asked for.
+
+    Attributes:
+        device: The device.
+        workshop: How its mould is made.
+        silicone: Name of the product that is cast; empty if it is not known.
+        name: Of the case; names the folder.
+    """
+
+    device: Actuator
+    workshop: Workshop
+    silicone: str
+    name: str
+
+    @property
+    def casting(self) -> Casting | None:
+        """What the maker's sheet says of the silicone; None if it is not in the table."""
+        return casting_of(self.silicone)
+
+    def to_toml(self) -> str:
+        """Text of a file that asks for the same again."""
+        silicone = {"silicone": self.silicone} if self.silicone else {}
+        return tomli_w.dumps(
+            {"name": self.name, "geometry": device_table(self.device), "mould": {**silicone, **to_table(self.workshop)}}
+        )
+
+
+def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, **settings: object) -> Asked:
+    """What is asked for, from Python.
+
+    Args:
+        device: A device, a case, or a case file, whose table ``[mould]`` holds settings too.
+        silicone: Name of the product that is cast; the case's if not given.
+        settings: Fields of `Workshop`: numbers in SI units (angles in degrees), or texts with a unit.
+
+    Raises:
+        MouldError, CaseError: What cannot be meant.
+    """
+    if isinstance(device, Actuator):
+        return _asked(device, device.stem, None, {}, silicone, settings)
+    if isinstance(device, Case):
+        return _asked(device.actuator, device.name, device, {}, silicone, settings)
+    if not isinstance(device, str | Path):
+        raise MouldError(f"a mould is made of a device, a case or a case file, and not of {brief(device)}")
+    case, table = _read(Path(device))
+    try:
+        return _asked(case.actuator, case.name, case, table, silicone, settings)
+    except MouldError as error:
+        raise MouldError(f"{device}: {error}") from None
+
+
+def _asked(
+    device: Actuator,
+    name: str,
+    case: Case | None,
+    table: Mapping[str, object],
+    silicone: str | None,
+    settings: Mapping[str, object],
+) -> Asked:
+    given = {key: value for key, value in settings.items() if value is not None}
+    table = dict(table)
+    product = _product(silicone if silicone is not None else table.pop("silicone", None), case)
+    table.pop("silicone", None)
+    casting = casting_of(product)
+    values: dict[str, Any] = {"shrinkage": casting.shrinkage} if casting and casting.shrinkage else {}
+    try:
+        values |= from_table(Workshop, table, "[mould]")
+    except FieldError as error:
+        raise MouldError(str(error)) from None
+    unknown = given.keys() - {field.name for field in dataclasses.fields(Workshop)}
+    if unknown:
+        raise MouldError(
+            f"{min(unknown)!r} is no setting of a mould; {known_are(min(unknown), sorted(Workshop.__dataclass_fields__))}"
+        )
+    values |= given
+    return Asked(device, Workshop(**values), product, name)
+
+
+def _product(name: object, case: Case | None) -> str:
+    """The silicone's product: the one asked for, or the case's if its material is a named one.
+
+    Raises:
+        MouldError: There is none of that name.
+    """
+    if name is None:
+        material = named(case.material) if case else None
+        return product_of(material) if material else ""
+    product = product_of(name) if isinstance(name, str) else ""
+    if product not in CASTING:
+        raise MouldError(f"silicone {brief(name)} is unknown; {known_are(name, CASTING)}")
+    return product
+
+
+def _read(file: Path) -> tuple[Case, dict[str, object]]:
+    """A case file and its table ``[mould]``; a load is not asked for.
+
+    Raises:
+        CaseError, MouldError: It cannot be read, or is none.
+    """
+    try:
+        tables = read_toml(file)
+    except TomlError as error:
+        raise CaseError(f"case file {file} {error}") from None
+    table = tables.pop("mould", {})
+    if not isinstance(table, dict):
+        raise MouldError(f"{file}: mould is {table!r}; it must be a table, which begins with a line [mould]")
+    try:
+        return Case.from_toml(tomli_w.dumps({"load": {"pressure_cm": [1.0]}, **tables}), file.parent), table
+    except CaseError as error:
+        raise CaseError(f"{file}: {error}") from None

@@ -1,0 +1,254 @@
+"""Calls whose arguments are checked by name: a misspelt one is refused by a sentence with the name that was meant."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import inspect
+import sys
+import warnings
+from collections.abc import (
+    Callable,
+    Iterable,
+    Mapping,
+    Sequence,
+)
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.common import errors
+from softmodels.common.errors import Spoken, known_are, meant
+from softmodels.common.units import UnitError, brief, numbers
+
+_OWN_FILES = tuple(str(Path(__file__).parents[2] / package) for package in errors.OWN)
+"""Files of the project: a warning names the line that called into them."""
+
+
+class ArgumentError(Spoken, TypeError):
+    """An argument that a function or a class does not take; the message is a sentence for the user."""
+
+
+class ImplausibleWarning(UserWarning):
+    """A number that can be meant, but looks like one in another unit; the message is a sentence for the user."""
+
+
+def checked[T](thing: T) -> T:
+    """Let a function, or the constructor of a class, refuse arguments that it does not have; a decorator.
+
+    A class may have a property ``doubt``, a sentence on numbers that are hardly meant: it is warned of where a user's own code
+    calls, and not where the library does.
+
+    Raises:
+        ArgumentError: From the decorated: an unknown argument, a missing one, or too many.
+    """
+    if isinstance(thing, type):
+        if "__init__" in vars(thing):
+            thing.__init__ = _constructor(thing, thing.__init__)  # type: ignore[misc]
+        return thing
+    function = cast("Callable[..., object]", thing)
+    name = function.__name__
+
+    @functools.wraps(function)
+    def call(*args: object, **kwargs: object) -> object:
+        _refused(name, function, args, kwargs)
+        return function(*args, **kwargs)
+
+    return cast("T", call)
+
+
+def _constructor(owner: type, function: Callable[..., None]) -> Callable[..., None]:
+    name = owner.__name__
+
+    @functools.wraps(function)
+    def make(self: Any, *args: object, **kwargs: object) -> None:
+        _refused(name, function, (self, *args), kwargs)
+        function(self, *args, **kwargs)
+        if type(self) is owner and (text := getattr(self, "doubt", "")) and not _called_by_us():
+            doubt(text)
+
+    return make
+
+
+@functools.cache
+def _signature(function: Callable[..., object]) -> inspect.Signature:
+    return inspect.signature(function)
+
+
+def _refused(name: str, function: Callable[..., object], args: Sequence[object], kwargs: dict[str, object]) -> None:
+    """Raise `ArgumentError` where arguments do not fit a function; of a method the first one is not spoken of."""
+    signature = _signature(function)
+    try:
+        signature.bind(*args, **kwargs)
+    except TypeError:
+        if next(iter(signature.parameters), "") in ("self", "cls"):
+            signature = signature.replace(parameters=[*signature.parameters.values()][1:])
+            args = args[1:]
+        raise ArgumentError(_refusal(name, signature, args, kwargs)) from None
+
+
+def _called_by_us() -> bool:
+    """Whether the call comes from this project's own modules, which read and fit numbers that nobody typed into Python."""
+    module = str(sys._getframe(2).f_globals.get("__name__", ""))
+    return module.split(".")[0] in (*errors.OWN, "dataclasses")
+
+
+def doubt(text: str) -> None:
+    """Warn of a number that is hardly meant, at the line of the user's that gave it."""
+    warnings.warn(errors.spoken(text), ImplausibleWarning, skip_file_prefixes=_OWN_FILES)
+
+
+def _refusal(name: str, signature: inspect.Signature, args: Sequence[object], kwargs: dict[str, object]) -> str:
+    """Why arguments do not fit a signature."""
+    kinds = inspect.Parameter
+    known = [p for p in signature.parameters.values() if p.kind not in (kinds.VAR_POSITIONAL, kinds.VAR_KEYWORD)]
+    by_place = [p.name for p in known if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
+    for key in kwargs:
+        if key not in signature.parameters:
+            return f"{name} has no argument {key!r}; {known_are(key, [p.name for p in known])}"
+    if len(args) > len(by_place):
+        named = [p.name for p in known if p.kind is kinds.KEYWORD_ONLY]
+        order = f"{', '.join(by_place)} in this order" if by_place else "none without its name"
+        more = f", and by name {', '.join(named)}" if named else ""
+        given = f"{len(args)} arguments without names" if len(args) > 1 else "1 argument without a name"
+        return f"{name} is given {given} and takes {order}{more}"
+    twice = [key for key in by_place[: len(args)] if key in kwargs]
+    if twice:
+        return f"{name} is given {twice[0]} twice, by its place and by its name"
+    there = {*kwargs, *by_place[: len(args)]}
+    missing = [p.name for p in known if p.default is kinds.empty and p.name not in there]
+    return f"{name} needs {' and '.join(missing)}; give {'it' if len(missing) == 1 else 'them'}"
+
+
+def wrong(name: str, value: object, wanted: str) -> ArgumentError:
+    """What is raised for a value of another kind than an argument takes.
+
+    Args:
+        name: The argument.
+        value: What was given.
+        wanted: What it has to be, such as ``"a device, such as sm.HollowDisk()"``.
+    """
+    hint = f"; write {value.__name__}(...), with its arguments" if isinstance(value, type) else ""
+    return ArgumentError(f"{name} is {brief(value)}; it must be {wanted}{hint}")
+
+
+def one_of(name: str, value: object, kinds: type | tuple[type, ...], wanted: str) -> Any:
+    """A value that has to be of some classes.
+
+    Raises:
+        ArgumentError: It is of another one.
+    """
+    if not isinstance(value, kinds):
+        raise wrong(name, value, wanted)
+    return value
+
+
+def flag(name: str, value: object) -> bool:
+    """True or False; `ArgumentError` for anything else."""
+    return bool(one_of(name, value, bool, "True or False"))
+
+
+def place(name: str, value: object, what: str = "a file or folder") -> Path:
+    """A path from its text; `ArgumentError` for what is none."""
+    path = one_of(name, value, (str, Path), f"the name of {what}")
+    if not str(path) or "\0" in str(path):
+        raise wrong(name, value, f"the name of {what}")
+    return Path(path)
+
+
+def callback(name: str, value: object, or_flag: bool = False) -> None:
+    """Refuse, with `ArgumentError`, what is neither a function nor None; ``or_flag`` allows True and False too."""
+    if not (value is None or callable(value) or (or_flag and isinstance(value, bool))) or isinstance(value, type):
+        raise wrong(name, value, "True, False or a function" if or_flag else "a function")
+
+
+def several(name: str, value: object, kinds: type | tuple[type, ...], wanted: str) -> tuple[Any, ...]:
+    """A tuple of values of some classes, from one of them or from any number.
+
+    Raises:
+        ArgumentError: One is of another class.
+    """
+    if isinstance(value, kinds):
+        return (value,)
+    if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
+        raise wrong(name, value, f"{wanted}, or a list of such")
+    return tuple(one_of(f"{name}[{number}]", one, kinds, wanted) for number, one in enumerate(value))
+
+
+def span(name: str, value: object) -> tuple[float, float] | None:
+    """Two pure numbers, the first below the second; None for None.
+
+    Raises:
+        ArgumentError: It is something else.
+    """
+    if value is None:
+        return None
+    wanted = "two numbers, from and to, such as (1.0, 2.5)"
+    plain = value.tolist() if hasattr(value, "tolist") else value
+    if not isinstance(plain, list | tuple) or len(plain) != 2:
+        raise wrong(name, value, wanted)
+    try:
+        low, high = numbers(plain)
+    except UnitError as error:
+        raise ArgumentError(f"{name}: {error}; it must be {wanted}") from None
+    if not low < high:
+        raise ArgumentError(f"{name} goes from {low:g} to {high:g}; give the smaller number first")
+    return low, high
+
+
+def whole(name: str, value: object, least: int) -> int:
+    """A whole number that is no smaller than another; `ArgumentError` for anything else."""
+    plain = value.item() if hasattr(value, "item") else value
+    if isinstance(plain, bool) or not isinstance(plain, int) or plain < least:
+        raise wrong(name, value, f"a whole number from {least} up")
+    return plain
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Public names of a package that are loaded when they are first used.
+
+
+def lazy_names(
+    package: str, places: Mapping[str, Sequence[str]]
+) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
+    """A package's ``__all__``, ``__getattr__`` and ``__dir__`` (PEP 562).
+
+    Args:
+        package: The package's ``__name__``.
+        places: Public names by the module that defines them.
+    """
+    module_of = {name: module for module, names in places.items() for name in names}
+    namespace = vars(sys.modules[package])
+
+    def load(name: str) -> object:
+        if name not in module_of:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{meant(name, module_of)}")
+        namespace[name] = value = getattr(importlib.import_module(module_of[name]), name)
+        return value
+
+    return [*module_of], load, lambda: sorted({*namespace, *module_of})
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Arrays that a caller may read and not change: what a result hands out is the result's own.
+
+
+def read_only[Kind: np.generic](array: npt.NDArray[Kind]) -> npt.NDArray[Kind]:
+    """Return a view that refuses to be written to; ``array.copy()`` is the caller's own."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def keep_arrays(value: object, *, copy: bool = False) -> None:
+    """Make every array that an object holds read-only, at the end of its making.
+
+    Args:
+        value: The object, of a frozen dataclass too.
+        copy: Copy them first: they are the caller's, who may change them later.
+    """
+    for name, array in list(vars(value).items()):
+        if isinstance(array, np.ndarray):
+            object.__setattr__(value, name, read_only(array.copy() if copy else array))

@@ -1,0 +1,274 @@
+"""How the commands of ``python -m measurement`` and ``python -m geometries`` are started."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import errno
+import gc
+import io
+import os
+import signal
+import sys
+import threading
+from collections.abc import (
+    Callable,
+    Iterable,
+    Iterator,
+    Mapping,
+)
+from pathlib import Path
+from typing import Any
+
+import click
+
+from softmodels.common.errors import meant
+from softmodels.common.folders import (
+    InUseError,
+    OwnFolder,
+    OwnFolderError,
+    ResultFolder,
+    take_default,
+)
+from softmodels.common.terminal import say
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How a command ends when somebody stops it or its output has nowhere to go: one sentence and a status, no traceback.
+#
+# Imports nothing but the standard library, so that it stands before all that takes its time.
+
+
+FAILED, STOPPED = 1, 130
+STOPS = (signal.SIGINT, signal.SIGTERM)
+LONGEST_SENTENCE = 1000
+"""Characters of a sentence on standard error; a user's own text in it may be a whole file's content."""
+
+
+def bounded(sentence: str) -> str:
+    """A sentence of at most `LONGEST_SENTENCE` characters: of a longer one the beginning and the end, with dots between."""
+    if len(sentence) <= LONGEST_SENTENCE:
+        return sentence
+    half = (LONGEST_SENTENCE - 5) // 2
+    return f"{sentence[:half]} ... {sentence[-half:]}"
+
+
+@contextlib.contextmanager
+def unswept() -> Iterator[None]:
+    """Keep the collector of reference cycles away from all there is by the end of this: for imports, which stay.
+
+    Looking through them again and again, the most at the end of the process, takes a fifth of a short command's time. A
+    process that goes on after the command has `gc.unfreeze` for it.
+    """
+    if not gc.isenabled():
+        yield
+        return
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+        atexit.unregister(gc.freeze)
+        atexit.register(gc.freeze)  # what a process leaves behind goes with it
+
+
+@contextlib.contextmanager
+def stoppable(name: str, speaks: Callable[[], bool] = lambda: True) -> Iterator[None]:
+    """End the process at once on Ctrl-C in here, with a sentence: for imports, which an exception leaves half done.
+
+    They are `unswept`.
+
+    Args:
+        name: The program's, in front of the sentence.
+        speaks: Whether this process may print.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread may set handlers, and only it is interrupted
+        return
+
+    def end(number: int, frame: Any) -> None:
+        if speaks():
+            os.write(2, f"{name}: stopped by the user\n".encode())
+        os._exit(STOPPED)
+
+    before = signal.signal(signal.SIGINT, end)
+    try:
+        with unswept():
+            yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def asked_to_stop() -> Iterator[Callable[[], bool]]:
+    """Whether Ctrl-C or SIGTERM came in here, to be asked at moments that suit; a second one ends the process at once.
+
+    For a command, whose process it is; a library's caller has handlers of their own.
+    """
+    received: list[int] = []
+
+    def note(number: int, frame: Any) -> None:
+        if received:
+            os._exit(STOPPED)
+        received.append(number)
+
+    before = {number: signal.signal(number, note) for number in STOPS}
+    try:
+        yield lambda: bool(received)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def written(tell: Callable[[str], Any]) -> Iterator[None]:
+    """Exit with `FAILED` and a sentence where something cannot be written in here, standard output among it.
+
+    A reader that has gone (a pipe to ``head``) wanted no more, and gets no sentence.
+
+    Args:
+        tell: Takes the sentence.
+    """
+    try:
+        try:
+            yield
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()  # else Python finds out after the last line of the program
+    except BrokenPipeError:
+        _give_up_output()
+        sys.exit(FAILED)
+    except OSError as error:
+        _give_up_output()
+        what = f"{error.filename} cannot be read or written" if error.filename else "the output cannot be written"
+        with contextlib.suppress(OSError):
+            tell(f"{what} ({error.strerror or error})")
+        sys.exit(FAILED)
+
+
+def _give_up_output() -> None:
+    """What is still in the buffer goes nowhere, so that the end of the program does not stumble over it again."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        sys.stdout.flush()
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+class CommandGroup(click.Group):
+    """A group that answers a misspelt command with the one that may have been meant."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name, known = args[0], self.list_commands(ctx)
+        if not name.startswith("-") and self.get_command(ctx, name) is None:
+            near = meant(name, known) or f"; there are {', '.join(known)}"
+            raise click.UsageError(f"there is no command {name!r}{near}", ctx)
+        return super().resolve_command(ctx, args)
+
+
+def run_command(command: click.Command, name: str) -> None:
+    """Run a click command and exit: usage errors have status 2, Ctrl-C `STOPPED`, output that has nowhere to go 1.
+
+    Args:
+        command: The command.
+        name: How it is started, for its help.
+    """
+
+    def tell(sentence: str) -> None:
+        say(f"Error: {bounded(sentence)}", err=True)
+
+    with written(tell):
+        try:
+            sys.exit(command.main(prog_name=name, standalone_mode=False))
+        except click.ClickException as error:
+            shown = io.StringIO()
+            error.show(shown)
+            click.echo(bounded(shown.getvalue()), err=True, nl=False)
+            sys.exit(error.exit_code)
+        except (click.exceptions.Abort, KeyboardInterrupt):
+            tell("stopped by the user")
+            sys.exit(STOPPED)
+        except MemoryError:
+            tell(
+                "the machine's memory is full; close other programs, or ask for less (a smaller photograph, larger cells, "
+                "fewer --jobs)"
+            )
+            sys.exit(FAILED)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The option that names a folder for a command's results, and that folder for as long as the command runs.
+
+
+class FolderType(click.Path):
+    """A folder's name; an empty one, such as an unset variable leaves behind, is refused."""
+
+    name = "folder"
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if not str(value).strip():
+            self.fail("the name of the folder is empty", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+def open_folder(
+    output: Path | None, default: Path, kind: str, options: Mapping[str, Any], files: Iterable[Path] = ()
+) -> ResultFolder:
+    """A `ResultFolder` that is let go of when the command ends, however it ends."""
+    folder = ResultFolder(output, default, kind, options, files)
+    click.get_current_context().call_on_close(folder.leave)
+    return folder
+
+
+def open_place(output: Path | None, default: Path, kind: str, names: Iterable[str]) -> Path:
+    """A folder for what several commands write one after the other, locked until the running command ends.
+
+    Args:
+        output: Where the user wants it; None for the first of ``default``, ``default-2`` ... that is free or of this kind.
+        default: Its name where nothing is in the way.
+        kind: What it holds.
+        names: All that is written there; folders with a slash at the end.
+
+    Raises:
+        OwnFolderError: The folder is not this program's, is in use, or holds somebody else's files of these names.
+        OSError: It cannot be written.
+    """
+    try:
+        own = take_default(default, kind, {}) if output is None else OwnFolder(output, kind)
+        own.take()
+    except InUseError as error:
+        raise OwnFolderError(str(error)) from None
+    click.get_current_context().call_on_close(own.leave)
+    own.claim(names, {"inputs": {}})
+    return own.path
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where results are to go: asked before the work begins, so that nobody waits for what cannot be kept.
+
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of a disk without room: the run failed, its input was good."""
+UNUSABLE = 2
+
+
+def trouble(folder: Path) -> str:
+    """Why files cannot be written into a folder, which need not exist yet; empty if they can."""
+    place = Path(folder)
+    try:
+        while not place.exists():
+            place = place.parent
+        if not place.is_dir():
+            return os.strerror(errno.ENOTDIR)
+        return "" if os.access(place, os.W_OK | os.X_OK) else os.strerror(errno.EACCES)
+    except (OSError, ValueError) as error:
+        return getattr(error, "strerror", None) or str(error)
+
+
+def status_of(error: OSError) -> int:
+    """Exit status where something could not be written: the place was bad input, or the disk became full."""
+    return FAILED if error.errno in FULL else UNUSABLE

@@ -1,0 +1,146 @@
+"""What can go wrong with a geometry: parameters that make no device, a mesher that gives up, a file that is no mesh."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a sentence calls an option: ``--cell-size`` at a command line, ``cell_size`` where the caller is Python.
+#
+# A sentence is written once, with options as the command line has them, and given its reader's words where it is read: by the
+# errors that are `Spoken`, and by `spoken` where a sentence is no error. An option is the argument of the same name, unless
+# whoever has it says otherwise with `call`. Choices that follow an option are its values.
+
+
+OWN = ("softmodels", "geometries", "measurement")
+"""Packages whose click commands are the project's command line; a program of the user's own calls a library."""
+PETSC = ("what follows --", "the variable PETSC_OPTIONS")
+"""Where PETSc's options come from, at a command line and else."""
+_arguments: dict[str, str] = {}
+_choices: set[str] = set()
+_VALUE = r"'[^']*'|[+-]?\d[\d.]*(?:e[+-]?\d+)?(?:deg|[a-zA-Z%/]+)?|[a-z][a-z-]*"
+_OPTION = re.compile(rf"(?<![\w-])--(?P<name>[a-z][a-z0-9]*(?:-[a-zA-Z0-9]+)*)(?:[ =](?P<value>{_VALUE})(?![\w-]))?")
+_MORE = re.compile(rf"(=\S+) or ({_VALUE})(?![\w-])")
+
+
+def call(option: str, argument: str) -> None:
+    """Say what Python has for an option.
+
+    Args:
+        option: Without the dashes in front; with a value behind it (``"supply syringe"``) only where that follows.
+        argument: Such as ``"pressures"`` or ``"resume=True"``.
+    """
+    _arguments[option] = argument
+
+
+def choices(values: Iterable[object]) -> None:
+    """Say which words are values where they follow an option."""
+    _choices.update(value for value in values if isinstance(value, str))
+
+
+def spoken(sentence: str) -> str:
+    """A sentence in the words of its reader."""
+    if "--" not in sentence or at_command_line():
+        return sentence
+    # Alternatives such as --control auto or volume are values too.
+    said = _OPTION.sub(_argument, sentence).replace(*PETSC)
+    return _MORE.sub(lambda m: f'{m[1]} or "{m[2]}"' if m[2] in _choices else m[0], said)
+
+
+def _argument(found: re.Match[str]) -> str:
+    name, value = found["name"], found["value"]
+    if value is None:
+        return _arguments.get(name, name.replace("-", "_"))
+    if (known := _arguments.get(f"{name} {value}")) is not None:
+        return known
+    argument = _arguments.get(name, name.replace("-", "_"))
+    if "=" not in argument:
+        if value in _choices:
+            return f'{argument}="{value}"'
+        if value.startswith("'"):
+            return f"{argument}={value}"
+        if value[0].isdigit():
+            return f"{argument}={value.removesuffix('deg')}"
+    return f"{argument} {value}"
+
+
+def at_command_line() -> bool:
+    """Whether one of the project's own commands is under way in this thread."""
+    click = sys.modules.get("click")
+    context = click.get_current_context(silent=True) if click else None
+    module = getattr(getattr(context and context.command, "callback", None), "__module__", "")
+    return module.split(".")[0] in OWN
+
+
+def meant(name: object, known: Iterable[str]) -> str:
+    """The end of a sentence: which of some names may have been meant; empty for none."""
+    if not isinstance(name, str):
+        return ""
+    names = {str(one).lower(): str(one) for one in known}
+    near = difflib.get_close_matches(name.lower(), names, 2, 0.6)
+    return f"; did you mean {' or '.join(names[one] for one in near)}?" if near else ""
+
+
+def known_are(name: object, known: Iterable[str], more: str = "") -> str:
+    """The end of a sentence: what there is, and what may have been meant.
+
+    Args:
+        name: What was given.
+        known: What there is.
+        more: What there is beside that, begun with a comma.
+    """
+    names = list(dict.fromkeys(known))
+    return f"known are {', '.join(names)}{more}{meant(name, names)}" if names else "there are none"
+
+
+class Spoken:
+    """An error whose sentence is read in the words of its reader. It stands in front of the exception it is."""
+
+    def __str__(self) -> str:
+        return spoken(super().__str__())
+
+
+def written(error: BaseException) -> str:
+    """An error's sentence as it was written, to be read by others later."""
+    return str(error.args[0]) if isinstance(error, Spoken) and error.args else str(error)
+
+
+class FieldError(Spoken, ValueError):
+    """A value that its field cannot take, or an entry that no field has; the message is a sentence for the user."""
+
+
+def whole_path(file: str) -> str:
+    """A file's path from wherever the program goes later; what cannot be one stays as it is, for who reads it to refuse."""
+    try:
+        return str(Path(file).absolute()) if file and "\0" not in file else file
+    except OSError:  # the current folder is gone
+        return file
+
+
+class GeometryError(Spoken, ValueError):
+    """Parameters that make no device; the message is a sentence for the user naming the field and its value."""
+
+
+class MeshingError(Spoken, RuntimeError):
+    """The mesher failed on parameters that look possible; the message says what failed and what to try."""
+
+
+class MeshingStopped(Exception):
+    """The caller asked for an end while a mesh was being made."""
+
+
+class MeshFileError(Spoken, ValueError):
+    """A file that is not a mesh as this project writes them; the message is a sentence for the user naming the file."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Why a file could not be read or written, in the words of the system and not of Python.
+
+
+def reason(error: BaseException) -> str:
+    """``"No such file or directory"`` where Python says ``"[Errno 2] No such file or directory: 'a.csv'"``."""
+    return getattr(error, "strerror", None) or str(error)

@@ -1,0 +1,225 @@
+"""Opening files that a user names or that came with somebody else's folder: regular files only, up to a size.
+
+A named pipe waits for ever, a device such as ``/dev/zero`` never ends, and both can be behind a name in a foreign case file,
+list of photographs or folder of results. What is refused is an `OSError`, so that whoever reads a file has one kind of error.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import os
+import re
+import stat
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import h5py
+
+
+TEXT = 100_000_000
+"""Bytes of a table or text at most: a test machine that writes 1 kHz for an hour fills 100 MB."""
+GEOMETRY = 4_000_000_000
+"""Bytes of a drawing or mesh at most."""
+CHUNK = 1 << 20
+_KINDS = (
+    (stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a named pipe"), (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+)  # fmt: skip
+
+
+class UserFileError(OSError):
+    """A file that is not opened; its ``strerror`` is the reason, as the system's own are."""
+
+    def __init__(self, path: Path | str, reason: str):
+        super().__init__(errno.EINVAL, reason, str(path))
+
+
+def check_file(path: Path | str, largest: int = GEOMETRY) -> None:
+    """Check a file before a library opens it by its name.
+
+    Args:
+        path: The file; links are followed.
+        largest: Its bytes at most.
+
+    Raises:
+        OSError: It cannot be opened, is not a regular file, or is larger.
+    """
+    os.close(_opened(path, largest))
+
+
+def read_file(path: Path | str, largest: int = TEXT) -> bytes:
+    """Read a whole file; `OSError` as of `check_file`."""
+    handle = _opened(path, largest)
+    try:
+        data = bytearray()
+        while part := os.read(handle, CHUNK):  # one of /proc has more bytes than its size says
+            data += part
+            if len(data) > largest:
+                raise UserFileError(path, _too_large(largest))
+        return bytes(data)
+    finally:
+        os.close(handle)
+
+
+def read_text(path: Path | str, largest: int = TEXT) -> str:
+    """Read a text in UTF-8, a byte order mark left out.
+
+    Raises:
+        OSError: As of `check_file`.
+        UnicodeDecodeError: It is no such text.
+    """
+    return read_file(path, largest).decode("utf-8-sig")
+
+
+def file_digest(path: Path | str) -> str:
+    """SHA-256 of a file's content, in hexadecimal digits; `OSError` as of `check_file`."""
+    with os.fdopen(_opened(path, GEOMETRY), "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _opened(path: Path | str, largest: int) -> int:
+    # Without O_NONBLOCK, opening a pipe waits for its other end.
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    try:
+        status = os.fstat(handle)
+        if not stat.S_ISREG(status.st_mode):
+            kind = next((name for test, name in _KINDS if test(status.st_mode)), "no file")
+            raise UserFileError(path, f"it is {kind}, not a regular file")
+        if status.st_size > largest:
+            raise UserFileError(path, _too_large(largest))
+    except BaseException:
+        os.close(handle)
+        raise
+    return handle
+
+
+def _too_large(largest: int) -> str:
+    return f"it is larger than {largest / 1e6:g} MB"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Files in a folder that is a program's own: which of them count, which are its own, and how they are written and removed.
+
+
+HIDDEN = ".softmodels"
+"""What the names of files and folders begin with that a folder's record, lock and preparation have."""
+
+
+def is_same(one: Path, other: Path) -> bool:
+    """Whether two names are of one file, which may be reached in several ways."""
+    try:
+        return one.samefile(other)
+    except OSError:
+        return False
+
+
+def version() -> str:
+    """The installed version; of a bare checkout unknown."""
+    import importlib.metadata
+
+    try:
+        return importlib.metadata.version("softmodels")
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown"
+
+
+@contextlib.contextmanager
+def replaced_whole(path: Path, aside: Path | None = None) -> Iterator[Path]:
+    """A file beside another to write to, which takes the other's place at the end of the block; if that fails it goes.
+
+    Args:
+        path: The file to replace.
+        aside: The one beside it; a hidden name of this process with the same ending unless given.
+    """
+    aside = path.with_name(f".{os.getpid()}-{path.name}") if aside is None else aside
+    try:
+        aside.unlink(missing_ok=True)  # a link there, in a folder from elsewhere, would be written through
+        yield aside
+        aside.replace(path)
+    finally:
+        with contextlib.suppress(OSError):
+            aside.unlink(missing_ok=True)
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a small file whole or not at all."""
+    with replaced_whole(path, path.with_name(f"{path.name}.part")) as aside:
+        aside.write_text(text, encoding="utf-8")
+
+
+def is_inside(name: Any) -> bool:
+    """Whether a recorded name is a file's or folder's right in the folder: a record may have come from elsewhere."""
+    return isinstance(name, str) and re.fullmatch(r"[^/\\\0]+/?", name) is not None and name.strip("./") != ""
+
+
+def counts(file: Path) -> bool:
+    """Whether a file in a folder makes it one that is in use: not what locking and preparing leave there."""
+    return not file.name.startswith(HIDDEN)
+
+
+def some(names: list[str]) -> str:
+    return ", ".join(map(repr, names[:3])) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+
+def is_step(name: str) -> bool:
+    """Whether a file in a folder of steps is one of a run's: they come and go too often to be recorded one by one."""
+    return re.fullmatch(r"\d{4,}\.h5(\.part)?", name) is not None
+
+
+def remove_inside(folder: Path, names: Iterable[str] = (), keep: Iterable[str] = ()) -> None:
+    gone, kept = set(names), set(keep)
+    for file in folder.iterdir():
+        if file.name not in kept and (file.name in gone or is_step(file.name)):
+            file.unlink(missing_ok=True)
+
+
+def remove_steps(folder: Path, names: Iterable[str] = ()) -> None:
+    """Take away a folder inside a folder of results: steps, and files by name. Where others are in it, they stay in it."""
+    if folder.is_dir() and not folder.is_symlink():
+        remove_inside(folder, names)
+        with contextlib.suppress(OSError):  # something of the user's is in it
+            folder.rmdir()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Files that are written whole or not at all, so that no reader ever sees a part of one.
+
+
+def replace(path: Path, fill: Callable[[Path], object]) -> None:
+    """Write a file aside and rename it into place, so that no reader ever sees a part of it."""
+    with replaced_whole(path, path.with_name(f"{path.name}.part")) as aside:
+        fill(aside)
+
+
+def replace_hdf5(path: Path, fill: Callable[[h5py.File], object]) -> None:
+    """Make an HDF5 file in memory and write its bytes.
+
+    Writing by itself, HDF5 finds a full disk only when it closes the file, and then may crash at the program's end.
+    """
+    import h5py
+
+    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
+        fill(file)
+        file.flush()
+        image = file.id.get_file_image()
+    replace(path, lambda aside: aside.write_bytes(image))
+
+
+def hdf5_reason(error: BaseException) -> str:
+    """The operating system's word in one of HDF5's long messages, or the message's first line."""
+    found = re.search(r"error message = '([^']+)'", str(error))
+    return found[1] if found else str(error).strip().splitlines()[0]
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a small file whole or not at all."""
+    replace(path, lambda aside: aside.write_text(text))
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """The same of bytes."""
+    replace(path, lambda aside: aside.write_bytes(data))

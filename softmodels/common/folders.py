@@ -1,0 +1,718 @@
+"""Folders of results that a program may clear, because it wrote what it clears.
+
+A folder is taken if it is not there, is empty, or holds a record of an earlier run. The record lists the files that were
+written; they alone are ever replaced or taken away. New results are prepared in a folder inside and brought in
+when their first part is whole: until then the earlier ones stay. Being cut off in between loses neither, see `OwnFolder.mend`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import errno
+import hashlib
+import itertools
+import json
+import os
+import shutil
+import socket
+import time
+import tomllib
+from collections.abc import (
+    Callable,
+    Iterable,
+    Iterator,
+    Mapping,
+)
+from pathlib import Path
+from typing import Any
+
+from softmodels.common.errors import Spoken, reason
+from softmodels.common.files import (
+    HIDDEN,
+    check_file,
+    counts,
+    file_digest,
+    is_inside,
+    is_same,
+    is_step,
+    read_text,
+    remove_inside,
+    remove_steps,
+    replace_text,
+    some,
+    version,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A lock on a folder of results: one program at a time writes there, also where hosts share a file system.
+#
+# The system holds the lock and lets go of it when the process ends, however that happens. The file says who holds it, for the
+# sentence that another program is refused with. On file systems that know no locks the file alone counts.
+
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None  # type: ignore[assignment]
+
+POLL = 0.2
+"""Seconds between two looks at a lock that is waited for."""
+
+
+class InUseError(Spoken, RuntimeError):
+    """Another program writes in the folder; the message is a sentence for the user."""
+
+
+class FolderLock:
+    """A lock that a file in the folder stands for.
+
+    Args:
+        file: The file; it is there while the lock is held. One that a killed process left behind is taken over.
+    """
+
+    def __init__(self, file: Path):
+        self.file = file
+        self._handle: int | None = None
+
+    @property
+    def held(self) -> bool:
+        return self._handle is not None
+
+    def take(self, wait: float = 0.0) -> None:
+        """Take the lock, or wait for it.
+
+        Args:
+            wait: Seconds to wait while another program holds it.
+
+        Raises:
+            InUseError: Another program holds it.
+            OSError: The file cannot be written.
+        """
+        until = time.monotonic() + wait
+        while not self.held:
+            handle = self._open()
+            try:
+                if self._is_mine(handle):
+                    self._handle = handle
+                    os.ftruncate(handle, 0)
+                    os.write(handle, json.dumps(_me()).encode())
+                    return
+                holder = _holder(handle)
+            finally:
+                if self._handle is None:
+                    os.close(handle)
+            if time.monotonic() >= until:
+                raise InUseError(self._refusal(holder))
+            time.sleep(POLL)
+
+    def _open(self) -> int:
+        try:
+            # Through a link in a folder from elsewhere, any file of the user's would be emptied.
+            return os.open(self.file, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
+        except OSError as error:
+            if self.file.is_symlink():
+                raise OSError(
+                    error.errno, f"its lock {self.file.name} is a link; remove that", str(self.file)
+                ) from None
+            raise
+
+    def release(self) -> None:
+        """Give the lock back and take its file away; nothing happens if it is not held."""
+        if self._handle is None:
+            return
+        with contextlib.suppress(OSError):
+            self.file.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            os.close(self._handle)
+        self._handle = None
+
+    def _is_mine(self, handle: int) -> bool:
+        try:
+            if fcntl is None:
+                raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError:  # a file system without locks
+            return _is_stale(_holder(handle))
+        # Whoever held it before may have taken the file away between opening and locking.
+        with contextlib.suppress(OSError):
+            return os.fstat(handle).st_ino == self.file.stat().st_ino
+        return False
+
+    def _refusal(self, holder: dict[str, Any]) -> str:
+        who = f"process {holder.get('pid', 'unknown')} on {holder.get('host', 'this machine')}"
+        since = f", since {holder['since']}" if "since" in holder else ""
+        return (
+            f"{self.file.parent} is in use by {who}{since}; wait until it has ended, or take another folder (--output). "
+            f"If there is no such process any more, remove {self.file}"
+        )
+
+
+def _me() -> dict[str, Any]:
+    since = time.strftime("%Y-%m-%d %H:%M:%S")
+    return {"pid": os.getpid(), "host": socket.gethostname(), "since": since}
+
+
+def _holder(handle: int) -> dict[str, Any]:
+    """Who a lock's file names; empty if it names nobody."""
+    try:
+        os.lseek(handle, 0, os.SEEK_SET)
+        found = json.loads(os.read(handle, 4096))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _is_stale(holder: dict[str, Any]) -> bool:
+    """Whether the process that a file names has ended; of another host nobody can tell, so it is taken to be alive."""
+    if not holder:
+        return True
+    if os.name == "nt" or holder.get("host") != socket.gethostname() or not isinstance(holder.get("pid"), int):
+        return False
+    if holder["pid"] == os.getpid():
+        return True  # left by another process that had this number
+    try:
+        os.kill(holder["pid"], 0)
+    except ProcessLookupError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The record in a folder of results: which files a program wrote there, so that it may replace and remove them.
+
+
+RECORD = f"{HIDDEN}.json"
+FORMAT = 1
+"""Of the record."""
+
+Names = Mapping[str, list[str]]
+"""Names of files by the folder that they are in."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Record:
+    """What is written down of a folder's files.
+
+    Attributes:
+        kind: What the folder holds.
+        files: Names that are the program's own: relative, folders with a slash at the end.
+        about: What was recorded of the results beside their files.
+        inside: Files that are the program's own inside those folders.
+        incoming: New files, and those inside new folders, that are on their way into the folder; None where none are.
+        incoming_about: What is to be recorded of them.
+        version: Version of the program that wrote it.
+        format: Of the record.
+    """
+
+    kind: Any
+    files: tuple[str, ...] = ()
+    about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    inside: Names = dataclasses.field(default_factory=dict)
+    incoming: Names | None = None
+    incoming_about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    version: str | None = None
+    format: int = FORMAT
+
+    @classmethod
+    def read(cls, path: Path) -> Record | None:
+        """That of a file; None where there is none, or none that can be understood."""
+        try:
+            found = json.loads(read_text(path))
+        except (OSError, ValueError, RecursionError):
+            return None
+        kinds = {"files": list, "about": dict, "inside": dict, "incoming": dict, "incoming_about": dict, "format": int}
+        if not (isinstance(found, dict) and "files" in found and "about" in found):
+            return None
+        if not all(isinstance(found.get(name, kind()), kind) for name, kind in kinds.items()):
+            return None
+        if not all(map(is_inside, found["files"])):
+            return None
+        incoming = found.get("incoming")
+        return cls(
+            found.get("kind"),
+            tuple(found["files"]),
+            found["about"],
+            found.get("inside", {}),
+            None if incoming is None else {name: inner for name, inner in incoming.items() if is_inside(name)},
+            found.get("incoming_about", {}),
+            found.get("version"),
+            found.get("format", 0),
+        )
+
+    def write(self, path: Path) -> None:
+        """Write it whole or not at all."""
+        table = {
+            "written_by": "softmodels", "version": version(), "format": FORMAT, "kind": self.kind,
+            "files": self.files, "about": dict(self.about),
+        }  # fmt: skip
+        if self.inside:
+            table["inside"] = self.inside
+        if self.incoming is not None:
+            table |= {"incoming": self.incoming, "incoming_about": dict(self.incoming_about)}
+        replace_text(path, json.dumps(table, indent=1) + "\n")
+
+    def of(self, files: Iterable[str]) -> Record:
+        """The record with these files, and nothing on its way any more."""
+        names = tuple(dict.fromkeys(files))
+        inside = {name: inner for name, inner in self.inside.items() if name in names}
+        return dataclasses.replace(self, files=names, inside=inside, incoming=None, incoming_about={})
+
+    def inside_of(self, name: str) -> set[str]:
+        """Files that are recorded inside a folder of the program's own."""
+        return set(self.inside.get(name, ()))
+
+
+def remove_recorded(folder: Path, name: str, inside: Iterable[str] = ()) -> None:
+    """Take a recorded file away; of a folder what is recorded inside, and the folder if nothing else is in it."""
+    path = folder / name
+    if not name.endswith("/"):
+        if not path.is_dir():
+            path.unlink(missing_ok=True)
+        path.with_name(f"{path.name}.part").unlink(missing_ok=True)
+    elif path.is_dir() and not path.is_symlink():
+        own = Record.read(path / RECORD)
+        if own is not None:
+            for file in own.files:
+                remove_recorded(path, file)
+            (path / RECORD).unlink(missing_ok=True)
+        remove_steps(path, inside)
+
+
+PATIENCE = 600.0
+"""Seconds to wait for a program that draws into a folder which is to be replaced."""
+
+
+class OwnFolderError(Spoken, RuntimeError):
+    """A folder or a file that is not a program's own, so that it must not be written; the message is a sentence."""
+
+
+class OwnFolder:
+    """A folder of results, and the record of what was written there.
+
+    Args:
+        path: The folder; it need not be there.
+        kind: What it holds, such as ``"run"``; other kinds are not replaced.
+        part: Distinguishes records that one folder may have beside each other; each has a lock of its own.
+    """
+
+    def __init__(self, path: Path, kind: str, part: str = ""):
+        self.path, self.kind = Path(path), kind
+        stem = f"{HIDDEN}-{part}" if part else HIDDEN
+        self._record, self._prepared = self.path / f"{stem}.json", self.path / f"{stem}-new"
+        self.lock = FolderLock(self._record.with_suffix(".lock"))
+        self._made: list[Path] = []
+
+    # -- what is known of it ---------------------------------------------------------------------------------------
+
+    @property
+    def record(self) -> Record | None:
+        """What is recorded; None where there is none, or none that can be understood."""
+        return Record.read(self._record)
+
+    @property
+    def _known(self) -> Record:
+        return self.record or Record(self.kind)
+
+    @property
+    def files(self) -> list[str]:
+        """Names that are the program's own: relative, folders with a slash at the end."""
+        return list(self._known.files)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What was recorded of the results beside their files."""
+        return dict(self._known.about)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether nothing is there, not even of an earlier run."""
+        try:
+            return not any(counts(file) for file in self.path.iterdir())
+        except FileNotFoundError:
+            return True
+        except OSError:
+            return False
+
+    def check(self) -> None:
+        """Refuse a folder that is not this program's to write.
+
+        Raises:
+            OwnFolderError: It is something else, with what it is and what to do.
+        """
+        record = self.record
+        if record is not None and record.kind == self.kind:
+            if record.format > FORMAT:
+                raise OwnFolderError(
+                    f"{self.path} was written by a later version ({record.version}); update, or take another folder"
+                )
+            return
+        if record is not None:
+            raise OwnFolderError(
+                f"{self.path} holds another kind of results ({record.kind}), which are not replaced; take another "
+                "folder (--output)"
+            )
+        if self._record.name == RECORD and not self.is_free:
+            raise OwnFolderError(self._foreign())
+
+    def _foreign(self) -> str:
+        try:
+            names = sorted(file.name for file in self.path.iterdir() if counts(file))
+        except OSError as error:
+            return f"the folder {self.path} cannot be written ({error.strerror})"
+        if self._record.exists():
+            return f"{self._record} cannot be understood, so nothing in its folder is replaced; take another folder (--output)"
+        return (
+            f"{self.path} holds files that no run of this version has recorded as its own ({some(names)}), and nothing in it "
+            "is replaced; take a folder that is empty or not there (--output), or move those files away"
+        )
+
+    def check_names(self, names: Iterable[str]) -> None:
+        """Refuse names under which somebody else's files lie.
+
+        Raises:
+            OwnFolderError: One is there and not recorded, with what to do.
+        """
+        own = set(self.files)
+        taken = [name for name in names if name not in own and os.path.lexists(self.path / name)]
+        if taken:
+            raise OwnFolderError(
+                f"{self.path / taken[0]} is there and was not written by this program, so it is not replaced; move it "
+                "away, or take another folder (--output)"
+            )
+
+    def check_inputs(self, inputs: Iterable[Path]) -> None:
+        """Refuse inputs that lie among the results which are to be replaced.
+
+        Raises:
+            OwnFolderError: One does.
+        """
+        for name in self.files:
+            for file in inputs:
+                if is_same(self.path / name, file):
+                    raise OwnFolderError(
+                        f"{file} is read, and is one of the results in {self.path} that would be replaced; take another "
+                        "folder (--output), or read a copy of it"
+                    )
+
+    # -- taking and leaving it -------------------------------------------------------------------------------------
+
+    def take(self, wait: float = 0.0) -> None:
+        """Make the folder if need be, lock it, and mend what a killed process has left.
+
+        Args:
+            wait: Seconds to wait while another program holds it.
+
+        Raises:
+            OwnFolderError: It is not this program's.
+            InUseError: Another program writes there.
+            OSError: It cannot be written.
+        """
+        if self.lock.held:
+            return
+        self.check()
+        self._made = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
+        self.path.mkdir(parents=True, exist_ok=True)
+        self.lock.take(wait)
+        try:
+            self.check()  # it may have been filled meanwhile
+            self.mend()
+        except BaseException:
+            self.lock.release()
+            raise
+
+    def leave(self) -> None:
+        """Unlock it; prepared files that were not brought in go, and so does a folder that was made for nothing."""
+        if not self.lock.held:
+            return
+        with contextlib.suppress(OSError):
+            if self._known.incoming is None:
+                shutil.rmtree(self._prepared, ignore_errors=True)
+            if not self.files and self._record.exists() and (self._record.name != RECORD or self.is_free):
+                self._record.unlink()
+        self.lock.release()
+        for folder in self._made:
+            with contextlib.suppress(OSError):  # there is something in it
+                folder.rmdir()
+
+    # -- writing ---------------------------------------------------------------------------------------------------
+
+    def claim(self, names: Iterable[str], about: Mapping[str, Any] | None = None) -> None:
+        """Record files as the program's own, before they are written.
+
+        Args:
+            names: Relative; folders with a slash at the end.
+            about: More to record of the results; what was recorded under the same names is replaced.
+
+        Raises:
+            OwnFolderError: Somebody else's file lies under one of the names.
+            OSError: The record cannot be written.
+        """
+        names, known = list(names), self._known
+        self.check_names(names)
+        self._write(known.of([*known.files, *names]), {**known.about, **(about or {})})
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Take away those of some names that are recorded, and forget them."""
+        known, wanted = self._known, set(names)
+        gone = [name for name in known.files if name in wanted]
+        for name in gone:
+            remove_recorded(self.path, name, known.inside_of(name))
+        if gone:
+            self._write(known.of(name for name in known.files if name not in wanted), known.about)
+
+    def forget_unwritten(self) -> None:
+        """Forget names that were recorded and not written in the end: somebody else may use them."""
+        if gone := [name for name in self.files if not (self.path / name).exists()]:
+            self.remove(gone)
+
+    def prepare(self) -> Path:
+        """An empty folder inside, for new results until `bring_in`."""
+        shutil.rmtree(self._prepared, ignore_errors=True)
+        if self.record is None:
+            self._write(Record(self.kind), {})
+        self._prepared.mkdir()
+        return self._prepared
+
+    def bring_in(self, about: Mapping[str, Any]) -> None:
+        """Put what was prepared in the place of the earlier results, whose files go.
+
+        Raises:
+            OwnFolderError: Somebody else's file lies under one of the names.
+            OSError: A file cannot be moved; `mend` goes on from there.
+        """
+        known = self._known
+        incoming = {
+            file.name + "/" * file.is_dir(): sorted(inner.name for inner in file.iterdir()) if file.is_dir() else []
+            for file in sorted(self._prepared.iterdir())
+            if not file.name.startswith(".")  # something half written
+        }
+        self.check_names(incoming)
+        for name, inner in incoming.items():
+            for file in inner:
+                if file not in known.inside_of(name) and (self.path / name / file).exists() and not is_step(file):
+                    raise OwnFolderError(
+                        f"{self.path / name / file} is there and was not written by this program, so it is not replaced; "
+                        "move it away, or take another folder (--output)"
+                    )
+        # Both the earlier and the new names are the program's from here on.
+        inside = {name: sorted({*inner, *known.inside_of(name)}) for name, inner in incoming.items() if inner}
+        begun = dataclasses.replace(
+            known.of([*known.files, *incoming]),
+            inside={**known.inside, **inside},
+            incoming=incoming,
+            incoming_about=about,
+        )
+        self._write(begun, known.about)
+        self.mend()
+
+    def mend(self) -> None:
+        """End what `bring_in` has begun; nothing happens if nothing was left halfway."""
+        known = self._known
+        if known.incoming is None:
+            shutil.rmtree(self._prepared, ignore_errors=True)
+            return
+        for name, inner in known.incoming.items():
+            source, target = self._prepared / name, self.path / name
+            if not name.endswith("/"):
+                if source.exists():
+                    source.replace(target)
+            elif source.is_dir():
+                target.mkdir(exist_ok=True)
+                remove_inside(target, known.inside_of(name) - set(inner), keep=inner)
+                for file in sorted(source.iterdir()):
+                    file.replace(target / file.name)
+                source.rmdir()
+        for name in known.files:
+            if name not in known.incoming:
+                remove_recorded(self.path, name, known.inside_of(name))
+        inside = {name: inner for name, inner in known.incoming.items() if inner and not all(map(is_step, inner))}
+        self._write(Record(self.kind, tuple(known.incoming), inside=inside), known.incoming_about)
+        shutil.rmtree(self._prepared, ignore_errors=True)
+
+    def _write(self, record: Record, about: Mapping[str, Any]) -> None:
+        dataclasses.replace(record, kind=self.kind, about=about).write(self._record)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The folder that is taken where the user names none: results keep out of each other's way.
+
+
+def take_default(base: Path, kind: str, inputs: Mapping[str, Any]) -> OwnFolder:
+    """Take the first of ``base``, ``base-2``, ``base-3`` ... that is free or holds results of the very same inputs.
+
+    Args:
+        base: The folder's name where nothing is in the way.
+        kind: What it is to hold.
+        inputs: What decides the results, as it was recorded under ``"inputs"``.
+
+    Raises:
+        InUseError: A program with the same inputs is under way.
+        OSError: It cannot be written.
+    """
+    for path in numbered(base):
+        own = OwnFolder(path, kind)
+        record = own.record
+        same = record is not None and record.kind == kind and record.about.get("inputs") == dict(inputs)
+        if not same and os.path.lexists(path) and not own.is_free:
+            continue
+        try:
+            own.take()
+            return own
+        except InUseError:
+            if same:
+                raise
+        except OwnFolderError:
+            if same or not own.path.exists():
+                raise
+    raise AssertionError("there is always another number")
+
+
+def numbered(base: Path) -> Iterator[Path]:
+    """``base``, ``base-2``, ``base-3`` and so on."""
+    yield base
+    for number in itertools.count(2):
+        yield base.with_name(f"{base.name}-{number}")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The folder that a command writes all its results into at its end: earlier results are replaced whole or stay.
+
+
+NO_INPUT = ("output", "quiet", "no_pictures", "jobs")
+"""Options that change nothing in a command's numbers."""
+
+
+class ResultFolder:
+    """A command's folder of results, locked from its beginning to its end.
+
+    Args:
+        output: Where the user wants it; None for the first of ``default``, ``default-2`` ... that is free or holds results of
+            the very same inputs.
+        default: Its name where nothing is in the way.
+        kind: What it holds.
+        options: The command's options, by name.
+        files: Files that are read, or folders of CSV files. They are never replaced.
+
+    Raises:
+        OwnFolderError: The folder is not this program's, is in use, or cannot be written; the message is a sentence.
+    """
+
+    def __init__(
+        self, output: Path | None, default: Path, kind: str, options: Mapping[str, Any], files: Iterable[Path] = ()
+    ):
+        files = list(files)
+        self._inputs = {
+            "options": {name: repr(value) for name, value in sorted(options.items()) if name not in NO_INPUT},
+            "files": {str(file): fingerprint(file) for file in files},
+        }
+        try:
+            if output is None:
+                self._own = take_default(default, kind, self._inputs)
+            else:
+                self._own = OwnFolder(output, kind)
+                self._own.take()
+            try:
+                self._own.check_inputs(files)
+            except OwnFolderError:
+                self._own.leave()
+                raise
+        except InUseError as error:
+            raise OwnFolderError(str(error)) from None
+        except OSError as error:
+            raise OwnFolderError(f"the folder {output or default} cannot be written ({reason(error)})") from None
+
+    @property
+    def path(self) -> Path:
+        return self._own.path
+
+    @contextlib.contextmanager
+    def writing(self) -> Iterator[Path]:
+        """A folder to write all results into, which take the place of the earlier ones at the end of the block.
+
+        Raises:
+            OwnFolderError: Somebody else's file has the name of a result.
+            OSError: There is no room; the earlier results stay.
+        """
+        yield self._own.prepare()
+        self._own.bring_in({"inputs": self._inputs})
+
+    def leave(self) -> None:
+        """Let go of it; nothing is left where nothing was written."""
+        self._own.leave()
+
+
+def fingerprint(path: Path) -> str:
+    """SHA-256 of a file, or of a folder's CSV files and their names; ``"missing"`` where there is none."""
+    try:
+        if path.is_dir():
+            parts = [f"{file.name} {fingerprint(file)}" for file in sorted(path.glob("*.csv"))]
+            return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+        return file_digest(path)
+    except OSError:
+        return "missing"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Single files that a command writes: never one that it reads, and never one that somebody else made.
+
+
+MARK = "softmodels"
+"""What the header of a drawn PNG names as its software."""
+
+
+def check_output_file(
+    path: Path, inputs: Iterable[Path], is_own: Callable[[Path], bool], what: str, option: str
+) -> None:
+    """Refuse to write a file in the place of an input, or of a file that is not an earlier one of its kind.
+
+    Args:
+        path: Where it is to go.
+        inputs: Files that are read.
+        is_own: Whether a file is one of its kind.
+        what: Its kind in words, such as ``"a setup"``.
+        option: The option that names it.
+
+    Raises:
+        OwnFolderError: It would replace something else, with what to do.
+    """
+    for file in inputs:
+        if is_same(path, file):
+            raise OwnFolderError(
+                f"{path} is read, and {what} would be written over it; give it another name ({option})"
+            )
+    if path.is_dir():
+        raise OwnFolderError(f"{path} is a folder; name a file for {what} ({option})")
+    if path.exists() and not is_own(path):
+        raise OwnFolderError(
+            f"{path} is there and is not {what} of this program, so it is not replaced; give another name ({option}), or "
+            "move it away"
+        )
+
+
+def has_table(name: str) -> Callable[[Path], bool]:
+    """A test whether a file is TOML with a table of some name."""
+
+    def test(path: Path) -> bool:
+        try:
+            return name in tomllib.loads(read_text(path))
+        except (OSError, ValueError, RecursionError):
+            return False
+
+    return test
+
+
+def is_drawn(path: Path) -> bool:
+    """Whether a picture was drawn by this program."""
+    from PIL import Image
+
+    try:
+        check_file(path)
+        with Image.open(path) as image:
+            return str(image.info.get("Software", "")).startswith(MARK)
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return False

@@ -1,0 +1,458 @@
+"""Parameters that know their unit, so that checks, command lines and settings files need no list of their own.
+
+A device declares ``membrane: float = length_field(0.006, "thickness of the membrane")``. The kind and the help text travel in
+the dataclass field's metadata, and `settle` checks every field of every device the same way. A case's supply, sheet and
+contact do the same.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import math
+import numbers
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+from softmodels.common import errors
+from softmodels.common.errors import (
+    FieldError,
+    GeometryError,
+    known_are,
+    meant,
+)
+from softmodels.common.units import exact_text
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What kinds of values there are: how each is read from a text or a table, written, and checked where code gives it.
+#
+# A field of a dataclass names its kind; from that come its entry in a settings file (`softmodels.common.schema`), its option
+# on a command line (`softmodels.common.options`) and the sentences about what cannot be meant.
+
+
+Text = Callable[[float, str], str]
+"""Writes a number of a unit, as `softmodels.common.units.exact_text` does for files and `readable` for people."""
+Scalar = str | int | float | bool
+Entry = Scalar | list[Scalar]
+"""What a settings file holds."""
+
+SHORTEST = 1e-5
+"""Shortest length in m: the CAD kernel merges points closer than about 0.1 micrometre."""
+
+LONGEST = 10.0
+"""Longest length in m; anything above it is a number typed in another unit."""
+
+LISTED = 4
+"""Up to so many whole numbers are listed one by one in messages; of more their least and largest are."""
+
+ROUNDING = 1e-9
+"""Share by which a value may pass a bound: 10 um is 9.999999999999999e-06 m."""
+
+
+def shown(value: object, unit: str) -> str:
+    """Return a value as a person would write it, for example ``"20 mm"`` for 0.02 in ``"m"``."""
+    if not isinstance(value, int | float):
+        return repr(value)
+    from softmodels.common.units import readable  # not above: whoever imports the devices need not have pint
+
+    return readable(value, unit)
+
+
+def _given(value: object) -> str:
+    """A value that is refused, for its sentence."""
+    from softmodels.common.units import brief  # not above, as in `shown`
+
+    return brief(value)
+
+
+class Kind(abc.ABC):
+    """A kind of value.
+
+    Attributes:
+        unit: Of its numbers in Pint's spelling; ``""`` for pure numbers and for what is no number.
+        several: Whether it is a tuple of values.
+    """
+
+    unit: str = ""
+    several: ClassVar[bool] = False
+
+    @abc.abstractmethod
+    def settled(self, name: str, value: object) -> object:
+        """A value that code gives, as a plain float, int, str, bool or tuple.
+
+        Raises:
+            FieldError: It is not of this kind.
+        """
+
+    def read(self, name: str, value: object) -> object:
+        """A value from a settings file or from the text of an option; see `settled`."""
+        return self.settled(name, value)
+
+    def write(self, value: object, text: Text) -> object:
+        """A value for a settings file, which `read` takes back."""
+        return list(value) if isinstance(value, tuple) else value
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity(Kind):
+    """A number with a unit, or a pure number."""
+
+    unit: str = ""
+
+    def settled(self, name: str, value: object) -> float:
+        if isinstance(value, str):
+            return Quantity.read(self, name, value)
+        if not isinstance(value, numbers.Real) or isinstance(value, bool):
+            raise FieldError(f"{name} is {_given(value)}; it must be {self._wanted}")
+        try:
+            plain = float(value)
+        except OverflowError:
+            plain = math.inf
+        if not math.isfinite(plain):
+            raise FieldError(f"{name} is {_given(value)}; it must be a finite number")
+        return plain
+
+    @property
+    def _wanted(self) -> str:
+        if not self.unit:
+            return "a number"
+        from softmodels.common.units import example
+
+        return f"a number in {self.unit}, or a text with a unit such as '{example(self.unit)}'"
+
+    def read(self, name: str, value: object) -> float:
+        from softmodels.common.units import UnitError, brief, quantity
+
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            raise FieldError(f"{name} is {brief(value)}; it must be a {'text with a unit' if self.unit else 'number'}")
+        try:
+            return quantity(value, self.unit)
+        except UnitError as error:
+            raise FieldError(f"{name}: {error}") from None
+
+    def write(self, value: object, text: Text) -> object:
+        return text(value, self.unit) if self.unit and isinstance(value, int | float) else value
+
+
+@dataclasses.dataclass(frozen=True)
+class Length(Quantity):
+    """A length in m that a device can have; ``zero`` allows the value 0, ``signed`` negative ones."""
+
+    unit: str = "m"
+    zero: bool = False
+    signed: bool = False
+
+    def settled(self, name: str, value: object) -> float:
+        plain = super().settled(name, value)
+        size = abs(plain) if self.signed else plain
+        if self.zero and size == 0.0:
+            return plain
+        if size <= 0.0:
+            raise FieldError(
+                f"{name} is {shown(size, 'm')}; it must be {'0 or more' if self.zero else 'larger than 0'}"
+            )
+        if size < SHORTEST * (1 - ROUNDING):
+            raise FieldError(f"{name} is {size * 1e6:.6g} um; lengths below {SHORTEST * 1e6:g} um cannot be modelled")
+        if size > LONGEST * (1 + ROUNDING):
+            raise FieldError(f"{name} is {shown(size, 'm')}; above {LONGEST:g} m this looks like a mistaken unit")
+        return plain
+
+
+@dataclasses.dataclass(frozen=True)
+class Open(Kind):
+    """A quantity that may be left open: None where it follows from something else."""
+
+    of: Quantity
+    unit: str = dataclasses.field(init=False, default="")
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "unit", self.of.unit)
+
+    def settled(self, name: str, value: object) -> float | None:
+        return None if value is None else self.of.settled(name, value)
+
+    def read(self, name: str, value: object) -> float | None:
+        return None if value is None else self.of.read(name, value)
+
+    def write(self, value: object, text: Text) -> object:
+        return None if value is None else self.of.write(value, text)
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice(Kind):
+    """One of some values, all of one type."""
+
+    choices: tuple[str | int | float, ...]
+
+    def __post_init__(self) -> None:
+        errors.choices(self.choices)
+
+    def settled(self, name: str, value: object) -> str | int | float:
+        for known in self.choices:
+            if isinstance(value, str | numbers.Real) and value == known and not isinstance(value, bool):
+                return known
+        if ends := self.ends:
+            raise FieldError(f"{name} is {_given(value)}; it must be a whole number from {ends[0]} to {ends[1]}")
+        names = [str(known) for known in self.choices]
+        more = meant(value, names) if isinstance(value, str) else ""
+        raise FieldError(f"{name} is {_given(value)}; it must be one of {', '.join(names)}{more}")
+
+    @property
+    def ends(self) -> tuple[int, int] | None:
+        """The least and the largest of whole numbers without gaps, if they are more than `LISTED`."""
+        whole = [known for known in self.choices if isinstance(known, int)]
+        if len(whole) <= LISTED or whole != list(range(whole[0], whole[0] + len(self.choices))):
+            return None
+        return whole[0], whole[-1]
+
+
+@dataclasses.dataclass(frozen=True)
+class Words(Kind):
+    """A text."""
+
+    def settled(self, name: str, value: object) -> str:
+        if not isinstance(value, str):
+            raise FieldError(f"{name} is {_given(value)}; it must be a text")
+        return value
+
+
+@dataclasses.dataclass(frozen=True)
+class Flag(Kind):
+    """Yes or no."""
+
+    def settled(self, name: str, value: object) -> bool:
+        if not isinstance(value, bool):
+            raise FieldError(f"{name} is {_given(value)}; it must be true or false")
+        return value
+
+
+@dataclasses.dataclass(frozen=True)
+class Several(Kind):
+    """Any number of texts, or of numbers of one kind."""
+
+    of: Quantity | Words
+    unit: str = dataclasses.field(init=False, default="")
+    several: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "unit", self.of.unit)
+
+    def settled(self, name: str, value: object) -> tuple[object, ...]:
+        if not isinstance(value, str | list | tuple) and hasattr(value, "tolist"):  # an array
+            value = value.tolist()
+        if not isinstance(value, list | tuple) or not all(isinstance(item, self._wanted) for item in value):
+            raise self._refused(name, value)
+        if any(isinstance(item, bool) for item in value):
+            raise self._refused(name, value)
+        if isinstance(self.of, Words):
+            return tuple(value)
+        return tuple(self.of.settled(f"{name}[{place}]", item) for place, item in enumerate(value, 1))
+
+    def read(self, name: str, value: object) -> object:
+        if not self.unit:
+            return self.settled(name, value)
+        if not isinstance(value, list | tuple):
+            raise self._refused(name, value)
+        return tuple(self.of.read(f"{name}[{place}]", item) for place, item in enumerate(value, 1))
+
+    def write(self, value: object, text: Text) -> object:
+        return [self.of.write(item, text) for item in value] if isinstance(value, tuple) else value
+
+    @property
+    def _wanted(self) -> tuple[type, ...]:
+        return (str,) if isinstance(self.of, Words) else (numbers.Real, str)
+
+    def _refused(self, name: str, value: object) -> FieldError:
+        what = "texts" if isinstance(self.of, Words) else f"numbers in {self.unit}" if self.unit else "numbers"
+        return FieldError(f"{name} is {_given(value)}; it must be a list of {what}, such as [...]")
+
+
+__all__ = ["LONGEST", "About", "about", "angle_field", "angles_field", "choice_field", "field_of", "length_field",
+           "lengths_field", "list_field", "number_field", "settle", "shown", "text_field"]  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class About:
+    """What a field's metadata hold.
+
+    Attributes:
+        kind: Of its values.
+        help: What it is, a clause.
+        unless: Name and value of another field with which it means nothing.
+        key: Its name in settings files; the field's if empty.
+        option: Its name on command lines; the key if empty.
+        per_option: Value in the file's unit of an option's 1, where the two are counted in different units.
+        instead: Name of a list that takes its place once it has entries.
+        shape: Whether it decides a device's shape, so that a design may vary it; cell sizes and the like do not.
+        usual: Largest number in the field's unit that is likely to be meant.
+    """
+
+    kind: Kind
+    help: str
+    unless: tuple[str, str] | None = None
+    key: str = ""
+    option: str = ""
+    per_option: float = 1.0
+    instead: str = ""
+    shape: bool = True
+    usual: float = math.inf
+
+    def idle(self, thing: Any) -> str:
+        """Name of the field that makes this one mean nothing in a value of the dataclass; empty if it means something."""
+        if self.unless and getattr(thing, self.unless[0]) == self.unless[1]:
+            return self.unless[0]
+        return self.instead if self.instead and getattr(thing, self.instead) else ""
+
+
+def field_of(kind: Kind, text: str, default: Any = dataclasses.MISSING, **more: Any) -> Any:
+    """Return a dataclass field; ``more`` are further attributes of `About`."""
+    return dataclasses.field(default=default, metadata={"about": About(kind, text, **more)})
+
+
+def about(thing: Any) -> Mapping[str, About]:
+    """What is known of the fields of a dataclass or of a value of one, by name."""
+    return {field.name: field.metadata["about"] for field in dataclasses.fields(thing) if "about" in field.metadata}
+
+
+def doubt_of(thing: Any) -> str:
+    """Which number of a value of a dataclass is hardly meant: a sentence, empty if none."""
+    from softmodels.common.units import example
+
+    for name, field in about(thing).items():
+        value, unit = getattr(thing, name), field.kind.unit
+        if isinstance(value, float) and abs(value) > field.usual:
+            of = f"{type(thing).__name__}: {name.replace('_', ' ')}"
+            return f"{of} is {value:g} {unit}; numbers are in {unit}, so write another unit as a text such as '{example(unit)}'"
+    return ""
+
+
+def length_field(default: float, text: str, *, zero: bool = False, signed: bool = False, **more: Any) -> Any:
+    """Return a dataclass field for a length in m; ``zero`` allows the value 0, ``signed`` negative ones.
+
+    Args:
+        default: Its value if not given.
+        text: What it is.
+        zero: Whether it may be 0.
+        signed: Whether it may be negative.
+        more: Further attributes of `About`.
+    """
+    return field_of(Length(zero=zero, signed=signed), text, default, **more)
+
+
+def angle_field(default: float, text: str, **more: Any) -> Any:
+    """Return a dataclass field for an angle in degrees; ``more`` are further attributes of `About`."""
+    return field_of(Quantity("degree"), text, default, **more)
+
+
+def number_field(default: float, text: str, **more: Any) -> Any:
+    """Return a dataclass field for a pure number; ``more`` are further attributes of `About`."""
+    return field_of(Quantity(), text, default, **more)
+
+
+def choice_field(default: str | int, choices: tuple[str | int, ...], text: str) -> Any:
+    """Return a dataclass field that takes one of ``choices`` (all of one type)."""
+    return field_of(Choice(choices), text, default)
+
+
+def text_field(default: str, text: str) -> Any:
+    """Return a dataclass field for a text."""
+    return field_of(Words(), text, default)
+
+
+def list_field(
+    default: tuple[str, ...] | tuple[float, ...], text: str, *, numbers: bool = False, shape: bool = True
+) -> Any:
+    """Return a dataclass field for any number of texts, or of pure numbers; see `About.shape`."""
+    return field_of(Several(Quantity() if numbers else Words()), text, default, shape=shape)
+
+
+def lengths_field(text: str) -> Any:
+    """Return a dataclass field for any number of lengths in m, none unless given."""
+    return field_of(Several(Length()), text, ())
+
+
+def angles_field(text: str) -> Any:
+    """Return a dataclass field for any number of angles in degrees, none unless given."""
+    return field_of(Several(Quantity("degree")), text, ())
+
+
+def settle(thing: Any, error: type[ValueError] = GeometryError) -> None:
+    """Turn every field of a frozen dataclass into a plain float, int, str or tuple of them and check what needs no other field.
+
+    Plain types make equal devices compare, print and hash equally whether a caller wrote 45, 45.0 or a NumPy scalar.
+
+    Args:
+        thing: The value.
+        error: What is raised.
+
+    Raises:
+        ValueError: Of the class ``error``: wrong type, not finite, not one of the choices, or a length that none can have.
+    """
+    for name, field in about(thing).items():
+        try:
+            object.__setattr__(thing, name, field.kind.settled(name, getattr(thing, name)))
+        except FieldError as wrong:
+            raise error(str(wrong)) from None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Between dataclasses whose fields know their kind and tables of a settings file, without losing a bit.
+
+
+def to_table(thing: Any, text: Text = exact_text) -> dict[str, Any]:
+    """The fields of a value for a TOML table.
+
+    Args:
+        thing: A value of a dataclass whose fields come from `softmodels.common.schema`.
+        text: How quantities are written: `softmodels.common.units.exact_text`, so that `from_table` gives back the same
+        numbers to
+            the last bit, unless another is given, such as `readable` for people.
+
+    Returns:
+        Lengths and the like as texts with a unit ("20 mm"); pure numbers, choices, texts and lists as they are. What is left
+        open is left out.
+    """
+    written = {field.key or name: field.kind.write(getattr(thing, name), text) for name, field in about(thing).items()}
+    return {name: value for name, value in written.items() if value is not None}
+
+
+def from_table(kind: type, table: Mapping[str, Any], where: str, what: str = "") -> dict[str, Any]:
+    """The values of a table by the names of a dataclass's fields; what is None is left out.
+
+    Args:
+        kind: The dataclass.
+        table: Values by the names that `to_table` writes, or by those of the options.
+        where: What the table is called, such as ``"[sheet]"``.
+        what: What is put before the name of an entry in messages, such as ``"sheet "``.
+
+    Raises:
+        FieldError: An unknown entry, or a value that is not of its field's kind.
+    """
+    fields = about(kind)
+    names = {field.key or name: (name, 1.0) for name, field in fields.items()}
+    names |= {field.option: (name, field.per_option) for name, field in fields.items() if field.option}
+    values = {}
+    for key, value in table.items():
+        if key not in names:
+            known = known_are(key, (field.key or name for name, field in fields.items()))
+            raise FieldError(f"{where} has an unknown entry {key!r}; {known}")
+        if value is not None:
+            name, factor = names[key]
+            read = fields[name].kind.read(what + key.replace("_", " ") if what else key, value)
+            values[name] = read * factor if isinstance(read, float) and factor != 1.0 else read
+    return values
+
+
+def from_options(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of options, which are numbers in their units already, by the names of a dataclass's fields.
+
+    Args:
+        kind: The dataclass.
+        values: By the names of the options; what is None is left out.
+    """
+    fields = {field.option or name: (name, field.per_option) for name, field in about(kind).items()}
+    given = {option: value for option, value in values.items() if value is not None}
+    return {
+        fields[option][0]: value * fields[option][1] if isinstance(value, float) else value
+        for option, value in given.items()
+    }

@@ -1,0 +1,272 @@
+"""Tables that a user names, as rows of texts: text with separators, or an Excel workbook (.xlsx).
+
+A workbook is an archive of XML: its unpacked size, columns and rows are bounded before anything is parsed.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import functools
+import io
+import itertools
+import re
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from softmodels.common.files import (
+    CHUNK,
+    TEXT,
+    UserFileError,
+    read_file,
+)
+
+type Line = tuple[int, list[str]]
+"""A row's number in its file or sheet, from 1, and its cells."""
+
+SEPARATORS = (";", "\t", ",")
+"""Tried in this order: a decimal comma is taken for a separator last."""
+MAX_ROWS, MAX_COLUMNS = 1_048_576, 256
+"""Of a sheet; the rows are Excel's own limit. Cells further right are not read."""
+MAX_TAGS = 500_000
+"""Of a row, a shared text or what else of a workbook is held in memory at once; a full row of Excel has 120,000."""
+_ENDS = re.compile(rb"</(?:\w+:)?(?:row|si)>")
+ZIP, OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
+"""First bytes of a workbook, and of one in the format before 2007 or with a password."""
+ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
+"""What a spreadsheet shows in place of a value; a row that begins with one is no comment."""
+
+
+class Worksheet:
+    """One reading of a table: a sheet of a workbook, or a whole text by one separator.
+
+    Attributes:
+        name: Of the sheet in its workbook; empty for a text.
+        separator: Between the cells of a text; empty for a sheet.
+    """
+
+    def __init__(self, name: str, separator: str, rows: Callable[[], Iterator[Line]]):
+        self.name, self.separator, self._read = name, separator, rows
+
+    @functools.cached_property
+    def rows(self) -> list[Line]:
+        """Rows with anything in them, without comments.
+
+        Raises:
+            csv.Error: The text is no table with this separator.
+        """
+        return [(number, cells) for number, cells in self._read() if any(cell.strip() for cell in cells)]
+
+    def place(self, number: int) -> str:
+        """Where a row is, for messages."""
+        return f"row {number} of the sheet {self.name!r}" if self.name else f"line {number}"
+
+
+def _is_comment(cell: str) -> bool:
+    return cell.startswith("#") and not cell.strip().startswith(ERRORS)
+
+
+def read_sheets(path: Path) -> list[Worksheet]:
+    """The sheets of a workbook, hidden ones left out, or a text's readings by each separator; told apart by their content.
+
+    Text is UTF-8, UTF-16 with its mark, or else Latin-1, which older test machines write. Cells come as spreadsheets show
+    them: a number in a cell of percents is ``"12.5 %"``. A formula that was never evaluated comes as ``"=A1*2"``.
+
+    Raises:
+        OSError: See `softmodels.common.files.read_file`; or this is no table. ``strerror`` is the reason.
+    """
+    data = read_file(path)
+    if data.startswith(ZIP):
+        return _workbook(path, data)
+    if data.startswith(OLE):
+        raise UserFileError(
+            path, "it is an Excel workbook with a password or in the format before 2007; save it as .xlsx or as CSV"
+        )
+    lines = [pair for pair in enumerate(_text(path, data).splitlines(), 1) if pair[1].strip()]
+    return [Worksheet("", separator, functools.partial(_cells, lines, separator)) for separator in SEPARATORS]
+
+
+def pick[Found](
+    path: Path, sheets: Sequence[Worksheet], table: Callable[[Worksheet], Found | None]
+) -> tuple[Worksheet, Found] | None:
+    """The sheet that has a table, and what ``table`` makes of it; None if there is none.
+
+    Raises:
+        UserFileError: Several sheets have one, or the text is no table with any separator.
+    """
+    found: list[tuple[Worksheet, Found]] = []
+    trouble: csv.Error | None = None
+    for sheet in sheets:
+        try:
+            one = table(sheet)
+        except csv.Error as error:
+            trouble = error
+            continue
+        if one is not None:
+            found.append((sheet, one))
+            if not sheet.name:
+                break
+    if len(found) > 1:
+        raise UserFileError(
+            path,
+            f"there is a table on each of {named([sheet for sheet, _ in found])}; save the sheet to be read as CSV, or as "
+            "a workbook of its own",
+        )
+    if not found and trouble is not None:
+        raise UserFileError(path, f"it is not a table ({trouble})")
+    return found[0] if found else None
+
+
+def named(sheets: Sequence[Worksheet]) -> str:
+    """The sheets of a workbook in a sentence; empty for a text."""
+    names = [repr(sheet.name) for sheet in sheets if sheet.name]
+    if len(names) > 10:
+        names = [*names[:10], "others"]
+    *first, last = names or [""]
+    return last and (f"the sheets {', '.join(first)} and {last}" if first else f"the sheet {last}")
+
+
+def records(rows: Sequence[Line]) -> list[tuple[int, dict[str, str]]]:
+    """Rows below the first by its names; cells that a short row does not have are empty."""
+    if not rows:
+        return []
+    names = [name.strip() for name in rows[0][1]]
+    return [
+        (number, {name: cell.strip() for name, cell in itertools.zip_longest(names, cells[: len(names)], fillvalue="")})
+        for number, cells in rows[1:]
+    ]
+
+
+def _text(path: Path, data: bytes) -> str:
+    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    try:
+        text = data.decode("utf-16" if wide else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")  # the numbers are the same
+    if "\0" in text:
+        raise UserFileError(path, "this is not a text file and not an Excel workbook; save the sheet as CSV or .xlsx")
+    return text
+
+
+def _cells(lines: Sequence[tuple[int, str]], separator: str) -> Iterator[Line]:
+    kept = [pair for pair in lines if not _is_comment(pair[1])]  # a quote in a comment opens no cell
+    reader = csv.reader((line for _, line in kept), delimiter=separator, skipinitialspace=True)
+    for cells in reader:
+        yield kept[reader.line_num - 1][0], cells
+
+
+def _workbook(path: Path, data: bytes) -> list[Worksheet]:
+    broken = UserFileError(
+        path,
+        "it is not an Excel workbook (.xlsx), or a damaged one; save it anew with a spreadsheet program, or as CSV",
+    )
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+            if size > TEXT:
+                raise UserFileError(
+                    path,
+                    f"unpacked, its sheets have {size / 1e6:.4g} MB, and at most {TEXT / 1e6:g} MB are read; save it as CSV",
+                )
+            for member in archive.infolist():
+                with archive.open(member) as part:
+                    if _is_too_dense(part):
+                        raise UserFileError(
+                            path, f"a row of its sheets, or its styles, have over {MAX_TAGS:g} parts; save it as CSV"
+                        )
+    except UserFileError:
+        raise
+    except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, OSError):
+        raise broken from None
+    try:
+        read = _read_workbook(data, True)
+        unknown = {(name, *place) for name, (_, empty) in read.items() for place in empty}
+        formulas = {name: cells for name, (cells, _) in _read_workbook(data, False).items()} if unknown else {}
+    except Exception:  # openpyxl and the parser of XML raise what they come across
+        raise broken from None
+    if not read:
+        raise broken
+    for name, row, column in unknown:
+        if (cell := formulas[name].get(row, {}).get(column, "")).startswith("="):
+            read[name][0].setdefault(row, {})[column] = cell
+    return [Worksheet(name, "", functools.partial(_in_rows, cells)) for name, (cells, _) in read.items()]
+
+
+def _is_too_dense(part: IO[bytes]) -> bool:
+    """Whether a part of a workbook has so many tags and attributes in a row that its tree would fill the memory."""
+    count = 0
+    while chunk := part.read(CHUNK):
+        *rows, rest = _ENDS.split(chunk)
+        for row in rows:
+            if count + row.count(b"<") + row.count(b"=") > MAX_TAGS:
+                return True
+            count = 0
+        count += rest.count(b"<") + rest.count(b"=")
+        if count > MAX_TAGS:
+            return True
+    return False
+
+
+type Cells = dict[int, dict[int, str]]
+
+
+def _read_workbook(data: bytes, values: bool) -> dict[str, tuple[Cells, list[tuple[int, int]]]]:
+    """By a visible sheet's name its cells by row and column, and the places of those with nothing in them but a style.
+
+    Args:
+        data: The workbook.
+        values: Values of formulas, as the program that wrote them saw them; else the formulas.
+    """
+    import warnings
+
+    import openpyxl
+    from openpyxl.cell.read_only import EMPTY_CELL
+
+    found: dict[str, tuple[Cells, list[tuple[int, int]]]] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about styles and other things that are not read
+        book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=values, keep_links=False)
+        for sheet in book.worksheets:
+            if sheet.sheet_state != "visible":
+                continue
+            sheet.reset_dimensions()  # machines write wrong ones
+            cells: Cells = {}
+            empty: list[tuple[int, int]] = []
+            before: Sequence[Any] = ()
+            # Without bounds, one cell at the far end of a sheet would make rows without end.
+            for row in sheet.iter_rows(max_row=MAX_ROWS, max_col=MAX_COLUMNS):
+                if row is before:  # rows that the file leaves out are all one
+                    continue
+                before = row
+                for cell in row:
+                    if cell is EMPTY_CELL:
+                        continue
+                    if cell.value is not None:
+                        cells.setdefault(cell.row, {})[cell.column] = _shown(cell, values)
+                    elif cell.data_type == "n":  # a formula with an empty text for its value is "str"
+                        empty.append((cell.row, cell.column))
+            found[sheet.title] = cells, empty
+        book.close()
+    return found
+
+
+def _shown(cell: Any, values: bool) -> str:
+    value, style = cell.value, cell.number_format or ""
+    if cell.data_type == "f" and not values:
+        return value if isinstance(value, str) else "={...}"
+    if isinstance(value, bool):
+        return str(value).upper()
+    if isinstance(value, int | float) and "%" in style:
+        literal = "%" not in re.sub(r'"[^"]*"|\\.', "", style)
+        return f"{value if literal else 100 * value!r} %"
+    return repr(value) if isinstance(value, int | float) else str(value)
+
+
+def _in_rows(cells: Cells) -> Iterator[Line]:
+    for number in sorted(cells):
+        row = cells[number]
+        if not _is_comment(row.get(1, "")):
+            yield number, [row.get(column, "") for column in range(1, max(row) + 1)]

@@ -1,0 +1,301 @@
+"""Text with a unit in, a plain number in SI units out.
+
+Everything inside the project is SI; units live only where text is read or written. A bare number where a unit belongs is
+refused, because a silent guess (metres? millimetres?) looks like a solver that diverges. So is all that is not one number
+and one unit: Pint by itself drops commas (1,5mm would be 15 mm), multiplies numbers that stand side by side and evaluates
+powers of any size. It gets to see the unit alone, and that only where the unit is not one of `common_units`.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from softmodels.common.errors import meant
+
+if TYPE_CHECKING:
+    import pint
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Factors of the units that people write most, so that reading ``20mm`` need not start Pint.
+#
+# Pint takes as long to start as all the rest of a command's options. Every factor is Pint's own, to the last digit, and what
+# is not here is asked of Pint, which also words what is wrong. A test holds the table against it.
+
+
+_LITRE = 0.0010000000000000002
+"""In m^3 as Pint has it: a decimetre cubed."""
+FACTORS: dict[str, dict[str, float]] = {
+    "m": {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0},
+    "m^2": {"mm^2": 1e-6, "cm^2": 1e-4, "m^2": 1.0},
+    "m^3": {
+        "ul": 1.0000000000000003e-9, "ml": 1.0000000000000002e-6, "l": _LITRE, "mm^3": 1e-9, "cm^3": 1.0000000000000002e-6,
+        "m^3": 1.0,
+    },
+    "Pa": {
+        "Pa": 1.0, "hPa": 100.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "mbar": 100.0, "bar": 1e5, "N/mm^2": 1e6, "N/m^2": 1.0,
+    },
+    "degree": {"deg": 1.0, "degree": 1.0, "°": 1.0},
+    "N": {"mN": 1e-3, "N": 1.0},
+    "N*m": {"N*mm": 1e-3, "mN*m": 1e-3, "N*m": 1.0},
+    "N/m": {"N/m": 1.0, "N/mm": 1e3, "kN/m": 1e3},
+    "Pa/m": {"Pa/m": 1.0, "kPa/m": 1e3, "Pa/mm": 1e3, "kPa/mm": 1e6, "MPa/m": 1e6, "MPa/mm": 1e9},
+    "kg": {"mg": 1e-6, "g": 1e-3, "kg": 1.0},
+    "kg/m^3": {"kg/m^3": 1.0, "g/cm^3": 999.9999999999999, "g/ml": 999.9999999999999},
+    "m/s^2": {"m/s^2": 1.0},
+    "": {"%": 0.01},
+}  # fmt: skip
+"""By the unit that is wanted: how much of it one of a unit is."""
+
+
+STANDARD_GRAVITY = 9.80665
+"""Standard acceleration of gravity in m/s2 (CGPM 1901)."""
+
+WATER_DENSITY = 970.0
+"""Density in kg/m3 of the water in the thesis' column (section 4.1: 0.97 g/ml measured)."""
+
+LONGEST = 100
+"""Characters of the longest quantity; the most precise float has 24."""
+
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_SPACES = r"[\s_'\u2019]"
+_NAME = r"(?:[^\W\d_]|[%°])\w*"
+"""A unit's name, such as mm, % or cmH2O."""
+_FACTOR = rf"\(*\s*{_NAME}(?:\s*(?:\^|\*\*)\s*-?[0-9]|[⁻]?[¹²³⁴])?\s*\)*(?:\s*(?:\^|\*\*)\s*-?[0-9])?"
+_UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/·⋅\s]\s*{_FACTOR})*")
+_ANGLES = {"degree", "radian", "milliradian", "arcminute", "arcsecond", "turn", "gradian"}
+
+
+class UnitError(ValueError):
+    """A text that is not a number with a fitting unit; the message is a sentence for the user."""
+
+
+@functools.cache
+def _registry() -> pint.UnitRegistry:
+    import pint
+
+    return pint.UnitRegistry(cache_folder=None)
+
+
+def brief(value: object) -> str:
+    """A value as a message shows it: its repr, cut where it is long; what it is, where it is no scalar."""
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list | tuple) and len(value) > 8:
+        return f"a list of {len(value)} entries"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    try:
+        text = repr(value)
+    except Exception:  # integers of thousands of digits, lists in lists in lists, objects of anybody's
+        return f"a value of the class {type(value).__name__} that cannot be shown"
+    count = len(value) if isinstance(value, str) else len(text)
+    text = text if isinstance(value, str) else " ".join(text.split())  # arrays have lines
+    return text if count <= 80 else f"{text[:60]}… ({count} characters)"
+
+
+def number(value: Any) -> float:
+    """A finite number from its text, or from a number; nothing else is one.
+
+    Raises:
+        UnitError: A comma, spaces between digits, words, a list; too large; not finite.
+    """
+    if isinstance(value, str):
+        read, unit = _split(value, "a number")
+        if unit:
+            raise UnitError(f"{brief(value.strip())} is not a number")
+        return read
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UnitError(f"{brief(value)} is not a number")
+    try:
+        read = float(value)
+    except OverflowError:
+        read = math.inf
+    if not math.isfinite(read):
+        raise UnitError(f"{brief(value)} is not a finite number")
+    return read
+
+
+def numbers(parts: Iterable[Any]) -> list[float]:
+    """Numbers or their texts as finite floats.
+
+    Raises:
+        UnitError: One is none. True is none either, though Python would take it for 1.
+    """
+    return [number(part) for part in parts]
+
+
+FORMULA = (
+    "begins with =, as a formula does, and is not a number; a workbook has its value once a spreadsheet has saved it"
+)
+"""What to say of a text that begins with ``=``."""
+
+
+def number_and_unit(text: str) -> tuple[float, str]:
+    """A quantity's number and the text of its unit, which may be empty and is not looked up.
+
+    Raises:
+        UnitError: See `quantity`.
+    """
+    return _split(text, "a number with a unit")
+
+
+def quantity(text: str | float, unit: str) -> float:
+    """Read a quantity such as ``"20 mm"`` and return its value in ``unit``.
+
+    Args:
+        text: One number and one unit. A bare number is taken only where ``unit`` is empty (a ratio) or where it is 0.
+        unit: Unit of the result in Pint's spelling, for example ``"m"`` or ``"Pa"``; ``""`` for a pure number.
+
+    Raises:
+        UnitError: No number, a decimal comma, several numbers, no unit where one is needed, an unknown unit or one of
+            another kind, or a value that is not finite.
+    """
+    hint = f"; write it like {example(unit)}" if unit else ""
+    if isinstance(text, str):
+        read, written = _split(text, "a number with a unit" if unit else "a number", hint)
+    else:
+        read, written = number(text), ""
+    shown = brief(str(text).strip())
+    if not written:
+        if unit and read != 0.0:
+            raise UnitError(f"{shown} has no unit{hint}")
+        return read
+    factor = FACTORS.get(unit, {}).get(written)
+    value = read * factor if factor is not None else _converted(read, written, unit, shown, hint)
+    if not math.isfinite(value):
+        raise UnitError(f"{shown} is not a finite number")
+    return value
+
+
+def example(unit: str) -> str:
+    """A quantity of a unit, as a message shows it."""
+    return {"m": "20mm", "Pa": "20kPa", "degree": "45deg", "kg/m^3": "970kg/m^3", "m^3": "20ml", "N/m": "50kN/m",
+            "m^2": "18mm^2", "kg": "20g"}.get(unit, f"1 {unit}".strip())  # fmt: skip
+
+
+def _converted(read: float, written: str, unit: str, shown: str, hint: str) -> float:
+    """A number in one unit as one in another, by Pint.
+
+    Raises:
+        UnitError: The unit is unknown, or of another kind.
+    """
+    import pint
+
+    known = _unit(written)
+    if known is None:
+        raise UnitError(f"{shown} has an unknown unit, {brief(written)}{hint}{meant(written, FACTORS.get(unit, ()))}")
+    try:
+        if bool(_ANGLES & set(known._units)) != (unit == "degree"):  # to Pint an angle is a pure number
+            raise pint.DimensionalityError(known, unit)
+        return float(_registry().Quantity(read, known).to(unit or "dimensionless").magnitude)
+    except (pint.PintError, ArithmeticError, TypeError, ValueError):
+        raise UnitError(f"{shown} cannot be read in {unit or 'pure numbers'}{hint}") from None
+
+
+def _split(text: str, what: str, hint: str = "") -> tuple[float, str]:
+    shown = text.strip()
+    if len(shown) > LONGEST:
+        raise UnitError(f"{brief(shown)} is not {what}{hint}")
+    found = re.fullmatch(rf"({_NUMBER})\s*(.*)", shown, re.DOTALL)
+    if found is None or (found[2] and not _UNIT.fullmatch(found[2])):
+        raise UnitError(_reason(shown, what, hint))
+    read = float(found[1])
+    if not math.isfinite(read):
+        raise UnitError(f"{brief(shown)} is not a finite number")
+    return read, found[2]
+
+
+def _reason(shown: str, what: str, hint: str) -> str:
+    """Why a text is no quantity."""
+    if shown.startswith("="):
+        return f"{brief(shown)} {FORMULA}"
+    if re.match(rf"[+-]?[0-9]*,[0-9]+(?![0-9.,]|{_SPACES}[0-9])", shown):
+        more = (
+            f" (or {shown.replace(',', '')}, if it parts thousands)" if re.search(r",[0-9]{3}(?![0-9])", shown) else ""
+        )
+        return f"{brief(shown)} has a decimal comma; write {shown.replace(',', '.')}{more}"
+    if re.match(r"[+-]?[0-9][0-9.,]*,[0-9]", shown):
+        return f"{brief(shown)} has commas between its digits; write the number without them, with a decimal point"
+    if re.match(rf"[+-]?[0-9][0-9.]*{_SPACES}+[0-9]", shown):
+        return (
+            f"{brief(shown)} has a space or the like between its digits; write one number, such as "
+            f"{re.sub(rf'(?<=[0-9]){_SPACES}+(?=[0-9])', '', shown)}"
+        )
+    if re.match(r"[+-]?(nan|inf)", shown, re.IGNORECASE):
+        return f"{brief(shown)} is not a finite number"
+    return f"{brief(shown)} is not {what}{hint}"
+
+
+@functools.lru_cache(maxsize=256)
+def _unit(text: str) -> Any:
+    """Pint's unit of a text, or None if there is none."""
+    try:
+        return _registry().parse_units(text)
+    except Exception:  # Pint's parser raises what Python's tokenizer does, and more
+        return None
+
+
+def pascal_per_cm(density: float = WATER_DENSITY) -> float:
+    """Pressure in Pa of one centimetre of a column of liquid with this density in kg/m3."""
+    return 0.01 * density * STANDARD_GRAVITY
+
+
+_FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0), "m^3": ("ml", 1e6)}
+
+
+def readable(value: float, unit: str) -> str:
+    """A value for people: "0.9 mm", "14 kPa", six digits at most; for files that machines read back it is `exact_text`.
+
+    Args:
+        value: Value in ``unit``.
+        unit: As in `quantity`; lengths of a metre and more stay in metres.
+    """
+    name, factor = _FRIENDLY.get(unit, (unit, 1.0))
+    if unit == "m" and abs(value) >= 1.0:
+        name, factor = unit, 1.0
+    return f"{value * factor:.6g} {name}".strip()
+
+
+def _plain(value: float) -> str:
+    """The shortest text that reads back as the float: 0.7 and not 0.69999999999999996."""
+    return repr(value).removesuffix(".0")
+
+
+def exact_text(value: float, unit: str) -> str:
+    """The shortest friendly text ("20 mm", "30 kPa") that `quantity` reads back as exactly this value.
+
+    Args:
+        value: Value in ``unit``.
+        unit: As in `quantity`; pure numbers have ``""``.
+    """
+    name, factor = _FRIENDLY.get(unit, (unit, 1.0))
+    for digits in range(1, 18):
+        rounded = float(f"{value * factor:.{digits}g}")  # "2e+01" becomes 20.0, which prints as a person writes it
+        text = f"{_plain(rounded)} {name}".strip()
+        if quantity(text, unit) == value:
+            return text
+    # Not every float has a text in the friendlier unit that survives the conversion; those stay in their own.
+    return f"{value!r} {unit}".strip()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Values for reading: in the unit that suits their size, with the digits that suit their error.
+
+
+def with_prefix(value: float, unit: str, error: float = math.nan) -> tuple[str, str]:
+    """A value and its unit as texts: Pa as Pa, kPa or MPa by size, m as mm; digits that suit the standard error."""
+    factor, name = 1.0, unit
+    if unit == "Pa":
+        size = abs(value)
+        factor, name = (1e-6, "MPa") if size >= 1e6 else (1e-3, "kPa") if size >= 10.0 else (1.0, "Pa")
+    if unit == "m":
+        factor, name = 1e3, "mm"
+    digits = 4
+    if math.isfinite(error) and 0.0 < error < abs(value):
+        digits = min(max(math.ceil(math.log10(abs(value) / error)) + 2, 2), 9)
+    return f"{value * factor:.{digits}g}", name

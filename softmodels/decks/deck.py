@@ -1,0 +1,882 @@
+"""What a deck is written from: a case that another program can solve, and its mesh."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import (
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator
+from geometries.actuator import cavity_roles
+from geometries.mesh_arrays import (
+    WEIGHTS,
+    Ints,
+    MeshArrays,
+    read_arrays,
+    tetrahedron_slopes,
+    triangle_tables,
+)
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.materials import Region
+from softmodels.common.arrays import Array
+from softmodels.materials.laws import Material
+from softmodels.mechanics import contact as contact_module
+from softmodels.mechanics.component import Component, names_in
+from softmodels.mechanics.contact import (
+    HARDENS,
+    HARDER,
+    ONSET,
+    ONSET_PRESSURE,
+    Contact,
+    Obstacle,
+    RigidShape,
+    copies_around,
+)
+from softmodels.mechanics.dead_loads import LoadPart
+from softmodels.mechanics.fibres import (
+    Fabric,
+    Fibres,
+    helix_at,
+    slope_of,
+)
+from softmodels.mechanics.holds import Clamp, held_with
+from softmodels.mechanics.loads import FaceLoad, Mass, gravity_of
+from softmodels.mechanics.pressing import HardeningPenalty, Penalty, Stand
+from softmodels.mechanics.rigid import Freedom, Rigid
+from softmodels.mechanics.system import System, nodal_forces
+from softmodels.mechanics.walls import Walls
+from softmodels.path.program import begins_at_rest
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A silicone of a deck and the regions that it fills.
+
+
+MAIN = "silicone"
+"""Name of the case's own material, if no region has it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class DeckSilicone:
+    """A material.
+
+    Attributes:
+        name: What the deck calls it.
+        material: Law and parameters.
+        regions: Regions of the mesh that it fills.
+    """
+
+    name: str
+    material: Material
+    regions: tuple[str, ...]
+
+    @property
+    def invariant_terms(self) -> dict[tuple[int, int], float]:
+        """The law's factors in Pa of (I1_bar - 3)^i (I2_bar - 3)^j."""
+        return dict(self.material.invariant_terms)
+
+    @property
+    def bulk(self) -> float:
+        """Bulk modulus in Pa."""
+        # Not `Material.bulk`, which is Lame's first constant where the shape part resists it too.
+        nu = self.material.poisson
+        return 2 * self.material.shear_modulus_0 * (1 + nu) / (3 * (1 - 2 * nu))
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a reader has to know of it, sentences."""
+        found = [
+            f"{self.name}: {self.material}",
+            f"{self.name}: energy of the isochoric stretches' shape + K/2 (J - 1)^2, K = {self.bulk:.6g} Pa",
+        ]
+        if not self.material.isochoric:
+            found.append(
+                f"{self.material.name}: softmodels' energy is of the whole stretches, this one of the isochoric ones; they are "
+                "the same as Poisson's ratio goes to 0.5"
+            )
+        return found
+
+    def check(self, where: str) -> None:
+        """Refuse a law that no deck has.
+
+        Args:
+            where: What a sentence begins with.
+
+        Raises:
+            CaseError: It is one.
+        """
+        material = self.material
+        if not (material.invariant_terms or material.stretch_terms):
+            raise CaseError(
+                f"{where}{material.name} is a law that neither CalculiX nor FEBio has; fit or name one of Mooney-Rivlin, Yeoh "
+                "or Ogden"
+            )
+        if math.isinf(material.bulk):
+            raise CaseError(
+                f"{where}poisson = 0.5 is incompressible and the decks' cells have displacements alone; take poisson = 0.49 in "
+                "both"
+            )
+
+
+def silicones_of(material: Material, parts: Iterable[object], regions: Iterable[str]) -> tuple[DeckSilicone, ...]:
+    """The materials of a device, its main one first, which fills what no part names.
+
+    Args:
+        material: The main one.
+        parts: What is added to the device.
+        regions: Those of its mesh.
+    """
+    others = [DeckSilicone(part.name, part.material, (part.name,)) for part in parts if isinstance(part, Region)]
+    named = {one.name for one in others}
+    main = f"main_{MAIN}" if MAIN in named else MAIN
+    return (DeckSilicone(main, material, tuple(name for name in regions if name not in named)), *others)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How a deck's nodes may move: held, tied to others, or with a rigid part.
+#
+# A rigid part's nodes are held by the part alone, whatever else they lie on: its motions are those that cut planes and supports
+# leave it (`softmodels.mechanics.rigid`), and other programs refuse a dof that two conditions hold. A part that does not turn
+# is written as linear equations between its nodes; one that turns has two nodes of its own, for its place and for its rotation.
+
+
+Terms = dict[tuple[int, int], float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Tie:
+    """A displacement that is a sum of others.
+
+    Attributes:
+        node, component: Which it is.
+        terms: Factors by node and component of the others.
+    """
+
+    node: int
+    component: int
+    terms: Terms
+
+
+@dataclasses.dataclass(frozen=True)
+class Rigged:
+    """A rigid part of a deck that moves.
+
+    Attributes:
+        name: Its label.
+        nodes: The mesh's nodes that follow it.
+        place: The node whose displacement is that of its centre, or of all its nodes where it does not turn.
+        turn: The node whose displacement is its rotation vector in rad; None where it does not turn.
+    """
+
+    name: str
+    nodes: Ints
+    place: int
+    turn: int | None = None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Supports:
+    """What holds a deck's nodes.
+
+    Attributes:
+        held: Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component.
+        tied: Displacements that depend on others.
+        rigged: Rigid parts that move.
+        added: Places in m of nodes that are not the mesh's, numbered behind it, shape (k, 3).
+    """
+
+    held: dict[int, Ints]
+    tied: tuple[Tie, ...]
+    rigged: tuple[Rigged, ...]
+    added: Array
+
+
+def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, Freedom]) -> Supports:
+    """What holds the nodes of a case's mesh.
+
+    Args:
+        case: The case.
+        mesh: Its device's mesh.
+        freedoms: The motions left to each rigid part, by its label, its centre in m.
+    """
+    rows, ties = _held_directions(case, mesh), list[Tie]()
+    rigged, added = [], np.empty((0, 3))
+    for part in case.parts:
+        if not isinstance(part, Rigid):
+            continue
+        nodes = mesh.nodes[part.face] if part.face else _within(mesh, part.region)
+        freedom = freedoms[part.label]
+        rows[nodes] = 0.0
+        if not freedom.count:
+            rows[nodes, :3] = np.eye(3)
+        elif len(freedom.axes):
+            place = len(mesh.points) + len(added)
+            added = np.vstack([added, freedom.centre, freedom.centre])
+            rigged.append(Rigged(part.label, nodes, place, place + 1))
+            ties += [*_left(place, freedom.directions), *_left(place + 1, freedom.axes)]
+        else:
+            place = int(nodes[np.linalg.norm(mesh.points[nodes] - freedom.centre, axis=1).argmin()])
+            rigged.append(Rigged(part.label, nodes, place))
+            ties += _as_one(nodes, place, freedom.directions)
+    ties += [tie for node in np.flatnonzero(np.abs(rows).any(axis=(1, 2))) for tie in _solved_at(int(node), rows[node])]
+    held = {c: np.array([tie.node for tie in ties if tie.component == c and not tie.terms]) for c in range(3)}
+    return Supports(
+        {component: nodes for component, nodes in held.items() if len(nodes)},
+        tuple(tie for tie in ties if tie.terms),
+        tuple(rigged),
+        added,
+    )
+
+
+def _within(mesh: MeshArrays, region: str) -> Ints:
+    """Nodes of a region's cells."""
+    return np.unique(mesh.cells[mesh.regions[region]])
+
+
+def _held_directions(case: Case, mesh: MeshArrays) -> Array:
+    """Directions that cut planes, the device's own supports and clamps hold at each node, shape (n, k, 3), k at least 3."""
+    device, rows = case.actuator, np.zeros((len(mesh.points), 3, 3))
+    for role, direction in [
+        *((plane.name, plane.normal) for plane in device.cut_planes),
+        *((hold.role, hold.direction) for hold in held_with(device.holds, device, case.parts)),
+    ]:
+        added = np.zeros((len(mesh.points), 3, 3))
+        nodes = mesh.nodes[role] if role in mesh.nodes else _within(mesh, role)
+        added[nodes] = np.eye(3) if direction is None else [direction, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+        rows = np.concatenate([rows, added], axis=1)
+    return rows
+
+
+def _left(node: int, ways: Array) -> list[Tie]:
+    """What leaves a node the displacements along orthonormal ways alone, shape (k, 3); one without terms vanishes."""
+    return _solved_at(node, np.eye(3) - ways.T @ ways)
+
+
+def _as_one(nodes: Ints, place: int, ways: Array) -> Iterator[Tie]:
+    """What lets nodes move as one of them does, along orthonormal ways alone, shape (k, 3)."""
+    found = {tie.component: tie.terms for tie in _left(place, ways)}
+    terms = [found.get(i, {(place, i): 1.0}) for i in range(3)]
+    for node in nodes:
+        own = found if node == place else range(3)
+        yield from (Tie(int(node), i, terms[i]) for i in own)
+
+
+def _solved_at(node: int, rows: Array) -> list[Tie]:
+    return [
+        Tie(node, component, {(node, i): factor for i, factor in factors.items()})
+        for component, factors in solved(rows)
+    ]
+
+
+def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
+    """Components that vanish, or depend on others, where some directions are held: the reduced row echelon form.
+
+    Args:
+        rows: Held directions, shape (k, 3).
+
+    Returns:
+        Components with the factors of those that they are the sum of; none for one that vanishes.
+    """
+    matrix, found = rows.copy(), []
+    pivots: list[tuple[int, int]] = []
+    for _ in range(3):
+        free = np.abs(matrix).copy()
+        for row, column in pivots:
+            free[row], free[:, column] = 0.0, 0.0
+        row, column = divmod(int(free.argmax()), 3)
+        if free[row, column] < 1e-9:
+            break
+        matrix[row] /= matrix[row, column]
+        for other in range(len(matrix)):
+            if other != row:
+                matrix[other] -= matrix[other, column] * matrix[row]
+        pivots.append((row, column))
+    for row, column in sorted(pivots, key=lambda pivot: pivot[1]):
+        factors = {i: -float(matrix[row, i]) for i in range(3) if i != column and abs(matrix[row, i]) > 1e-9}
+        found.append((column, factors))
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Springs of a deck: energies of one length at integration points, as `pressing` and `threads` make them.
+#
+# Each begins at a node that stands still, or gives way along a line, and ends at a node of its own, whose displacements are
+# sums of those of a cell's or a facet's nodes. Its force is the energy's derivative by the length, in a table: nothing is lost
+# but what lies between entries.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Slide:
+    """A line on which the springs' beginning gives way, and what holds it there.
+
+    Attributes:
+        along: Its direction, a unit vector, shape (3,).
+        carried: How the beginning moves as the line is gone along, shape (3,).
+        length: In m of the spring that holds it.
+        ways: Ways in m, rising, shape (m,).
+        forces: With which it is held then, in N, shape (m,).
+    """
+
+    along: Array
+    carried: Array
+    length: float
+    ways: Array
+    forces: Array
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Springs:
+    """Springs of one part, which begin at one node and end at one node each; all these nodes are beside the mesh's.
+
+    Attributes:
+        label: The part's name.
+        what: What they are and where, a clause after the name.
+        ground: Where they begin, in m, shape (3,).
+        ends: Where they end, in m, shape (k, 3).
+        terms: Of each end what its displacements are the sums of, by component; nothing of one that is held.
+        stretches: Elongations in m, rising, shape (k, m).
+        forces: With which a spring pulls then, in N, shape (k, m).
+        slide: Where the beginning gives way; None where it stands still.
+    """
+
+    label: str
+    what: str
+    ground: Array
+    ends: Array
+    terms: list[tuple[Terms, Terms, Terms]]
+    stretches: Array
+    forces: Array
+
+    slide: Slide | None = None
+
+    @property
+    def nodes(self) -> set[int]:
+        """The mesh's nodes that move the ends."""
+        return {node for own in self.terms for terms in own for node, _ in terms}
+
+    @property
+    def places(self) -> Array:
+        """Of its own nodes in m: the beginning, the ends, and of a slide what moves on it and what holds that, shape (k, 3)."""
+        slide = [] if self.slide is None else [self.ground, self.ground - self.slide.length * self.slide.along]
+        return np.vstack([self.ground, self.ends, *slide])
+
+    def ties(self, first: int) -> list[Tie]:
+        """What moves its own nodes; a displacement without terms is held.
+
+        Args:
+            first: Number of the beginning's node.
+        """
+        found = [Tie(first + k, i, terms) for k, own in enumerate(self.terms, 1) for i, terms in enumerate(own)]
+        if self.slide is None:
+            return [*found, *(Tie(first, i, {}) for i in range(3))]
+        moving, along, carried = first + len(self.ends) + 1, self.slide.along, self.slide.carried
+        k = int(np.abs(along).argmax())
+        for i in range(3):
+            found.append(Tie(first, i, {(moving, k): carried[i] / along[k]} if abs(carried[i]) > 1e-12 else {}))
+            found.append(Tie(moving + 1, i, {}))
+            if i != k:
+                found.append(Tie(moving, i, {(moving, k): along[i] / along[k]} if abs(along[i]) > 1e-12 else {}))
+        return found
+
+    @property
+    def elements(self) -> Iterator[tuple[int, int, Array, Array]]:
+        """Of each spring the places of its ends among `places`, elongations in m and forces in N."""
+        for k, (stretches, forces) in enumerate(zip(self.stretches, self.forces, strict=True), 1):
+            yield 0, k, stretches, forces
+        if self.slide is not None:
+            yield len(self.ends) + 2, len(self.ends) + 1, self.slide.ways, self.slide.forces
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Contact as springs: one for each integration point of the stopped faces, with the same energy of its depth.
+#
+# Contact's energy is a function of the distance of integration points to a plane, a point or a line (see
+# `softmodels.mechanics.contact` and `softmodels.mechanics.contact`). That is the length of a spring from there to the point,
+# projected onto what is square to the plane or the line.
+
+
+SHAPES = ("sphere", "cylinder", "plane")
+"""Shapes that are as far away as a point or a straight line is, less a radius."""
+ENTRIES, HARD_ENTRIES = 40, 20
+"""Of a table over the depth in which contact sets in, and over that in which a shape grows harder."""
+SETTLED, LIFTED = 8.0, 80
+"""Ways over which a weight is lifted, in those that it is rounded over, and entries of a table over them."""
+AWAY = 10.0
+"""Distance in sizes of the device up to which tables go, where nothing presses."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ContactStop:
+    """What stops faces, lengths in sizes of the device.
+
+    Attributes:
+        label: Its name in the deck.
+        roles: The faces.
+        ground: The point that springs are fixed to, shape (3,).
+        onto: What integration points are projected with from there, shape (3, 3).
+        radius: Length of a spring that touches.
+        sign: 1 where a shorter one presses, -1 where a longer one does.
+        penalty: The energy.
+        depths: At which its slope is written, rising from 0.
+        slide: On which it gives way, lengths in m; None where it stands still.
+    """
+
+    label: str
+    roles: list[str]
+    ground: Array
+    onto: Array
+    radius: float
+    sign: float
+    penalty: Penalty
+    depths: Array
+    slide: Slide | None = None
+
+
+def pressing(obstacle: Obstacle | None, system: System, mesh: MeshArrays, parts: Sequence[Component]) -> list[Springs]:
+    """The springs of a device's contact.
+
+    Args:
+        obstacle: A plane; None for none.
+        system: The device's equations.
+        mesh: The mesh of its slice.
+        parts: What else is added to the device.
+    """
+    size = system.body.actuator.size
+    stops = [_plane(obstacle, system.contact)] if obstacle is not None and system.contact is not None else []
+    stops += [_shape(part, system.body.actuator, gravity_of(parts)) for part in parts if isinstance(part, RigidShape)]
+    return [_contact_springs(stop, mesh, size, system.stress_unit) for stop in stops]
+
+
+def _plane(obstacle: Obstacle, contact: Contact) -> ContactStop:
+    depths = np.append(np.linspace(0.0, ONSET, ENTRIES + 1), 0.5)
+    normal = contact.normal
+    ground = (contact.level - 1.0) * normal  # a spring that touches is one size long
+    penalty = Penalty(obstacle.stiffness, ONSET)
+    return ContactStop("the plane", contact.roles, ground, np.outer(normal, normal), 1.0, 1.0, penalty, depths)
+
+
+def _shape(shape: RigidShape, actuator: Actuator, gravity: Array) -> ContactStop:
+    size = actuator.size
+    at, along, radius, _, sign = shape.numbers(size)
+    onset, deepest = ONSET_PRESSURE / shape.stiffness, shape.deepest(size)
+    penalty = HardeningPenalty(shape.stiffness, onset, HARDENS * deepest, HARDER)
+    depths = np.union1d(np.linspace(0.0, onset, ENTRIES + 1), np.linspace(HARDENS * deepest, deepest, HARD_ENTRIES + 1))
+    across = np.outer(along, along)
+    onto = np.eye(3) if shape.shape == "sphere" else np.eye(3) - across
+    if radius is None:  # a plane: a spring that touches is one size long
+        at, onto, radius = (at @ along - 1.0) * along, across, 1.0
+    slide = _slide(shape, actuator, onto, gravity) if shape.guide else None
+    return ContactStop(shape.label, shape.roles, at, onto, radius, sign, penalty, depths, slide)
+
+
+def _slide(shape: RigidShape, actuator: Actuator, onto: Array, gravity: Array) -> Slide:
+    """What holds a shape that gives way, the slice's share of it."""
+    share, size = copies_around(actuator, shape.crossed(actuator)), actuator.size
+    stand = Stand(
+        shape.spring / share, contact_module.weight_against(shape, gravity) / share, contact_module.ONSET * size
+    )
+    ways = np.concatenate([[-0.9 * size], np.linspace(0.0, SETTLED * stand.onset, LIFTED + 1), [0.9 * size]])
+    forces = np.array([stand.force(float(way)) for way in ways])
+    return Slide(shape.gives_way, onto @ shape.gives_way, size, ways, forces)
+
+
+def _contact_springs(stop: ContactStop, mesh: MeshArrays, size: float, stress: float) -> Springs:
+    nodes = np.concatenate([mesh.triangles(role) for role in stop.roles])
+    values, along, across = triangle_tables(nodes.shape[1])
+    places, a, b = (np.einsum("qn,kni->kqi", table, mesh.points[nodes]) for table in (values, along, across))
+    areas = (np.linalg.norm(np.cross(a, b), axis=2) * WEIGHTS / 2).ravel()
+    ground = size * stop.ground
+    ends = ground + (places.reshape(-1, 3) - ground) @ stop.onto.T
+    lengths = np.linalg.norm(ends - ground, axis=1)
+    depths = np.concatenate([[-AWAY], stop.depths])
+    slopes = np.concatenate([[0.0], stop.penalty.rates(stop.depths)[1]])
+    order = np.argsort(-stop.sign * depths)
+    touching = np.maximum(size * (stop.radius - stop.sign * depths[order]), 1e-3 * size)
+    terms = [
+        (_row(stop.onto[0], own, value), _row(stop.onto[1], own, value), _row(stop.onto[2], own, value))
+        for own in nodes
+        for value in values
+    ]
+    forces = -stop.sign * stress * np.outer(areas, slopes[order])
+    what = "contact: springs to the integration points of the stopped faces"
+    return Springs(stop.label, what, ground, ends, terms, touching - lengths[:, None], forces, stop.slide)
+
+
+def _row(onto: Array, nodes: npt.NDArray[np.int64], values: Array) -> Terms:
+    """What one component of an end's displacement is the sum of."""
+    components = np.flatnonzero(np.abs(onto) > 1e-12)
+    return {
+        (int(node), int(i)): float(onto[i] * value)
+        for node, value in zip(nodes, values, strict=True)
+        for i in components
+    }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Fibres and yarns as springs: one for each integration point and family, with the same energy of its stretch.
+#
+# A fibre along a has an energy of |F a|, and F a is a sum of the displacements of a cell's nodes, on a face of a facet's. So it
+# is the length of a spring whose end moves by that sum (`softmodels.mechanics.fibres`, `softmodels.mechanics.fibres`). A
+# fabric's two families of yarns are such fibres, as long as they do not contract each other and their shear costs nothing.
+
+
+SMALLEST = 1e-4
+LONGEST, SHORTEST = 2.5, 0.3
+"""Stretches up to which tables go: their strains grow from `SMALLEST` on by the same factor."""
+LONGER, SHORTER = 100, 40
+"""Entries of a table beyond a stretch of 1, and below."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Family:
+    """Threads in one direction.
+
+    Attributes:
+        where: The part's table, and its label, for messages and remarks.
+        label: The part's name.
+        roles: Faces that they are laid on, or regions; the whole body if empty.
+        on_faces: Whether they are on faces.
+        axis, angle: Of their direction, in degrees; see `softmodels.mechanics.fibres.Helix`.
+        hand: -1 of the helix that winds the other way.
+        across: Whether they run square to that direction, in the face.
+        stiffness: In N/m on faces, in Pa else.
+        law, exponent, slack: See `softmodels.mechanics.fibres.Fibres`.
+    """
+
+    label: str
+    roles: list[str]
+    on_faces: bool
+    axis: tuple[float, ...]
+    angle: float
+    stiffness: float
+    hand: float = 1.0
+    across: bool = False
+    law: str = "standard"
+    exponent: float = 1.0
+    slack: bool = False
+
+
+def threaded(part: object) -> list[Family]:
+    """The families of a part; none of one that is no thread, or that is more than its threads."""
+    if isinstance(part, Fibres):
+        on_faces = part.stiffness > 0.0
+        return [
+            Family(
+                part.label, names_in(part.on), on_faces, part.axis, part.angle, part.stiffness or part.modulus,
+                hand, False, part.law, part.exponent, part.slack,
+            )
+            for hand in (1.0, -1.0)[: part.helices]
+        ]  # fmt: skip
+    if isinstance(part, Fabric) and not part.poisson and not part.shear:
+        along = Family(part.label, names_in(part.on), True, part.axis, part.angle, part.along, slack=part.slack)
+        return [along, dataclasses.replace(along, stiffness=part.across, across=True)]
+    return []
+
+
+def threads(mesh: MeshArrays, parts: Sequence[object], size: float) -> list[Springs]:
+    """The springs of a device's fibres and fabrics.
+
+    Args:
+        mesh: The mesh of its slice.
+        parts: What is added to the device.
+        size: Its size in m, which the springs are long.
+    """
+    return [_fibre_springs(family, mesh, size) for part in parts for family in threaded(part)]
+
+
+def _fibre_springs(family: Family, mesh: MeshArrays, size: float) -> Springs:
+    nodes, places, normals, slopes, weights = (_on_faces if family.on_faces else _in_regions)(family, mesh)
+    along = helix_at(places, family.axis, family.angle, family.hand)
+    if normals is not None:
+        along -= np.einsum("ki,ki->k", along, normals)[:, None] * normals
+        if family.across:
+            along = np.cross(normals, along)
+    lengths = np.linalg.norm(along, axis=1)
+    laid = lengths > 1e-6  # elsewhere there is no such direction
+    along = along[laid] / lengths[laid, None]
+    # Of F a - a: what each node's displacement adds, in 1/m.
+    factors = np.einsum("kni,ki->kn", slopes[laid], along)
+    terms = [_rows(own, size * one) for own, one in zip(nodes[laid], factors, strict=True)]
+    stretches = np.concatenate(
+        [
+            1 - np.geomspace(1 - SHORTEST, SMALLEST, SHORTER),
+            [1.0],
+            1 + np.geomspace(SMALLEST, LONGEST - 1, LONGER),
+        ]
+    )
+    slope = family.stiffness * slope_of(family.law, stretches**2 - 1, family.exponent, family.slack)
+    forces = np.outer(weights[laid], slope * 2 * stretches / size)
+    elongations = np.broadcast_to(size * (stretches - 1), forces.shape)
+    where = ", ".join(family.roles) or "the body"
+    what = f"threads: springs as long as a thread at the integration points of {where} is stretched"
+    return Springs(family.label, what, np.zeros(3), size * along, terms, elongations, forces)
+
+
+def _rows(nodes: Ints, factors: Array) -> tuple[Terms, Terms, Terms]:
+    """What the three components of an end's displacement are the sums of."""
+    pairs = [(int(node), float(factor)) for node, factor in zip(nodes, factors, strict=True) if abs(factor) > 1e-12]
+    x, y, z = ({(node, i): factor for node, factor in pairs} for i in range(3))
+    return x, y, z
+
+
+type Points = tuple[Ints, Array, Array | None, Array, Array]
+"""Of each integration point its nodes, place, the face's normal, the slopes of the nodes' shape functions, volume or area."""
+
+
+def _on_faces(family: Family, mesh: MeshArrays) -> Points:
+    nodes = np.concatenate([mesh.triangles(role) for role in family.roles])
+    values, *tables = triangle_tables(nodes.shape[1])
+    places, a, b = (np.einsum("qn,kni->kqi", table, mesh.points[nodes]) for table in (values, *tables))
+    normals = np.cross(a, b)
+    areas = np.linalg.norm(normals, axis=2)
+    # The slopes along the face, square to its normal: with the inverse of the tangents and the normal.
+    inverse = np.linalg.inv(np.stack([a, b, normals], axis=2))
+    slopes = np.einsum("qnj,kqij->kqni", np.stack(tables, axis=2), inverse[..., :2])
+    k, q, n, _ = slopes.shape
+    whole = np.repeat(nodes, q, axis=0)
+    return (
+        whole,
+        places.reshape(-1, 3),
+        (normals / areas[..., None]).reshape(-1, 3),
+        slopes.reshape(k * q, n, 3),
+        (areas * WEIGHTS / 2).ravel(),
+    )
+
+
+def _in_regions(family: Family, mesh: MeshArrays) -> Points:
+    chosen = [mesh.regions[name] for name in family.roles] or [np.arange(len(mesh.cells))]
+    nodes = mesh.cells[np.concatenate(chosen)]
+    values, tables = tetrahedron_slopes()
+    places = np.einsum("qn,kni->kqi", values, mesh.points[nodes])
+    jacobians = np.einsum("qnj,kni->kqij", tables, mesh.points[nodes])
+    slopes = np.einsum("qnj,kqji->kqni", tables, np.linalg.inv(jacobians))
+    k, q, n, _ = slopes.shape
+    volumes = np.abs(np.linalg.det(jacobians)) / 24
+    return np.repeat(nodes, q, axis=0), places.reshape(-1, 3), None, slopes.reshape(k * q, n, 3), volumes.ravel()
+
+
+WRITTEN = "written by softmodels"
+"""The mark of a deck: a file that bears it may be written again."""
+LOADS = (LoadPart, Mass)
+"""Kinds of parts that are written as forces on nodes."""
+ALIKE = 1e-6
+"""Distance in sizes of the device below which two places are one node."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Deck:
+    """A case to be written.
+
+    Attributes:
+        case: The case.
+        mesh: Its mesh, cells of second order.
+        pressures: Of each cavity in Pa, step by step, shape (steps, cavities).
+        supports: How its nodes may move.
+        silicones: Its materials, the main one first.
+        forces: Of all dead loads, on the slice, in N, shape (n, 3); None where there are none.
+        springs: Its contact, fibres and fabrics.
+    """
+
+    case: Case
+    mesh: MeshArrays
+    pressures: Array
+    supports: Supports
+    silicones: tuple[DeckSilicone, ...]
+    forces: Array | None = None
+    springs: tuple[Springs, ...] = ()
+
+    @property
+    def walls(self) -> list[str]:
+        """Role of each cavity's walls."""
+        return cavity_roles(self.case.actuator)
+
+    @functools.cached_property
+    def points(self) -> Array:
+        """Places in m of all nodes: the mesh's, those of rigid parts, then those of springs."""
+        return np.concatenate([self.mesh.points, self.supports.added, *(one.places for one in self.springs)])
+
+    @property
+    def grounds(self) -> Iterator[tuple[Springs, int]]:
+        """Each part's springs, and the number of the first of their nodes."""
+        number = len(self.mesh.points) + len(self.supports.added)
+        for one in self.springs:
+            yield one, number
+            number += len(one.places)
+
+    @functools.cached_property
+    def tied(self) -> list[Tie]:
+        """Displacements that depend on others."""
+        return [*self.supports.tied, *(tie for tie in self._of_springs if tie.terms)]
+
+    @functools.cached_property
+    def held(self) -> dict[int, Ints]:
+        """Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component."""
+        found = {}
+        for component in range(3):
+            still = [tie.node for tie in self._of_springs if tie.component == component and not tie.terms]
+            if nodes := [*self.supports.held.get(component, ()), *still]:
+                found[component] = np.array(nodes, dtype=np.int64)
+        return found
+
+    @functools.cached_property
+    def _of_springs(self) -> list[Tie]:
+        """What moves the springs' nodes."""
+        return [tie for one, first in self.grounds for tie in one.ties(first)]
+
+    @property
+    def watched(self) -> dict[str, int]:
+        """Nodes by what they are: the device's probes, and what rigid parts follow."""
+        found = {
+            name: int(np.linalg.norm(self.mesh.points - place, axis=1).argmin())
+            for name, place in self.case.actuator.probes.items()
+        }
+        for one in self.supports.rigged:
+            found[f"centre of {one.name}"] = one.place
+            if one.turn is not None:
+                found[f"rotation vector of {one.name} in rad"] = one.turn
+        return found
+
+    @property
+    def overlapping(self) -> str:
+        """That walls of the device pass through each other in the deck, a sentence; empty where none meet."""
+        if not any(isinstance(part, Walls) and not part.off for part in self.case.parts):
+            return ""
+        return "walls that meet press on each other in a run and pass through each other here: it has no such contact"
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a reader has to know of the deck, sentences."""
+        case, names = self.case, ", ".join(self.mesh.faces)
+        found = [
+            f"{case.name}, {type(case.actuator).__name__}, one of {case.actuator.copies} equal slices",
+            f"faces by role: {names}",
+            "nodes: " + ", ".join(f"{number + 1} {name}" for name, number in self.watched.items()),
+        ]
+        if self.forces is not None:
+            found.append(f"a first step applies {', '.join(acting(case))}, as forces on the nodes of this slice")
+        found += [f"{one.label}, {one.what}, from node {ground + 1}" for one, ground in self.grounds]
+        found += [self.overlapping] if self.overlapping else []
+        return [*found, *(remark for silicone in self.silicones for remark in silicone.remarks)]
+
+
+def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
+    """What is written of a case.
+
+    Args:
+        case: One that `check` does not refuse.
+        mesh: The mesh file of its device.
+        system: The device's equations with displacements alone, on one rank; None where it needs none (`needs_equations`).
+
+    Raises:
+        CaseError: Cells, or loads, that cannot be written.
+        MeshFileError: No mesh of tetrahedra.
+    """
+    arrays = read_arrays(mesh)
+    if arrays.cells.shape[1] == 4:
+        raise CaseError("the mesh has tetrahedra of 4 nodes, which lock in silicone; take cells of second order")
+    forces, springs, freedoms = None, tuple[Springs, ...](), dict[str, Freedom]()
+    if system is not None:
+        forces = _by_node(arrays, *nodal_forces(system)) if acting(case) else None
+        pressed = pressing(case.obstacle, system, arrays, case.parts)
+        springs = (*pressed, *threads(arrays, case.parts, system.length_unit))
+        freedoms = {
+            name: dataclasses.replace(motion.freedom, centre=motion.freedom.centre * system.length_unit)
+            for name, motion in system.unknowns.moving.items()
+        }
+    supports = supports_of(case, arrays, freedoms)
+    _check_apart(supports, springs)
+    silicones = silicones_of(case.material, case.parts, arrays.regions)
+    return Deck(case, arrays, _pressures(case), supports, silicones, forces, springs)
+
+
+def _pressures(case: Case) -> Array:
+    """Requested pressures of each cavity in Pa, but those of the device at rest, shape (steps, cavities)."""
+    if case.program:
+        return case.cm * np.array([series.values for series in case.program]).T[begins_at_rest(case.program) :]
+    return np.outer([goal for goal in case.goals if goal > 0.0], case.actuator.ratios)
+
+
+def _check_apart(supports: Supports, springs: tuple[Springs, ...]) -> None:
+    """Refuse springs of nodes that turn with a rigid part: CalculiX 2.20 loses a part of their motion in equations."""
+    for part in supports.rigged:
+        for one in springs:
+            if part.turn is not None and not one.nodes.isdisjoint(part.nodes.tolist()):
+                raise CaseError(
+                    f"{one.label} acts on nodes of the rigid part {part.name}, which turns, and CalculiX gets that wrong: "
+                    "guide the part (kind = 'guided'), or name other faces"
+                )
+
+
+def needs_equations(case: Case) -> bool:
+    """Whether a deck says what the device's equations know: dead loads, what is held or rigid, or what presses."""
+    kinds = (Clamp, Rigid, RigidShape, Fibres, Fabric)
+    return bool(acting(case)) or case.obstacle is not None or any(isinstance(part, kinds) for part in case.parts)
+
+
+def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
+    """Forces in the order of a mesh's nodes."""
+    from scipy.spatial import cKDTree
+
+    away, found = cKDTree(places).query(mesh.points)
+    if away.max() > ALIKE * np.ptp(mesh.points, axis=0).max():
+        raise CaseError("nodes of the mesh are none of the equations': the dead loads cannot be written")
+    return forces[found]
+
+
+def acting(case: Case) -> list[str]:
+    """Dead loads by the names of their tables, without those whose amount would be a request's."""
+    idle = [part for part in case.parts if isinstance(part, LoadPart) and part.idle(case.parts)]
+    loads = [part for part in case.parts if isinstance(part, LOADS) and part not in idle]
+    return [load.where for load in loads if not isinstance(load, FaceLoad) or load.kept]
+
+
+def check(case: Case) -> None:
+    """Refuse what the decks have no words for.
+
+    Raises:
+        CaseError: What, and what to do.
+    """
+    device = case.actuator
+    if device.dimension != 3:
+        raise CaseError(
+            f'the case has an axisymmetric section of {type(device).__name__}; write a deck of a solid one (section = "wedge")'
+        )
+    pressed = case.program and all(series.key == "pressure_cm" for series in case.program)
+    if not (pressed or max(case.pressures_cm, default=0.0) > 0.0) or case.cycle:
+        raise CaseError(
+            f"the case asks for {case.load.requested.words}; a deck has pressures (pressure_cm), and no cycle"
+        )
+    main, *others = silicones_of(case.material, case.parts, device.regions)
+    main.check("")
+    for silicone in others:
+        silicone.check(f"region {silicone.name}: ")
+    for what in _unknown(case):
+        raise CaseError(f"the case has {what}, which is not written into decks; leave it out")
+
+
+def _unknown(case: Case) -> Iterator[str]:
+    """What decks have no words for, by its name."""
+    if case.sheet:
+        yield "a sheet"
+    for part in case.parts:
+        if isinstance(part, RigidShape):
+            if part.shape not in SHAPES:
+                yield f"{part.where} with a shape {part.shape!r}, where springs know {', '.join(SHAPES)}"
+            if part.friction:
+                yield f"{part.where} with friction"
+        elif isinstance(part, Fabric) and not threaded(part):
+            yield f"{part.where} whose yarns contract each other or resist shear"
+        elif isinstance(part, Walls) and (part.automatic or part.off):
+            continue  # see `Deck.overlapping`
+        elif not isinstance(part, (Region, Clamp, Rigid, Fibres, Fabric, *LOADS)):
+            yield part.where

@@ -1,0 +1,260 @@
+"""A deck of FEBio (febio_spec 4.0). Lengths in mm, pressures in Pa, forces in uN.
+
+Rigid parts that do not turn are linear constraints; one that turns is a rigid body without elements, whose nodes follow it.
+FEBio's "uncoupled" laws have the same isochoric energies; ``pressure_model`` 2 is K/2 (J - 1)^2 in the volume.
+"""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries.mesh_arrays import Ints
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.decks.deck import (
+    WRITTEN,
+    Deck,
+    DeckSilicone,
+    Rigged,
+    check,
+)
+from softmodels.mechanics.contact import RigidShape
+from softmodels.mechanics.fibres import Fabric, Fibres
+
+Node = ElementTree.Element
+
+FIRST_CAVITY = 2
+"""Number of the curve with its pressure."""
+LARGEST_STEP = "0.1"
+"""Of the time; one pressure follows the other at 1."""
+
+
+def febio(deck: Deck) -> str:
+    """The deck's text: time 1, 2, ... is at the requested pressures, in order; where there are dead loads, behind them."""
+    root = Node("febio_spec", version="4.0")
+    for text in (WRITTEN, *deck.remarks):
+        root.append(ElementTree.Comment(f" {text.replace('--', '- -')} "))
+    ElementTree.SubElement(root, "Module", type="solid")
+    _control(root, len(deck.pressures) + (deck.forces is not None))
+    _materials(root, deck)
+    _mesh(root, deck)
+    domains = ElementTree.SubElement(root, "MeshDomains")
+    for silicone in deck.silicones:
+        for region in silicone.regions:
+            ElementTree.SubElement(domains, "SolidDomain", name=region, mat=silicone.name)
+    _mesh_data(root, deck)
+    _boundary(root, deck)
+    _rigid(root, deck)
+    _loads(root, deck)
+    _curves(root, deck)
+    output = ElementTree.SubElement(root, "Output")
+    plot = ElementTree.SubElement(output, "plotfile", type="febio")
+    ElementTree.SubElement(plot, "var", type="displacement")
+    ElementTree.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def check_without_springs(case: Case) -> None:
+    """Refuse contact, fibres and fabrics too; see `softmodels.decks.deck.check`."""
+    check(case)
+    sprung = [part.where for part in case.parts if isinstance(part, (RigidShape, Fibres, Fabric))]
+    if case.obstacle or sprung:
+        raise CaseError(
+            f"the case has {', '.join(sprung) or 'contact'}, which is written for CalculiX alone: name a file NAME.inp, or "
+            "leave it out"
+        )
+
+
+def _text(parent: Node, tag: str, text: str, **attributes: str) -> None:
+    ElementTree.SubElement(parent, tag, attributes).text = text
+
+
+def _curve(parent: Node, number: int, name: str, values: list[str]) -> None:
+    """A curve with a value at each of the times 0, 1, 2, ..."""
+    curve = ElementTree.SubElement(parent, "load_controller", id=str(number), name=name, type="loadcurve")
+    _text(curve, "interpolate", "LINEAR")
+    points = ElementTree.SubElement(curve, "points")
+    for time, value in enumerate(values):
+        _text(points, "pt", f"{time},{value}")
+
+
+def _curves(root: Node, deck: Deck) -> None:
+    """Curves over the time, whose numbers FEBio wants in order: largest steps, each cavity's pressure, then dead loads."""
+    data, loaded, steps = ElementTree.SubElement(root, "LoadData"), deck.forces is not None, len(deck.pressures)
+    # FEBio's steps are as long as it likes; its curve of largest steps has the times that they do not pass.
+    _curve(data, 1, "largest steps", [LARGEST_STEP] * (1 + loaded + steps))
+    for number, (role, pressures) in enumerate(zip(deck.walls, deck.pressures.T, strict=True), FIRST_CAVITY):
+        _curve(data, number, f"pressure {role}", [f"{p:.12e}" for p in (*[0.0] * (1 + loaded), *pressures)])
+    if loaded:
+        _curve(data, FIRST_CAVITY + len(deck.walls), "dead loads", ["0", *["1"] * (1 + steps)])
+
+
+def _control(root: Node, steps: int) -> None:
+    control = ElementTree.SubElement(root, "Control")
+    _text(control, "analysis", "STATIC")
+    _text(control, "time_steps", str(20 * steps))
+    _text(control, "step_size", "0.05")
+    stepper = ElementTree.SubElement(control, "time_stepper", type="default")
+    for tag, text in (("max_retries", "20"), ("opt_iter", "15"), ("dtmin", "0.0005")):
+        _text(stepper, tag, text)
+    _text(stepper, "dtmax", "0", lc="1")
+    solver = ElementTree.SubElement(control, "solver", type="solid")
+    _text(solver, "symmetric_stiffness", "symmetric")
+
+
+def _materials(root: Node, deck: Deck) -> None:
+    materials = ElementTree.SubElement(root, "Material")
+    for number, silicone in enumerate(deck.silicones, 1):
+        kind, names = _law(silicone)
+        material = ElementTree.SubElement(materials, "material", id=str(number), name=silicone.name, type=kind)
+        _text(material, "density", "1")
+        _text(material, "k", f"{silicone.bulk:.12e}")
+        _text(material, "pressure_model", "2")
+        for name, value in names.items():
+            _text(material, name, f"{value:.12e}")
+    for number, one in enumerate(_turning(deck), len(deck.silicones) + 1):
+        material = ElementTree.SubElement(materials, "material", id=str(number), name=_body(one), type="rigid body")
+        _text(material, "density", "1")
+        _text(material, "override_com", "1")
+        _text(material, "center_of_mass", ",".join(f"{1e3 * x:.12e}" for x in deck.points[one.place]))
+
+
+def _law(silicone: DeckSilicone) -> tuple[str, dict[str, float]]:
+    """FEBio's name for a law and its parameters."""
+    law, terms = silicone.material, silicone.invariant_terms
+    if law.stretch_terms:
+        names: dict[str, float] = {}
+        for i, (mu, alpha) in enumerate(law.stretch_terms, 1):  # FEBio writes c/m^2 where this library has mu/alpha
+            names |= {f"c{i}": mu * alpha, f"m{i}": alpha}
+        return "Ogden", names
+    if set(terms) <= {(1, 0), (0, 1)}:
+        return "Mooney-Rivlin", {"c1": terms.get((1, 0), 0.0), "c2": terms.get((0, 1), 0.0)}
+    if all(j == 0 and i <= 6 for i, j in terms):
+        return "Yeoh", {f"c{i}": value for (i, _), value in terms.items()}
+    raise CaseError(f"{law.name} has terms that FEBio has no law for; take Mooney-Rivlin, Yeoh or Ogden")
+
+
+def _mesh(root: Node, deck: Deck) -> None:
+    arrays = deck.mesh
+    mesh = ElementTree.SubElement(root, "Mesh")
+    nodes = ElementTree.SubElement(mesh, "Nodes", name="all")
+    for number, (x, y, z) in enumerate(1e3 * arrays.points, 1):
+        _text(nodes, "node", f"{x:.12e},{y:.12e},{z:.12e}", id=str(number))
+    for region, cells in arrays.regions.items():
+        elements = ElementTree.SubElement(mesh, "Elements", type="tet10", name=region)
+        for cell in cells:
+            _text(elements, "elem", _listed(arrays.cells[cell]), id=str(cell + 1))
+    for component, held in _held(deck).items():
+        _text(mesh, "NodeSet", _listed(held), name=f"held{component}")
+    for one in _turning(deck):
+        _text(mesh, "NodeSet", _listed(one.nodes), name=f"on_{one.name}")
+    if deck.forces is not None:
+        _text(mesh, "NodeSet", _listed(range(len(arrays.points))), name="every")
+    for role in arrays.faces:
+        surface = ElementTree.SubElement(mesh, "Surface", name=role)
+        for number, triangle in enumerate(arrays.triangles(role), 1):
+            _text(surface, "tri6", _listed(triangle), id=str(number))
+
+
+def _boundary(root: Node, deck: Deck) -> None:
+    boundary = ElementTree.SubElement(root, "Boundary")
+    for component in _held(deck):
+        condition = ElementTree.SubElement(
+            boundary, "bc", name=f"held{component}", type="zero displacement", node_set=f"held{component}"
+        )
+        for i, axis in enumerate("xyz"):
+            _text(condition, f"{axis}_dof", str(int(i == component)))
+    for one in _turning(deck):
+        name = f"on_{one.name}"
+        condition = ElementTree.SubElement(boundary, "bc", name=name, type="rigid", node_set=name)
+        _text(condition, "rb", _body(one))
+    for tie in deck.supports.tied:
+        condition = ElementTree.SubElement(boundary, "bc", type="linear constraint")
+        _text(condition, "node", str(tie.node + 1))
+        _text(condition, "dof", "xyz"[tie.component])
+        _text(condition, "offset", "0")
+        for (node, i), factor in tie.terms.items():
+            child = ElementTree.SubElement(condition, "child_dof")
+            _text(child, "node", str(node + 1))
+            _text(child, "dof", "xyz"[i])
+            _text(child, "value", f"{factor:.12e}")
+
+
+def _moving_forces(deck: Deck) -> npt.NDArray[np.float64]:
+    """Dead loads in uN, shape (n, 3): those on tied displacements as what they are to the others.
+
+    FEBio puts forces on nodes into its equations as they are, without asking whether a displacement is tied.
+    """
+    assert deck.forces is not None
+    found = 1e6 * deck.forces
+    for tie in deck.supports.tied:
+        for at, factor in tie.terms.items():
+            found[at] += factor * 1e6 * deck.forces[tie.node, tie.component]
+    for tie in deck.supports.tied:
+        found[tie.node, tie.component] = 0.0
+    for component, nodes in _held(deck).items():
+        found[nodes, component] = 0.0
+    return found
+
+
+def _mesh_data(root: Node, deck: Deck) -> None:
+    """Forces on all nodes by component, which `_loads` refers to."""
+    if deck.forces is None:
+        return
+    data = ElementTree.SubElement(root, "MeshData")
+    for axis, forces in zip("xyz", _moving_forces(deck).T, strict=True):
+        nodes = ElementTree.SubElement(data, "NodeData", name=f"force_{axis}", node_set="every", data_type="scalar")
+        for number, force in enumerate(forces, 1):
+            _text(nodes, "node", f"{force:.12e}", lid=str(number))
+
+
+def _loads(root: Node, deck: Deck) -> None:
+    loads = ElementTree.SubElement(root, "Loads")
+    for number, role in enumerate(deck.walls, FIRST_CAVITY):
+        load = ElementTree.SubElement(loads, "surface_load", name=f"air_{role}", type="pressure", surface=role)
+        _text(load, "pressure", "1", lc=str(number))
+        _text(load, "symmetric_stiffness", "1")
+    if deck.forces is not None:
+        for axis in "xyz":
+            load = ElementTree.SubElement(loads, "nodal_load", name=f"dead_{axis}", type="nodal_load", node_set="every")
+            _text(load, "dof", axis)
+            _text(load, "scale", f"force_{axis}", type="map", lc=str(FIRST_CAVITY + len(deck.walls)))
+
+
+def _rigid(root: Node, deck: Deck) -> None:
+    """Motions that are left to rigid parts that turn."""
+    section = ElementTree.SubElement(root, "Rigid") if _turning(deck) else root
+    for one in _turning(deck):
+        if any(tie.node in (one.place, one.turn) for tie in deck.supports.tied):
+            raise CaseError(
+                f"the rigid part {one.name} turns in a half that is cut along no plane of two axes, which FEBio's rigid bodies "
+                "do not; name a file NAME.inp, or model the whole device"
+            )
+        condition = ElementTree.SubElement(section, "rigid_bc", name=f"{one.name}_left", type="rigid_fixed")
+        _text(condition, "rb", _body(one))
+        for node, names in ((one.place, "xyz"), (one.turn, "uvw")):
+            for component, name in enumerate(names):
+                _text(condition, f"R{name}_dof", str(int(node in deck.held.get(component, []))))
+
+
+def _turning(deck: Deck) -> list[Rigged]:
+    """Rigid parts that turn."""
+    return [one for one in deck.supports.rigged if one.turn is not None]
+
+
+def _held(deck: Deck) -> dict[int, Ints]:
+    """Held displacements of the mesh's own nodes, by component; the others are not FEBio's."""
+    found = {component: nodes[nodes < len(deck.mesh.points)] for component, nodes in deck.held.items()}
+    return {component: nodes for component, nodes in found.items() if len(nodes)}
+
+
+def _body(one: Rigged) -> str:
+    """Name of a rigid body's material."""
+    return f"rigid_{one.name}"
+
+
+def _listed(nodes: object) -> str:
+    return ",".join(str(int(node) + 1) for node in nodes)  # type: ignore[attr-defined]

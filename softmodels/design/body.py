@@ -1,0 +1,488 @@
+"""A device that is being designed, made ready to be solved and differentiated: equations, mesh motion, probes."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator
+from geometries.actuator import changed, is_length, parameter
+from softmodels.common.arrays import Array
+from softmodels.common.errors import GeometryError
+from softmodels.materials.strain import Strain
+from softmodels.mechanics.assembly import assembled_matrix, held_dofs
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.mpi import largest, total
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import face_load
+from softmodels.runs.grid import Grid, displacement_maps
+
+if TYPE_CHECKING:
+    import ufl
+    from dolfinx import fem
+    from petsc4py import PETSc
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The linear operator that carries a mesh's inner nodes with its boundary's, and its transpose: an elastic solid.
+
+
+POISSON = 0.3
+"""Of the solid."""
+AXIS = "axis"
+"""Role of the axis of a section, on which nodes slide as on a cut plane."""
+
+
+class Extension:
+    """The linear operator E: places of the boundary's nodes to places of all, and its transpose.
+
+    Args:
+        body: The device, its mesh as it was made.
+        space: Vector functions on the mesh's own nodes.
+
+    Attributes:
+        boundary: Blocks of local dofs (with ghosts) on the true boundary.
+    """
+
+    def __init__(self, body: Body, space: fem.FunctionSpace):
+        import ufl
+        from dolfinx import fem
+        from dolfinx import mesh as meshes
+        from petsc4py import PETSc
+
+        self.body, self.space = body, space
+        mesh, tdim = body.mesh, body.mesh.topology.dim
+        self.dimension = mesh.geometry.dim
+        free = [plane.name for plane in body.actuator.cut_planes] + ([AXIS] if AXIS in body.entities else [])
+        mesh.topology.create_connectivity(tdim - 1, tdim)
+        outside = meshes.exterior_facet_indices(mesh.topology)
+        cut = [body.entities[name][1] for name in free]
+        true = np.setdiff1d(outside, np.concatenate(cut)) if cut else outside
+        blocks = fem.locate_dofs_topological(space, tdim - 1, true.astype(np.int32))
+        self.boundary = np.sort(blocks)
+        self._held = fem.Function(space)
+        self.bcs = [fem.dirichletbc(self._held, self.boundary)]
+        zero = np.array(0.0)
+        for component, name in self._sliding(free):
+            dofs = fem.locate_dofs_topological(space.sub(component), tdim - 1, body.entities[name][1])
+            self.bcs.insert(0, fem.dirichletbc(zero, dofs, space.sub(component)))
+        trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
+        weight = _stiffness(body)
+
+        def stress(z: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
+            strain = self._strain(z)
+            return strain + POISSON / (1 - 2 * POISSON) * ufl.tr(strain) * ufl.Identity(self.dimension)
+
+        a = (
+            weight
+            * ufl.inner(stress(trial), self._strain(test))
+            * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
+        )
+        form = fem.form(a, jit_options=JIT)
+        # Both are kept: assembled anew, the stiffness would be that of the mesh where it has moved to.
+        self._free = assembled_matrix(form)
+        self._matrix = assembled_matrix(form, self.bcs)
+        self._matrix.setOption(PETSc.Mat.Option.SPD, True)  # type: ignore[arg-type]
+        self._pc = PETSc.PC().create(mesh.comm)
+        self._pc.setOperators(self._matrix)
+        self._pc.setType("cholesky")
+        self._pc.setFactorSolverType("mumps")
+        self._pc.setUp()
+        self._x, self._b = self._matrix.createVecRight(), self._matrix.createVecLeft()
+        self.owned = self._matrix.getLocalSize()[0]
+
+    def _strain(self, z: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
+        import ufl
+
+        return ufl.sym(ufl.grad(self.body.displacement(z)))
+
+    def _sliding(self, roles: Sequence[str]) -> list[tuple[int, str]]:
+        """The component of z = B u that vanishes on each plane of symmetry."""
+        return [
+            (component, role)
+            for role, components in self.body._held_components()
+            if role in roles
+            for component in components
+        ]
+
+    def extend(self, shift: Array) -> Array:
+        """Displacement of all nodes (n, d) from that of the boundary's, shape (k, d)."""
+        z = self._held.x
+        z.array[:] = 0.0
+        z.array.reshape(-1, self.dimension)[self.boundary] = shift @ self.body.skew.T
+        inner = self._solve(-self._product(z.array[: self.owned]))
+        z.array[: self.owned] += inner
+        z.scatter_forward()
+        return z.array.reshape(-1, self.dimension) @ self.body.skew_inverse.T
+
+    def transposed(self, covector: Array) -> Array:
+        """The transpose of `extend`: what a covector on all nodes (flat, owners complete) is on the boundary's, shape (k, d).
+
+        Rows of ghosts are zero: their owners have them.
+        """
+        c = (covector.reshape(-1, self.dimension) @ self.body.skew_inverse).ravel()
+        c[: self.owned] -= self._product(self._solve(c[: self.owned]))
+        c[self.owned :] = 0.0
+        return c.reshape(-1, self.dimension)[self.boundary] @ self.body.skew
+
+    def _product(self, z: Array) -> Array:
+        """The stiffness without conditions times a vector; owned entries of both."""
+        self._x.array_w[:] = z
+        self._free.mult(self._x, self._b)
+        return np.array(self._b.array_r)
+
+    def _solve(self, force: Array) -> Array:
+        """The inner nodes' answer to a force, zero at conditions; owned entries."""
+        force = force.copy()
+        force[held_dofs(self.bcs)] = 0.0
+        self._b.array_w[:] = force
+        self._pc.apply(self._b, self._x)
+        return np.array(self._x.array_r)
+
+    def release(self) -> None:
+        for thing in (self._pc, self._matrix, self._free, self._x, self._b):
+            thing.destroy()
+
+
+def _stiffness(body: Body) -> fem.Function:
+    """One over each cell's volume (in shares of the mean): small cells keep their shape."""
+    import ufl
+    from dolfinx import fem
+
+    space = fem.functionspace(body.mesh, ("DG", 0))
+    found = fem.Function(space)
+    volume = fem.form(ufl.TestFunction(space) * ufl.Measure("dx", body.mesh, metadata={"quadrature_degree": 2}))
+    fem.assemble_vector(found.x.array, volume)
+    found.x.scatter_forward()
+    count = space.dofmap.index_map.size_global
+    owned = found.x.array[: space.dofmap.index_map.size_local]
+    mean = total(body.mesh.comm, float(owned.sum())) / count
+    found.x.array[:] = mean / found.x.array
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A mesh that follows a design: its boundary is carried to another device of the class, its inner nodes follow like a solid.
+#
+# The nodes on the true boundary go where the device itself says (`Actuator.carried`), from the device b0 that the mesh was made
+# of to b(theta). The inner ones follow by one fixed linear operator E, an elastic solid on the mesh as it was made whose small
+# cells are the stiff ones (Tezduyar, Behr, Mittal, Johnson 1992, New methods in transient analysis, AMD-246):
+#
+#     x(theta) = x0 + E (b(theta) - b0)
+#
+# Nodes on a cut plane slide in it. Since E does not change, what is computed on these meshes is a smooth function of theta, and
+# its gradient by all parameters costs one transposed E: a boundary covector, and its products with db/dtheta.
+
+
+STEP = 1e-6
+"""Of the central differences of the boundary's places, in shares of the device's size (or of 1 for numbers and angles)."""
+
+
+class MeshMotion:
+    """Moves a body's mesh to other devices of its class.
+
+    Args:
+        body: The device, its mesh as it was read.
+
+    Attributes:
+        device: The device that the mesh shows now.
+        space: Vector functions on the mesh's own nodes.
+    """
+
+    def __init__(self, body: Body):
+        from dolfinx import fem
+
+        mesh = body.mesh
+        self.body, self.base, self.device, self.comm = body, body.actuator, body.actuator, mesh.comm
+        self.dimension = mesh.geometry.dim
+        self._places = mesh.geometry.x.copy()
+        self.space = fem.functionspace(mesh, mesh.ufl_domain().ufl_coordinate_element())
+        self._nodes = self._node_of_each_dof()
+        self._extension = Extension(body, self.space)
+        self._boundary = self._extension.boundary
+        points = self._places[self._nodes[self._boundary]] * body.actuator.size
+        self._boundary_points = body.actuator.device_points(points)
+        self._volumes = self._cell_volumes()
+
+    def _node_of_each_dof(self) -> npt.NDArray[np.int64]:
+        """The mesh's node that each block of dofs of the coordinate space belongs to."""
+        found = np.empty(len(self.space.tabulate_dof_coordinates()), dtype=np.int64)
+        found[self.space.dofmap.list.ravel()] = self.body.mesh.geometry.dofmaps[0].ravel()
+        return found
+
+    @property
+    def entries(self) -> int:
+        """Number of local places' components, with ghosts."""
+        return len(self._nodes) * self.dimension
+
+    @property
+    def owned_entries(self) -> int:
+        """How many of them, the first ones, this rank owns."""
+        return int(self.space.dofmap.index_map.size_local) * self.dimension
+
+    def rest_places(self) -> Array:
+        """Dimensionless places of the owned nodes on the mesh as it was made, shape (n, 3)."""
+        return self._places[self._nodes[: self.space.dofmap.index_map.size_local]]
+
+    def now(self, node: int | npt.NDArray[np.int64]) -> Array:
+        """Dimensionless places of nodes of `space` on the mesh as it is now, shape (..., d)."""
+        return self.body.mesh.geometry.x[self._nodes[node], : self.dimension]
+
+    # -- moving ---------------------------------------------------------------------------------------------------------
+
+    def move(self, device: Actuator) -> None:
+        """Move the mesh to a device.
+
+        Raises:
+            GeometryError: The device's boundary cannot be reached from the one that the mesh was made of.
+        """
+        shift = self._carried(device) - self._in_mesh(self._boundary_points)
+        moved = self._places.copy()
+        moved[self._nodes, : self.dimension] += self._extension.extend(shift / self.base.size)
+        self.body.mesh.geometry.x[:] = moved
+        self.device = device
+
+    def quality(self) -> float:
+        """Least ratio of a cell's Jacobian to its own on the mesh as it was made, over all ranks; 1 where nothing moved."""
+        now = self._cell_volumes()
+        ratio = float((now / self._volumes).min()) if now.size else np.inf
+        return -largest(self.comm, -ratio)
+
+    def _cell_volumes(self) -> Array:
+        """Signed Jacobians of the owned cells at some points, shape (cells, points)."""
+        import basix
+        import basix.ufl
+
+        mesh = self.body.mesh
+        points, _ = basix.make_quadrature(mesh.basix_cell(), 3)
+        # Of order 1 or 2, for which all variants of the element are one.
+        cells = basix.ufl.element("P", mesh.basix_cell(), mesh.geometry.cmaps[0].degree)
+        gradients = cells.tabulate(1, points)[1:]  # (d, points, nodes)
+        owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        corners = mesh.geometry.x[mesh.geometry.dofmaps[0][:owned]][..., : self.dimension]
+        jacobians = np.einsum("dpn,cni->cpid", gradients, corners)
+        return np.linalg.det(jacobians)
+
+    def _in_mesh(self, points: Array) -> Array:
+        """Device coordinates (n, 3) as the mesh has them, (n, d)."""
+        return points if self.dimension == 3 else points[:, [0, 2]]
+
+    def _carried(self, device: Actuator) -> Array:
+        return self._in_mesh(self.base.carried(device, self._boundary_points))
+
+    # -- derivatives ----------------------------------------------------------------------------------------------------
+
+    def boundary_velocities(self, names: Sequence[str]) -> dict[str, Array]:
+        """How the boundary's nodes move with each parameter at the present device, in m per SI unit, shape (n, d).
+
+        Central differences of `Actuator.carried`; one-sided where the device does not exist on one side.
+
+        Raises:
+            GeometryError: The device exists on neither side.
+        """
+        return {name: self._velocity(name) for name in names}
+
+    def _velocity(self, name: str) -> Array:
+        device, value = self.device, parameter(self.device, name)
+        step = STEP * max(abs(value), 0.1 * scale_of(device, name))
+        ends = []
+        for sign in (1.0, -1.0):
+            try:
+                ends.append((sign, self._carried(changed(device, {name: value + sign * step}))))
+            except GeometryError as error:
+                failure = error
+        if not ends:
+            raise failure
+        if len(ends) == 1:
+            ends.append((0.0, self._carried(device)))
+        (a, high), (b, low) = ends
+        return (high - low) / ((a - b) * step)
+
+    def gradient(self, covector: Array, velocities: dict[str, Array]) -> dict[str, float]:
+        """Derivatives of a quantity by the parameters, per their SI unit.
+
+        Args:
+            covector: The quantity's derivative by the dimensionless places of the nodes, owned and ghosted dofs of `space`,
+                every owner's complete, ghosts not read.
+            velocities: Of `boundary_velocities`.
+        """
+        at_boundary = self._extension.transposed(covector)
+        return {
+            name: total(self.comm, float(np.sum(at_boundary * velocity))) / self.base.size
+            for name, velocity in velocities.items()
+        }
+
+    def nodes_rate(self, velocity: Array) -> Array:
+        """Motion of all dimensionless nodes with one of `boundary_velocities`, shape (nodes of `space`, d)."""
+        return self._extension.extend(velocity / self.base.size)
+
+    def compiled(self, form: ufl.Form) -> fem.Form:
+        """The compiled derivative of a form without arguments by the places of the nodes."""
+        import ufl
+        from dolfinx import fem
+
+        X = ufl.SpatialCoordinate(self.body.mesh)
+        return fem.form(ufl.derivative(form, X, ufl.TestFunction(self.space)), jit_options=JIT)
+
+    def assembled(self, form: fem.Form) -> Array:
+        """A form's vector over the dofs of `space`, complete on their owners."""
+        from dolfinx import fem, la
+
+        b = fem.Function(self.space).x
+        fem.assemble_vector(b.array, form)
+        b.scatter_reverse(la.InsertMode.add)
+        return b.array
+
+    def release(self) -> None:
+        """Give back what PETSc holds."""
+        self._extension.release()
+
+
+def scale_of(device: Actuator, name: str) -> float:
+    """What a change of a parameter is large or small beside: the device's size for lengths, 1 for numbers and angles."""
+    return device.size if is_length(device, name) else 1.0
+
+
+class DesignedBody:
+    """A meshed device whose mesh follows its design.
+
+    Args:
+        solver: The device, its mesh as it was read.
+
+    Attributes:
+        motion: Moves the mesh.
+        probes: The device's named points.
+        rest_volume: UFL form of what `System.volume` is of the undeformed device.
+    """
+
+    def __init__(self, solver: Solver):
+        import ufl
+        from dolfinx import fem
+
+        self.solver, self.system = solver, solver.system
+        system = self.system
+        self.motion = MeshMotion(system.body)
+        resting = fem.Function(system.space)
+        self.rest_volume: ufl.Form = ufl.replace(system.potential.cavity_volume, {system.w: resting})
+        self._rest_volume = system.form(self.rest_volume)
+        self.probes = Probes(self)  # now, while the mesh is as it was made
+        self._vectors: tuple[PETSc.Vec, PETSc.Vec] | None = None
+
+    @functools.cached_property
+    def strain(self) -> Strain:
+        """Strain of the current state in UFL."""
+        return Strain(self.system.body.deformation_gradient(self.system.potential.displacement))
+
+    @functools.cached_property
+    def _gradients(self) -> object:
+        from dolfinx import fem
+
+        return fem.Expression(self.strain.F, self.system.points, jit_options=JIT)
+
+    def gradients(self) -> Array:
+        """Deformation gradients of the loaded state at the integration points, shape (cells, points, 3, 3)."""
+        system = self.system
+        values = self._gradients.eval(system.body.mesh, system.cells)  # type: ignore[attr-defined]
+        return np.asarray(values).reshape(len(system.cells), -1, 3, 3)
+
+    def volume_at_rest(self) -> float:
+        """Dimensionless volume that the pressure works on, of the undeformed device as the mesh shows it now."""
+        system, chambers = self.system, self.system.body.chambers
+        return system.integral(self._rest_volume) + float(system.coupling.shares[: len(chambers)] @ chambers)
+
+    def face_load(self, role: str) -> Array:
+        """A unit load along the lift, spread evenly over a role: owned entries; see `mechanics.face_load`."""
+        return self.system.by_unknowns(face_load(self.system, role, self.system.body.actuator.lift)).copy()
+
+    def answer(self, force: Array) -> Array:
+        """K^-1 times a force with the factorisation at hand, refined once on the K that was factorised; owned entries."""
+        bordered, K = self.solver.bordered, self.system.K
+        if self._vectors is None:
+            self._vectors = K.createVecRight(), K.createVecRight()
+        b, x = self._vectors
+        b.array_w[:] = force
+        bordered.solve(b, x)
+        found = np.array(x.array_r)
+        if not bordered.inverse.exact:  # iterations have gone to their tolerance, with the state's own tangent
+            return found
+        K.mult(x, b)
+        b.array_w[:] = force - b.array_r
+        bordered.solve(b, x)
+        return found + x.array_r
+
+    def release(self) -> None:
+        """Give back what PETSc and MPI hold."""
+        for vector in self._vectors or ():
+            vector.destroy()
+        self.motion.release()
+        self.solver.release()
+
+
+class Probes:
+    """The device's named points: vertices of the mesh that every design has.
+
+    Args:
+        design: The device, its mesh as it was made.
+    """
+
+    def __init__(self, design: DesignedBody):
+        self.design, self.system = design, design.system
+        grid = Grid(self.system)
+        skew, _ = displacement_maps(self.system, grid)
+        motion, actuator = design.motion, self.system.body.actuator
+        here = grid.space.tabulate_dof_coordinates()[: grid.owned]
+        there = motion.rest_places()
+        self._dofs: dict[str, npt.NDArray[np.int32] | None] = {}
+        self._nodes: dict[str, int | None] = {}
+        for name, place in actuator.probes.items():
+            node = self._owner(here, np.asarray(place))
+            self._dofs[name] = None if node is None else skew[node]
+            self._nodes[name] = self._owner(there, np.asarray(place))
+
+    def _owner(self, places: Array, point: Array) -> int | None:
+        """Local index of the one of the owned ``places`` (of the mesh) at a device point, if this rank owns it."""
+        system = self.system
+        device = system.body.actuator.device_points(places * system.length_unit)
+        distance = np.linalg.norm(device - point, axis=1)
+        near = float(distance.min()) if len(distance) else np.inf
+        closest = -largest(system.comm, -near)
+        if closest > 1e-6 * system.length_unit:
+            raise RuntimeError("a probe of the device is no vertex of its mesh")
+        return int(np.argmin(distance)) if near == closest else None
+
+    def place(self, name: str) -> Array:
+        """Where it is undeformed, device coordinates in m, shape (3,), on all ranks."""
+        node = self._nodes[name]
+        x = np.zeros(self.design.motion.dimension) if node is None else self.design.motion.now(node)
+        return self._everywhere(self._device(x * self.system.length_unit))
+
+    def displacement(self, name: str) -> Array:
+        """Its displacement in the state that is loaded, m, shape (3,), on all ranks."""
+        dofs, system = self._dofs[name], self.system
+        d = self.design.motion.dimension
+        w = np.zeros(d) if dofs is None else system.w.x.array[dofs]
+        return self._everywhere(self._device(system.body.skew_inverse @ w * system.length_unit))
+
+    def add(self, by_w: Array, by_X: Array, name: str, by_place: Array, by_displacement: Array) -> None:
+        """Add a derivative by a probe's place and displacement (device coordinates, per m) to those by owned dofs and nodes."""
+        system, motion = self.system, self.design.motion
+        dofs, node = self._dofs[name], self._nodes[name]
+        if dofs is not None:
+            by_w[dofs] += system.length_unit * (self._mesh(by_displacement) @ system.body.skew_inverse)
+        if node is not None:
+            start = node * motion.dimension
+            by_X[start : start + motion.dimension] += system.length_unit * self._mesh(by_place)
+
+    def _device(self, x: Array) -> Array:
+        return x if len(x) == 3 else np.array([x[0], 0.0, x[1]])
+
+    def _mesh(self, x: Array) -> Array:
+        return x if self.design.motion.dimension == 3 else x[[0, 2]]
+
+    def _everywhere(self, x: Array) -> Array:
+        return np.array([total(self.system.comm, float(value)) for value in x])

@@ -1,0 +1,299 @@
+"""Laws fitted to curves of test machines, compared, and held against their silicone: one call from curves to a report."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from softmodels.common.arrays import Array
+from softmodels.common.calls import (
+    callback,
+    checked,
+    one_of,
+    several,
+    span,
+)
+from softmodels.common.processes import one_at_a_time
+from softmodels.fitting.comparison import (
+    Comparison,
+    Expected,
+    FitReport,
+    FittedLaw,
+    compare,
+    expected,
+    fit_separately,
+    fitted_alone,
+    hold_against,
+    stretch_of,
+)
+from softmodels.fitting.curves.curve import (
+    TensileCurve,
+    TensileError,
+    read_curve,
+    small_modulus,
+)
+from softmodels.fitting.curves.residuals import (
+    StressError,
+    TensileResiduals,
+    largest_strain,
+    on_yardstick,
+    residuals_of,
+    stretches_of,
+    thinned,
+)
+from softmodels.fitting.least_squares import fit_parameters, profile
+from softmodels.fitting.problem import (
+    DEFAULTS,
+    NOTHING_ELSE,
+    Changes,
+    Extra,
+    FitError,
+    FitOptions,
+    LawChoice,
+    Laws,
+    by_bounds,
+    closed_starts,
+    law_choices,
+)
+from softmodels.fitting.result import NOTHING, LeastSquaresFit
+from softmodels.materials.laws import Material
+from softmodels.materials.specimens import respond
+from softmodels.materials.stability import judge
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The fit of one law to tensile curves, from starts in closed form.
+
+
+MODULUS = 30e3
+"""Shear modulus in Pa that a fit starts from where there are no curves."""
+
+
+def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[dict[str, float]]:
+    """Starting values of a law from the curves alone, best first."""
+    curves = [source.curve for source in sources]
+
+    def design(material: Material, names: Sequence[str]) -> Array:
+        return np.vstack(
+            [respond(material, s.curve.stretch, s.curve.mode, names).slopes / s.errors[:, None] for s in sources]
+        )
+
+    target = np.concatenate([source.curve.stress / source.errors for source in sources])
+    modulus = float(np.median([small_modulus(curve) for curve in curves]))
+    return closed_starts(choice, design, target, modulus, largest_strain(curves))
+
+
+def fit_law_to_curves(
+    choice: LawChoice,
+    sources: Sequence[TensileResiduals],
+    extra: Extra = NOTHING_ELSE,
+    *,
+    changes: Changes = MappingProxyType({}),
+    loss: str = "linear",
+    errors: str = "unknown",
+    scale: float | None = None,
+) -> LeastSquaresFit:
+    """Fit a law to curves from starts in closed form.
+
+    Args:
+        choice: The law.
+        sources: From `residuals_of`, for this law.
+        extra: Parameters beside the law's, such as the curves' own factors, and further sources.
+        changes: Fields of parameters to replace.
+        loss: See `softmodels.fitting.least_squares.fit_parameters`.
+        errors: See `softmodels.fitting.least_squares.fit_parameters`.
+        scale: Size of the errors, in those of the sources, that a robust loss needs where they are unknown: one for all
+            laws that are to be compared. None takes `spread` of a first fit without it.
+
+    Raises:
+        FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
+    """
+    known = {*choice.names, *(p.name for p in extra.parameters)}
+    for name in changes:
+        if name not in known:
+            raise FitError(f"{choice.name} has no parameter {name!r}; it has {', '.join(sorted(known))}")
+    if loss != "linear" and errors == "unknown":
+        if scale is None:
+            scale = spread(fit_law_to_curves(choice, sources, extra, changes=changes, errors=errors))
+        sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
+    fits = []
+    guesses = starts_for(choice, sources) if sources else [choice.from_modulus(MODULUS)]
+    for starts in by_bounds(choice, guesses):
+        parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(starts[0]), *extra.parameters)]
+        try:
+            fits.append(
+                fit_parameters(
+                    [*sources, *extra.sources], parameters, loss=loss, starts=starts, errors=errors, label=choice.name
+                )
+            )
+        except FitError as error:
+            trouble = error
+    if not fits:
+        raise FitError(f"{choice.name}: {trouble}")
+    return min(fits, key=lambda one: (not one.converged, one.deviance))
+
+
+def spread(fit: LeastSquaresFit) -> float:
+    """Standard deviation of a fit's residuals that outliers hardly change (median absolute deviation)."""
+    return max(1.4826 * float(np.median(np.abs(fit.residuals[: fit.count]))), 1e-9)
+
+
+type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
+"""Measured curves, or files with uniaxial ones; one or several."""
+
+LARGEST_RATIO = 100.0
+"""Curves of one material whose first moduli differ by more than this cannot have the same unit."""
+
+
+def prepared(curves: Curves, stretch: tuple[float, float] | None = None) -> list[TensileCurve]:
+    """Curves of one material, checked, within a range of stretch; dense ones averaged (see `thinned`), averaged ones kept.
+
+    Args:
+        curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
+        stretch: The range; None for the whole curves.
+
+    Raises:
+        TensileError: One cannot be used, they cannot be one material's, or too few points are left.
+    """
+    given = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
+    read = [one.check() if isinstance(one, TensileCurve) else read_curve(Path(one)) for one in given]
+    if not read:
+        return []
+    moduli = [small_modulus(curve) for curve in read]
+    if max(moduli) > LARGEST_RATIO * min(moduli):
+        low, high = (read[moduli.index(pick)].name for pick in (min(moduli), max(moduli)))
+        raise TensileError(
+            f"{low} begins with a shear modulus of {min(moduli) / 1e3:.3g} kPa and {high} with {max(moduli) / 1e3:.3g} kPa; "
+            "they cannot be one material, so check their units"
+        )
+    within = [curve if stretch is None else curve.within(*stretch) for curve in read]
+    return [thinned(curve) if curve.noise is None else curve for curve in within]
+
+
+@checked
+@one_at_a_time
+def fit_curves(
+    curves: Curves,
+    material: Laws = "yeoh",
+    options: FitOptions = DEFAULTS,
+    *,
+    stretch: tuple[float, float] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> FitReport:
+    """Fit every law to all curves together, and to each alone where they contradict each other.
+
+    Args:
+        curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
+        material: A law's name or class, or several of them; ``"all"`` compares all.
+        options: How.
+        stretch: Range of stretch to fit over; None for the whole curves.
+        progress: Is told what is fitted next.
+
+    Returns:
+        The laws with their error bars, best first; ``report.material`` is the one to simulate with.
+
+    Raises:
+        FitError: The task is impossible.
+        TensileError: A curve cannot be used.
+    """
+    callback("progress", progress)
+    one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
+    ready = prepared(
+        several("curves", curves, (TensileCurve, Path, str), "a curve or its file"), span("stretch", stretch)
+    )
+    if not ready:
+        raise FitError("there is nothing to fit to; give a tensile curve or outlines")
+    task = _Task(ready, law_choices(material, options.poisson), options, progress or _silent)
+    return task.report()
+
+
+def _silent(_: str) -> None:
+    pass
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Task:
+    """Curves, laws, and how to fit them."""
+
+    curves: Sequence[TensileCurve]
+    choices: Sequence[LawChoice]
+    options: FitOptions
+    progress: Callable[[str], None]
+
+    @property
+    def error(self) -> StressError:
+        return StressError.from_text(self.options.stress_error)
+
+    @property
+    def errors(self) -> str:
+        return "stated" if self.error.stated else "unknown"
+
+    def report(self) -> FitReport:
+        known = expected(self.options.silicone)
+        fits, scale = self._fit_all(), None
+        if self.options.robust:
+            # What counts as an outlier is the closest law's to say, for all laws alike.
+            scale = min(map(spread, fits))
+            fits = self._fit_all("soft_l1", scale)
+        comparison = compare(fits, self._on_yardstick(fits))
+        laws = self._laws(fits, comparison, known)
+        report = FitReport(laws, comparison, tuple(self.curves), _how(self.options))
+        chosen = report.chosen.choice
+        separate = fit_separately(
+            self.curves, self.options.gauge_error, lambda curve: self._alone(chosen, curve, scale)
+        )
+        return dataclasses.replace(report, separate=separate)
+
+    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[LeastSquaresFit]:
+        fits = []
+        for i, choice in enumerate(self.choices, 1):
+            if len(self.choices) > 1:
+                self.progress(f"fitting {choice.name}, law {i} of {len(self.choices)}")
+            sources, extra = residuals_of(self.curves, choice, self.error, self.options.gauge_error, level=True)
+            names = (*choice.names, *(p.name for p in extra.parameters))
+            changes = self.options.changes_of(names)
+            fits.append(
+                fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
+            )
+        return fits
+
+    def _on_yardstick(self, fits: Sequence[LeastSquaresFit]) -> list[LeastSquaresFit] | None:
+        """The laws on the yardstick that they are compared by; None for one law alone, which nothing is compared with."""
+        if len(fits) < 2:
+            return None
+        return [
+            on_yardstick(fit, residuals_of(self.curves, choice, self.error, self.options.gauge_error)[0])
+            for fit, choice in zip(fits, self.choices, strict=True)
+        ]
+
+    def _laws(self, fits: Sequence[LeastSquaresFit], comparison: Comparison, known: Expected) -> tuple[FittedLaw, ...]:
+        strain, laws = largest_strain(self.curves), []
+        for ranked in comparison.ranked:
+            choice = self.choices[fits.index(ranked.fit)]
+            if self.options.profiles and len(ranked.fit.free) > 2:
+                self.progress(f"intervals of {choice.name}")
+            profiles = {p.name: profile(ranked.fit, p.name) for p in ranked.fit.free} if self.options.profiles else {}
+            material, judgement = choice.material(ranked.fit.values, stretches_of(self.curves)), NOTHING
+            if self.options.silicone:
+                judgement = hold_against(material, stretch_of(strain), known, judgement)
+            laws.append(FittedLaw(choice, ranked.fit, material, judge(material, strain), profiles, judgement))
+        return tuple(laws)
+
+    def _alone(self, choice: LawChoice, curve: TensileCurve, scale: float | None) -> FittedLaw:
+        sources, extra = residuals_of([curve], choice, self.error, self.options.gauge_error)
+        changes = self.options.changes_of(choice.names)
+        loss = "linear" if scale is None else "soft_l1"
+        fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
+        return fitted_alone(choice, fit, curve)
+
+
+def _how(options: FitOptions) -> str:
+    size = {
+        "auto": "weighted by 2 % of the stress and the curve's noise, their size from the scatter",
+        "constant": "unweighted least squares on the nominal stress, its error from the scatter",
+    }.get(options.stress_error, f"stress error {options.stress_error}")
+    robust = ", outliers counted by their size" if options.robust else ""
+    return f"{size}{robust}{options.gauge_words}; Poisson's ratio {options.poisson:g} is given, not fitted"

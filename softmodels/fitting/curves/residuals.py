@@ -1,0 +1,305 @@
+"""Tensile curves as a source of residuals."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.common.arrays import Array
+from softmodels.common.units import UnitError, brief, quantity
+from softmodels.fitting.curves.curve import TensileCurve, TensileError
+from softmodels.fitting.least_squares import fit_parameters
+from softmodels.fitting.problem import (
+    CannotEvaluate,
+    Extra,
+    LawChoice,
+    Parameter,
+    Prior,
+)
+from softmodels.fitting.result import LeastSquaresFit
+from softmodels.materials.laws import MaterialError
+from softmodels.materials.specimens import respond, strain_of
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The standard error of measured stresses: as stated, or from the curve's own noise.
+
+
+RELATIVE = 0.02
+"""Share of the stress that a test is off by if nobody says: cross-section, load cell, crosshead strain."""
+
+LEAST_ABSOLUTE = 0.003
+"""Least absolute error, as a share of the largest stress: a load cell's resolution."""
+
+DENSE = 30
+"""From this many points on, the noise of a curve can be told from its bend."""
+
+
+@dataclasses.dataclass(frozen=True)
+class StressError:
+    """Standard error of a measured stress.
+
+    Attributes:
+        relative: Share of the stress.
+        absolute: In Pa; None to estimate it from the curve's own noise.
+        stated: Whether its size is known; else only the ratios count and the size follows from the scatter.
+    """
+
+    relative: float
+    absolute: float | None
+    stated: bool
+
+    @classmethod
+    def from_text(cls, text: str) -> StressError:
+        """Read ``"2%+0.5kPa"``, ``"0.5kPa"``, ``"auto"``, or ``"constant"``: unweighted least squares on nominal stress."""
+        if not isinstance(text, str):
+            raise TensileError(f"stress error is {brief(text)}; it is a text such as '2%+0.5kPa', 'auto' or 'constant'")
+        if text == "auto":
+            return cls(RELATIVE, None, False)
+        if text == "constant":
+            return cls(0.0, 1e3, False)
+        relative, absolute = 0.0, 0.0
+        try:
+            for part in text.split("+"):
+                if part.strip().endswith("%"):
+                    relative = quantity(part, "")
+                else:
+                    absolute = quantity(part, "Pa")
+        except UnitError as error:
+            raise TensileError(f"stress error {text!r}: {error}; or write 2%+0.5kPa, auto or constant") from None
+        if relative < 0.0 or absolute < 0.0 or relative + absolute == 0.0:
+            raise TensileError(f"stress error {text!r} must be above zero")
+        if absolute == 0.0:
+            raise TensileError(f"stress error {text!r} vanishes at rest; add an absolute part, such as {text}+0.1kPa")
+        return cls(relative, absolute, True)
+
+    def of(self, curve: TensileCurve) -> Array:
+        """Error in Pa of each point of a curve."""
+        absolute = self.absolute
+        if absolute is None:
+            absolute = max(noise(curve), LEAST_ABSOLUTE * float(np.abs(curve.stress).max()))
+        return np.hypot(self.relative * curve.stress, absolute)
+
+
+def noise(curve: TensileCurve) -> float:
+    """Standard deviation in Pa of a dense curve's noise, from third differences, which a smooth bend leaves small.
+
+    The median makes jumps count little. 0 where the points are too few to tell noise from the bend. Averaged curves carry
+    that of their readings.
+    """
+    if curve.noise is not None:
+        return curve.noise
+    if len(curve.stress) < DENSE:
+        return 0.0
+    return float(np.median(np.abs(np.diff(curve.stress, 3)))) / 0.6745 / math.sqrt(20)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TensileResiduals:
+    """Residuals of a law against one curve: (gauge x model - measured) / error.
+
+    Attributes:
+        curve: The measured ramp, within the fit's range.
+        choice: The law.
+        errors: Standard errors in Pa, shape (n,).
+        gauge: Name of the test's own factor on the stress (cross-section, load cell), or empty.
+    """
+
+    curve: TensileCurve
+    choice: LawChoice
+    errors: Array
+    gauge: str = ""
+
+    unit = "Pa"
+
+    @property
+    def label(self) -> str:
+        return f"{self.curve.name} ({self.curve.mode})"
+
+    @property
+    def averaged_away(self) -> float:
+        """Standard deviation in Pa of the readings' noise that a thinned curve no longer shows."""
+        return noise(self.curve) * math.sqrt(1 - 1 / self.curve.readings)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return (*self.choice.names, self.gauge) if self.gauge else self.choice.names
+
+    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
+        """See `softmodels.fitting.problem.Residuals`."""
+        try:
+            material = self.choice.material(values)
+        except MaterialError as error:
+            raise CannotEvaluate(str(error)) from None
+        names = self.choice.names if derivatives else ()
+        found = respond(material, self.curve.stretch, self.curve.mode, names)
+        factor = values[self.gauge] if self.gauge else 1.0
+        residuals = (factor * found.stress - self.curve.stress) / self.errors
+        slopes = None
+        if derivatives:
+            columns = [factor * found.slopes, *([found.stress[:, None]] if self.gauge else [])]
+            slopes = np.hstack(columns) / self.errors[:, None]
+        return residuals, slopes, [self.label] * len(residuals)
+
+
+def residuals_of(
+    curves: Sequence[TensileCurve],
+    choice: LawChoice,
+    error: StressError,
+    gauge_error: float = 0.0,
+    level: bool = False,
+) -> tuple[list[TensileResiduals], Extra]:
+    """Sources for curves, and the factors on their stress if these are uncertain by ``gauge_error`` (a share).
+
+    With ``level``, and errors of unknown size, every curve weighs the same, however many points it has: a densely sampled
+    curve must not silence a sparse one.
+    """
+    sources, gauges = [], []
+    mean = sum(len(curve.stretch) for curve in curves) / max(len(curves), 1)
+    for i, curve in enumerate(curves, 1):
+        name = f"gauge{i}" if gauge_error else ""
+        weight = math.sqrt(len(curve.stretch) / mean) if level and not error.stated else 1.0
+        sources.append(TensileResiduals(curve, choice, weight * error.of(curve), name))
+        if name:
+            gauges.append(Parameter(name, "", 1.0, 0.2, 5.0, Prior(1.0, gauge_error)))
+    return sources, Extra((), gauges)
+
+
+def stretches_of(curves: Sequence[TensileCurve]) -> tuple[float, float] | None:
+    """Range of stretch that curves cover together; None for no curves."""
+    if not curves:
+        return None
+    return min(float(c.stretch.min()) for c in curves), max(float(c.stretch.max()) for c in curves)
+
+
+def largest_strain(curves: Sequence[TensileCurve]) -> float:
+    """Largest I1 - 3 in the curves."""
+    return max(float(strain_of(curve.mode, curve.stretch).max()) for curve in curves)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Raw curves of test machines made smaller: readings averaged over equal steps of stretch, and what that costs.
+#
+# A machine writes as many readings as its clock allows. Ten thousand of them on one pull are no more witnesses than a hundred,
+# for what a pull gets wrong (cross-section, grips, the specimen's own history) keeps together over much of the curve.
+
+
+MOST_POINTS = 100
+"""Curves with more points than this are averaged over steps of stretch."""
+FINEST = 800
+"""Most steps that are tried where a curve bends too sharply for fewer."""
+KEPT = 0.002
+"""The averaged curve follows the readings to this share of the largest stress, or more steps are taken."""
+
+
+def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
+    """A curve of at most about ``most`` points, with a remark that says how many became how many, and by which rule.
+
+    Stretch and stress are averaged over equal steps of stretch; a step without a reading gives no point. Where the averages,
+    joined by straight lines, miss the curve's smoothed readings by more than `KEPT` of the largest stress, the steps are
+    halved. A curve of few points stays as it is.
+    """
+    if len(curve.stretch) <= most:
+        return curve
+    steps = most
+    while True:
+        stretch, stress, _ = _averaged(curve, steps)
+        missed = _missed(curve, stretch, stress, 2 * steps)
+        if missed <= KEPT * float(np.abs(curve.stress).max()) or 2 * steps > min(FINEST, len(curve.stretch) // 2):
+            break
+        steps *= 2
+    scatter = _scatter(curve, stretch, stress)
+    remark = (
+        f"{len(curve.stretch)} readings averaged over {steps} equal steps of stretch, {len(stretch)} points; the readings "
+        f"scatter about them by {scatter / 1e3:.2g} kPa rms, and the averages miss the curve by {missed / 1e3:.2g} kPa at most"
+    )
+    remarks = (*curve.remarks, remark)
+    return dataclasses.replace(
+        curve,
+        stretch=stretch,
+        stress=stress,
+        remarks=remarks,
+        noise=noise(curve),
+        readings=len(curve.stretch) / len(stretch),
+    )
+
+
+def averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array]:
+    """Mean stretch and mean stress in Pa of each of ``steps`` equal steps of stretch that has a reading."""
+    stretch, stress, _ = _averaged(curve, steps)
+    return stretch, stress
+
+
+def _averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array, npt.NDArray[np.int64]]:
+    """Mean stretch, mean stress and number of readings of every step that has any."""
+    edges = np.linspace(curve.stretch[0], curve.stretch[-1], steps + 1)
+    place = np.clip(np.searchsorted(edges, curve.stretch, "right") - 1, 0, steps - 1)
+    counts = np.bincount(place, minlength=steps)
+    here = counts > 0
+    means = [np.bincount(place, values, steps)[here] / counts[here] for values in (curve.stretch, curve.stress)]
+    return means[0], means[1], counts[here]
+
+
+def _missed(curve: TensileCurve, stretch: Array, stress: Array, halves: int) -> float:
+    """Largest distance in Pa between the averages, joined by straight lines, and averages over halves of their steps."""
+    finer, fine, counts = _averaged(curve, halves)
+    # A half step with few readings tells its own noise and not the curve's bend.
+    firm = (counts >= max(1, int(np.median(counts)) // 2)) & (finer >= stretch[0]) & (finer <= stretch[-1])
+    off = np.abs(np.interp(finer, stretch, stress) - fine)[firm]
+    chance = 4 * _scatter(curve, stretch, stress) / np.sqrt(counts[firm])
+    return float(np.max(np.maximum(off - chance, 0.0), initial=0.0))
+
+
+def _scatter(curve: TensileCurve, stretch: Array, stress: Array) -> float:
+    """Root mean square distance in Pa of the readings from the averages, joined by straight lines."""
+    return float(np.sqrt(np.mean((np.interp(curve.stretch, stretch, stress) - curve.stress) ** 2)))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What laws are compared by: the same stretches and the same errors for every curve, however it was sampled and fitted.
+
+
+STEPS = 25
+"""Equal steps of stretch that every curve with enough points is judged on."""
+TELLS, RESOLVES = 0.01, 0.005
+"""What a tensile test can tell of a law: this share of the stress, and this share of the largest stress."""
+
+
+def on_yardstick(fitted: LeastSquaresFit, sources: Sequence[TensileResiduals]) -> LeastSquaresFit:
+    """A law fitted anew on the curves of `evened`, with what a tensile test can tell as its errors.
+
+    Laws are compared by these fits, so that the choice of errors does not choose the law. Nor does the sampling: 37,512, 375
+    and 93 readings of one pull give nearly the same values at the same stretches, and what one reading cannot tell counts as
+    not told, however many readings there are. Bounds, priors and fixed values stay.
+    """
+    even = [dataclasses.replace(s, curve=(curve := evened(s.curve)), errors=_told(curve)) for s in sources]
+    loss, label = fitted.loss, fitted.label
+    return fit_parameters(even, fitted.parameters, loss=loss, starts=[fitted.values], errors="stated", label=label)
+
+
+def evened(curve: TensileCurve) -> TensileCurve:
+    """A curve as `STEPS` averages over equal steps of stretch; of fewer than two points a step, the curve as it is.
+
+    Every stretch counts the same then, also where a machine wrote more readings near the start. Each average stands at the
+    middle of its step: the mean of its few readings lies beside that, which would judge a sparse curve elsewhere than a dense
+    one, most of all at the ends, where laws miss most. The noise that averaging takes away is kept in the curve's ``noise``
+    and ``readings``.
+    """
+    if len(curve.stretch) < 2 * STEPS:
+        return curve
+    means, stress = averaged(curve, STEPS)
+    edges = np.linspace(curve.stretch[0], curve.stretch[-1], STEPS + 1)
+    middles = (edges[1:] + edges[:-1]) / 2
+    stretch = middles[np.clip(np.searchsorted(edges, means, "right") - 1, 0, STEPS - 1)]
+    stress = stress + np.gradient(stress, means) * (stretch - means)
+    readings = curve.readings * len(curve.stretch) / len(stretch)
+    return dataclasses.replace(curve, stretch=stretch, stress=stress, noise=noise(curve), readings=readings)
+
+
+def _told(curve: TensileCurve) -> Array:
+    """What a test can tell in Pa at each point of a curve, shape (n,)."""
+    least = max(RESOLVES * float(np.abs(curve.stress).max()), noise(curve))
+    return np.hypot(TELLS * curve.stress, least)

@@ -1,0 +1,571 @@
+"""Laws fitted to outlines or heights of a device, compared and judged: one call from measurements to a report."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geometries import Actuator
+from measurement.outline.outline import Outline
+from softmodels.case.case import Case
+from softmodels.common.arrays import Array
+from softmodels.common.calls import (
+    checked,
+    one_of,
+    several,
+    wrong,
+)
+from softmodels.common.errors import known_are, spoken
+from softmodels.common.processes import one_at_a_time
+from softmodels.fitting.comparison import (
+    DeviceMisfit,
+    Expected,
+    FitReport,
+    FittedLaw,
+    caution,
+    compare,
+    contradictions,
+    expected,
+    hold_against,
+    stretch_of,
+)
+from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.fit import Curves, prepared
+from softmodels.fitting.curves.residuals import StressError, residuals_of, stretches_of
+from softmodels.fitting.least_squares import fit_parameters, profile
+from softmodels.fitting.outlines.checks import (
+    HeightRow,
+    by_course,
+    judge_heights,
+    judge_outlines,
+    series_of,
+    series_of_shapes,
+    within_chance,
+)
+from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
+from softmodels.fitting.outlines.residuals import (
+    DEFAULT_BENCH,
+    Bench,
+    Height,
+    HeightResiduals,
+    OutlineResiduals,
+    all_nuisances,
+    check_heights,
+    least_squares_of_heights,
+    read_heights,
+    residuals_by_source,
+    starts,
+)
+from softmodels.fitting.outlines.shapes import (
+    OutlineFitError,
+    kept,
+    prepare,
+    read_outlines,
+)
+from softmodels.fitting.problem import (
+    DEFAULTS,
+    NOTHING_ELSE,
+    CannotEvaluate,
+    Change,
+    Changes,
+    Extra,
+    FitError,
+    FitOptions,
+    LawChoice,
+    Laws,
+    Parameter,
+    UnsoundError,
+    all_parameters,
+    law_choices,
+)
+from softmodels.fitting.result import Judgement, LeastSquaresFit
+from softmodels.materials.stability import judge
+from softmodels.mechanics.mpi import start
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The fit of one law to outlines, from starts in closed form.
+
+
+UNHEARD = 1e6
+"""Factor on the error of a pressure that does not count."""
+
+
+def volume_parameters(
+    source: OutlineResiduals, volumes: Sequence[float] | Array, hangs: float = 0.0
+) -> list[Parameter]:
+    """The hidden added volumes with a start for each, m3; ``hangs`` is that of the device at zero pressure."""
+    return [
+        Parameter(
+            name, "m^3", start, hangs + 0.05 * (start - hangs), hangs + 4.0 * (start - hangs), hidden=True,
+            title=f"the added volume at {shape.name}", device=source.device,
+        )
+        for name, start, shape in zip(source.volumes, volumes, source.shapes, strict=True)
+    ]  # fmt: skip
+
+
+def fit_law_to_outlines(
+    *sources: OutlineResiduals,
+    bench: Bench = DEFAULT_BENCH,
+    extra: Extra = NOTHING_ELSE,
+    changes: Changes = MappingProxyType({}),
+    loss: str = "linear",
+    doubted: Collection[str] = (),
+) -> LeastSquaresFit:
+    """Fit a law to outlines from starts in closed form.
+
+    Args:
+        sources: Devices of one material, each with its outlines.
+        bench: What is free beside the law.
+        extra: Further sources that depend on the law's parameters, such as tensile curves.
+        changes: Fields of parameters to replace; what every device has is so for all, or by its full name for one.
+        loss: See `softmodels.fitting.least_squares.fit_parameters`.
+        doubted: Names of photographs whose pressures do not count where the fit starts.
+
+    Raises:
+        FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
+        OutlineFitError: The device cannot be the one in the photographs.
+    """
+    choice = sources[0].model.choice
+    known = all_nuisances(sources, bench)
+    names = {*choice.names, *(name for p in (*known, *extra.parameters) for name in (p.name, p.own_name))}
+    for name in changes:
+        if name not in names:
+            raise FitError(f"there is no parameter {name!r}; {known_are(name, sorted(names))}")
+    held = {name: change["start"] for name, change in changes.items() if _held(change) and name in choice.names}
+    begins: list[dict[str, float]] = []
+    volumes: list[Parameter] = []
+    for source in sources:
+        measured = [
+            (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
+            for shape in source.shapes
+        ]
+        heights, pressures, errors = np.array(measured).T
+        more, plain = starts(source.model, heights, pressures, errors, held)
+        begins += more
+        volumes += volume_parameters(source, plain.volumes, plain.hangs)
+    troubles = []
+    for begin in begins:
+        parameters = [
+            p.changed({**changes.get(p.own_name, {}), **changes.get(p.name, {})})
+            for p in (*choice.parameters(begin), *known, *extra.parameters)
+        ] + volumes
+        for source in sources:
+            source.fixed = frozenset(p.name for p in parameters if p.fixed)
+        try:
+            return fit_parameters([*sources, *extra.sources], parameters, loss=loss, label=choice.name)
+        except FitError as error:
+            troubles.append(str(error))
+    raise FitError(f"{choice.name}: {troubles[0]}")
+
+
+def _held(change: Change) -> bool:
+    return change.get("fixed", False) and "start" in change
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# One law tried on a device's outlines or heights: its fit, and whether that may be used.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class LawTrial[Source: (OutlineResiduals, HeightResiduals)]:
+    """A law's fit.
+
+    Attributes:
+        sources: What it was fitted to, one for each device.
+        fit: The fit.
+        judgement: What speaks against it.
+        rows: Of each device the series of pressures over heights, of outlines.
+    """
+
+    sources: tuple[Source, ...]
+    fit: LeastSquaresFit
+    judgement: Judgement
+    rows: tuple[tuple[HeightRow, ...], ...] = ()
+
+
+def try_outlines(
+    sources: Sequence[OutlineResiduals],
+    bench: Bench,
+    extra: Extra = NOTHING_ELSE,
+    changes: Changes = MappingProxyType({}),
+    loss: str = "linear",
+    rows: Sequence[Sequence[HeightRow]] = (),
+) -> LawTrial[OutlineResiduals]:
+    """Fit a law to all outlines, and look for those that contradict the others where the fit is beyond chance.
+
+    Args:
+        sources: The devices under the law, each with its outlines.
+        bench: What is free beside the law.
+        extra: Further sources, such as tensile curves, and their parameters.
+        changes: See `fit_law_to_outlines`.
+        loss: See `fit_law_to_outlines`.
+        rows: The series, if another law's trial has them already: all laws are then fitted to the same photographs.
+
+    Raises:
+        UnsoundError: The outlines are of another device; or the fit fails, and a photograph contradicts the others.
+        FitError: The fit fails.
+    """
+    all_nuisances(sources, bench)  # names that nothing has, before anything is solved
+    series = tuple(tuple(one) for one in rows or [series_of_shapes(one.model, one.shapes) for one in sources])
+    wrong = [found for found in map(by_course, series) if found]
+    doubted = [name for found in wrong for name in found.names]
+    said = "; ".join(found.whole for found in wrong)
+
+    def fitted(
+        without: Sequence[str] = (), doubted: Sequence[str] = ()
+    ) -> tuple[list[OutlineResiduals], LeastSquaresFit]:
+        chosen = []
+        for source in sources:
+            shapes = [shape for shape in source.shapes if shape.source not in without]
+            if shapes:
+                chosen.append(OutlineResiduals(source.model, shapes, device=source.device))
+        fit = fit_law_to_outlines(*chosen, bench=bench, extra=extra, changes=changes, loss=loss, doubted=doubted)
+        return chosen, fit
+
+    def good(without: Sequence[str]) -> bool:
+        try:
+            return within_chance(*fitted(without))
+        except (FitError, CannotEvaluate):
+            return False
+
+    try:
+        if any(
+            found.gross for found in wrong
+        ):  # a fit that bends to follow such a row takes a minute and means nothing
+            chosen, fit = fitted(doubted)
+            return LawTrial(
+                tuple(chosen), fit, Judgement((f"{said} (the numbers reported are of such a fit)",)), series
+            )
+        chosen, fit = fitted((), doubted)
+    except FitError as error:
+        if wrong:
+            raise UnsoundError(f"{said} (with all photographs: {error})") from None
+        raise
+    return LawTrial(tuple(chosen), fit, judge_outlines(chosen, fit, series, good), series)
+
+
+def try_heights(
+    device: DeviceModel,
+    heights: Sequence[Height],
+    changes: Changes = MappingProxyType({}),
+    loss: str = "linear",
+) -> LawTrial[HeightResiduals]:
+    """Fit a law to heights whose series has no row that contradicts the others.
+
+    Raises:
+        UnsoundError: It has.
+        FitError: The fit fails.
+    """
+    columns = [(one.height, one.pressure, one.pressure_error, one.height_error) for one in heights]
+    rows, _ = series_of(device, [one.source for one in heights], *np.array(columns).T)
+    wrong = by_course(rows)
+    if wrong:
+        raise UnsoundError(wrong.whole)
+    source = HeightResiduals(device, heights)
+    fit = least_squares_of_heights(source, changes=changes, loss=loss)
+    return LawTrial((source,), fit, judge_heights(source, fit))
+
+
+PROFILE_POINTS = 6
+"""Values at which a parameter is held for its profile: each is a fit of its own."""
+type Device = Actuator | Case | MeasuredDevice
+type Outlines = Sequence[Outline | Path | str] | Path | str
+HEIGHTS_ALONE = (
+    "heights alone cannot tell a leak, an offset or a unit of the pressures, a unit of length or the zero plane from the "
+    "silicone: nothing of it is corrected, and the intervals are widened by what is believable of each; whole outlines see more"
+)
+
+
+@checked
+@one_at_a_time
+def fit(
+    device: Device | Sequence[tuple[Device, Outlines]],
+    outlines: Outlines = (),
+    material: Laws = "yeoh",
+    options: FitOptions = DEFAULTS,
+    *,
+    curves: Curves = (),
+    comm: MPI.Comm | None = None,
+) -> FitReport:
+    """Fit laws to outlines of one device or of several of one cast at all pressures, perhaps together with tensile curves.
+
+    Several devices have the material in common; what the bench got wrong and lengths are each device's own: parameters called
+    ``leak``, ``zero`` ... of one device are ``NAME.leak``, ``NAME.zero`` ... of several. ``options.free`` and
+    ``options.changes`` are about all of them, or by such a name about one; ``options.without`` takes ``NAME/4.jpg``. NAME is
+    that of the case, or the geometry's; a name that two have gets a number (``disk-2``).
+
+    Args:
+        device: What was inflated; or pairs of what was inflated and its outlines.
+        outlines: Outlines, or the files or folders that a measurement has written; nothing where ``device`` has pairs.
+        material: A law's name or class, or several of them; ``"all"`` compares all.
+        options: How.
+        curves: Tensile curves to fit at the same time, or their files (see `softmodels.fitting.curves.fit.prepared`).
+        comm: Processes that solve together; None for all.
+
+    Returns:
+        The laws with their error bars, best first; ``report.material`` is the one to simulate with, and
+        ``report.chosen.devices`` has the chi squared of each device.
+
+    Raises:
+        FitError: Bad input, or no law could be fitted.
+        UnsoundError: The measurements contradict each other.
+    """
+    _check_how(options, comm)
+    pairs = _pairs(device, outlines)
+    measured = [MeasuredDevice.of(one).counting_from(options.heights_from) for one, _ in pairs]
+    names = device_names([one.name for one in measured])
+    task = _Task(
+        tuple(dataclasses.replace(one, name=name) for one, name in zip(measured, names, strict=True)),
+        law_choices(material, options.poisson),
+        options,
+        tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"))),
+    )
+    if len(pairs) == 1:
+        found = [_outlines_of(pairs[0][1], options.untrusted, options.without)]
+    else:
+        without = _without_by_device(options.without, names)
+        found = [
+            [
+                dataclasses.replace(one, source=f"{name}/{one.source}")
+                for one in _outlines_of(given, options.untrusted, left)
+            ]
+            for (_, given), name, left in zip(pairs, names, without, strict=True)
+        ]
+    return task.with_outlines(found, comm or start())
+
+
+def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
+    """What was inflated, each with its outlines.
+
+    Raises:
+        FitError: Pairs that are none, or outlines beside them.
+    """
+    if not isinstance(device, Sequence) or isinstance(device, str):
+        return [(device, outlines)]  # type: ignore[list-item]
+    if not device or not all(
+        isinstance(one, Sequence) and not isinstance(one, str) and len(one) == 2 for one in device
+    ):
+        raise FitError(
+            "several devices are given as pairs of a device and its outlines, such as [(disk, 'outlines_a'), (membrane, "
+            "'outlines_b')]"
+        )
+    if not isinstance(outlines, Sequence) or len(outlines):
+        raise FitError("each of several devices comes with its own outlines in a pair; leave the argument outlines out")
+    return [(one, given) for one, given in device]
+
+
+def _outlines_of(given: Outlines, untrusted: bool, without: Sequence[str]) -> list[Outline]:
+    outlines = several("outlines", given, (Outline, Path, str), "an outline, or a file or folder of outlines")
+    found = [outline for outline in outlines if isinstance(outline, Outline)]
+    files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
+    if files or not found:
+        return [*found, *read_outlines(files, untrusted, without)]
+    return [found[i] for i in kept([(outline.source, None) for outline in found], without)]
+
+
+def device_names(names: Sequence[str]) -> list[str]:
+    """What devices are called in a fit of several: their names, numbered where two have the same."""
+    found: list[str] = []
+    for name in names:
+        number, one = 1, name
+        while one in found:
+            number += 1
+            one = f"{name}-{number}"
+        found.append(one)
+    return found
+
+
+def _without_by_device(without: Sequence[str], names: Sequence[str]) -> list[list[str]]:
+    """Names of photographs to leave out, by device.
+
+    Raises:
+        OutlineFitError: A name that does not begin with that of a device.
+    """
+    for text in without:
+        if not any(text.startswith(f"{name}/") for name in names):
+            raise OutlineFitError(
+                f"--without {text}: with several devices, name the photograph's device too, such as {names[0]}/{text}; the "
+                f"devices are {', '.join(names)}"
+            )
+    return [[text.removeprefix(f"{name}/") for text in without if text.startswith(f"{name}/")] for name in names]
+
+
+@checked
+@one_at_a_time
+def fit_heights(
+    device: Actuator | Case | MeasuredDevice,
+    heights: Sequence[Height] | Path | str,
+    material: Laws = "yeoh",
+    options: FitOptions = DEFAULTS,
+    *,
+    comm: MPI.Comm | None = None,
+) -> FitReport:
+    """Fit laws to the largest deflections of a device, as the thesis did; see `fit`, whose arguments it takes.
+
+    Args:
+        device: What was inflated.
+        heights: Heights, or the table ``heights.csv`` that a measurement has written.
+        material: See `fit`.
+        options: See `fit`.
+        comm: See `fit`.
+
+    Raises:
+        FitError: Bad input, or no law could be fitted.
+        UnsoundError: The measurements contradict each other.
+    """
+    _check_how(options, comm)
+    if isinstance(heights, Path | str):
+        heights = read_heights(Path(heights), options.untrusted, options.without)
+    heights = several("heights", heights, Height, "a height, or the table heights.csv")
+    task = _Task(
+        (MeasuredDevice.of(device).counting_from(options.heights_from),),
+        law_choices(material, options.poisson),
+        options,
+        (),
+    )
+    return task.with_heights(heights, comm or start())
+
+
+def _check_how(options: object, comm: object) -> None:
+    """Refuse, with `ArgumentError`, what are no options and no communicator."""
+    one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
+    if comm is not None and not callable(getattr(comm, "allreduce", None)):
+        raise wrong("comm", comm, "a communicator of MPI, or None for all processes")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Task:
+    """Devices of one material, laws, and how to fit them."""
+
+    devices: tuple[MeasuredDevice, ...]
+    choices: Sequence[LawChoice]
+    options: FitOptions
+    curves: tuple[TensileCurve, ...]
+
+    @property
+    def known(self) -> Expected:
+        return expected(self.options.silicone, next((one.material for one in self.devices if one.material), None))
+
+    def notes(self, more: Sequence[str] = ()) -> list[str]:
+        """What is not known, and what was left out."""
+        left_out = [f"{name} is left out, as --without says" for name in self.options.without]
+        named = dict.fromkeys(one.material for one in self.devices if one.material)
+        if len(named) > 1 and self.options.silicone is None:
+            more = [
+                *more,
+                f"the cases name {len(named)} materials; the fit is held against that of {self.devices[0].name}",
+            ]
+        return [*filter(None, (caution(self.known), *more)), *left_out]
+
+    def changes(self, choice: LawChoice) -> Changes:
+        """The changes without those of other laws."""
+        foreign = all_parameters().keys() - set(choice.names)
+        return {name: change for name, change in self.options.changes.items() if name not in foreign}
+
+    def with_outlines(self, outlines: Sequence[Sequence[Outline]], comm: MPI.Comm) -> FitReport:
+        notes, rows = self.notes(), tuple[tuple[HeightRow, ...], ...]()
+        error, bench = StressError.from_text(self.options.stress_error), Bench(self.options.free)
+        trials: dict[str, LawTrial[OutlineResiduals]] = {}
+        for choice in self.choices:
+            devices = []
+            for device, own in zip(self.devices, outlines, strict=True):
+                model = device.model(choice, comm)
+                shapes, more = prepare(own, device.actuator, model.silhouette.width)
+                notes += [note for note in more if note not in notes]
+                devices.append(OutlineResiduals(model, shapes, device=device.name if len(self.devices) > 1 else ""))
+            sources, extra = residuals_of(self.curves, choice, error, self.options.gauge_error)
+            extra = dataclasses.replace(extra, sources=sources)
+            trial = try_outlines(devices, bench, extra, self.changes(choice), self.options.loss, rows)
+            trials[choice.name], rows = trial, trial.rows
+        notes += [pair.sentence for pair in contradictions(self.curves, self.options.gauge_error)]
+        robust = ", outliers counted by their size" if self.options.robust else ""
+        free = ", ".join(self.options.free) or "nothing"
+        tests = f"; curves with {self.options.gauge_words.removeprefix(', ')}" if self.curves else ""
+        how = f"whole outlines and readings, each by its stated error{robust}; free beside the law: {free}{tests}"
+        report = self._report(trials, notes, how)
+        # Solved again where a profile was the last to be asked for, by all ranks together.
+        states = {
+            law.choice.name: [
+                one for source in trials[law.choice.name].sources for one in source.matches(law.fit.values)
+            ]
+            for law in report.laws
+        }
+        return dataclasses.replace(report, photographs=states)
+
+    def with_heights(self, heights: Sequence[Height], comm: MPI.Comm) -> FitReport:
+        trials: dict[str, LawTrial[HeightResiduals]] = {}
+        for choice in self.choices:
+            model = self.devices[0].model(choice, comm)
+            checked = check_heights(heights, model.silhouette.width)
+            trials[choice.name] = try_heights(model, checked, self.changes(choice), self.options.loss)
+        how = (
+            "mean square deviation of the largest deflections at the readings as they are, errors from the scatter and from "
+            "what the bench may get wrong"
+        )
+        return self._report(trials, self.notes([HEIGHTS_ALONE]), how)
+
+    def _report[Source: (OutlineResiduals, HeightResiduals)](
+        self, trials: Mapping[str, LawTrial[Source]], notes: Sequence[str], how: str
+    ) -> FitReport:
+        comparison = compare([trial.fit for trial in trials.values()])
+        laws = [self._law(trials[ranked.fit.label], ranked.fit) for ranked in comparison.ranked]
+        first: LawTrial[Source] = next(iter(trials.values()))
+        words: list[tuple[str, str]] = [self._in_words(source, first.fit) for source in first.sources]
+        notes = [*notes, *(told for _, told in words if told)]
+        devices = tuple(device for device, _ in words)
+        return FitReport(tuple(laws), comparison, self.curves, how, devices=devices, notes=tuple(map(spoken, notes)))
+
+    def _in_words(self, source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> tuple[str, str]:
+        """A device with what was measured, and what its loads and heights are, the latter perhaps empty."""
+        name, kind = source.device or self.devices[0].name, type(source.model.system.body.actuator).__name__
+        told = source.model.told(source.own(fit.values))
+        return f"{name}: {kind}, {source.in_words}", f"{source.device}: {told}" if source.device and told else told
+
+    def _law[Source: (OutlineResiduals, HeightResiduals)](
+        self, trial: LawTrial[Source], fit: LeastSquaresFit
+    ) -> FittedLaw:
+        first = trial.sources[0].model
+        choice: LawChoice = first.choice
+        stretch = max(_largest_stretch(source, fit) for source in trial.sources)
+        strain = 2 * stretch**2 + stretch**-4 - 3  # as if equibiaxial, which is the most that this stretch can mean
+        low, high = stretches_of(self.curves) or (1.0, stretch)
+        over = (min(low, 1.0), max(high, stretch))
+        material = dataclasses.replace(first.material(fit.values), fitted_stretch=over)
+        judgement = hold_against(material, stretch_of(strain), self.known, trial.judgement)
+        law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement, self._misfits(trial, fit))
+        if not (law.sound and self.options.profiles):
+            return law
+        wanted = [p.name for p in fit.free if p.name in (*choice.names, "poisson")]
+        return dataclasses.replace(law, profiles={name: profile(fit, name, PROFILE_POINTS) for name in wanted})
+
+    def _misfits[Source: (OutlineResiduals, HeightResiduals)](
+        self, trial: LawTrial[Source], fit: LeastSquaresFit
+    ) -> tuple[DeviceMisfit, ...]:
+        """Of heights none: their errors follow from the misfit."""
+        sources: list[OutlineResiduals] = []
+        for source in trial.sources:
+            if isinstance(source, OutlineResiduals):
+                sources.append(source)
+        parts = residuals_by_source(sources, fit.residuals)
+        return tuple(
+            DeviceMisfit(source.device or self.devices[0].name, float((part**2).sum()), len(part))
+            for source, part in zip(sources, parts, strict=False)
+        )
+
+
+def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> float:
+    """Largest principal stretch of the device in the state of the largest deflection."""
+    from softmodels.runs.fields import Fields
+
+    state = source.largest_state(fit.values)
+    source.model.set_parameters(source.own(fit.values))
+    return float(Fields(source.model.solver).figures(state).max_stretch)

@@ -1,0 +1,729 @@
+"""Whole outlines of a simulated device against measured ones, at all pressures, as a source of residuals.
+
+Errors in variables: each photograph has a hidden added volume. Its state is solved at that volume, which passes limit
+points; the state's outline is held against all points of the photograph, and its pressure against the reading, once, so
+that the reading's error is common to all points. What the bench may have got wrong is a parameter with a prior:
+
+    pressure   = reading (1 - pressure_scale) - pressure_offset - leak reading^2 / largest reading
+    x measured = centre + (1 + scale) x,    z measured = zero + (1 + scale) z
+
+A leak (flow through the hose between column and device) makes readings too high, more so at high pressure.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from measurement.series.photo_list import DENSITY_ERROR
+from softmodels.common.arrays import Array
+from softmodels.common.calls import keep_arrays
+from softmodels.common.errors import known_are, reason
+from softmodels.common.tables import (
+    Line,
+    pick,
+    read_sheets,
+    records,
+)
+from softmodels.common.units import WATER_DENSITY, UnitError, number
+from softmodels.fitting.least_squares import fit_parameters
+from softmodels.fitting.outlines.device import DeviceModel
+from softmodels.fitting.outlines.shapes import (
+    FLOOR,
+    TALLEST,
+    OutlineFitError,
+    Shape,
+    kept,
+)
+from softmodels.fitting.outlines.silhouette import shadow_of
+from softmodels.fitting.problem import (
+    BENCH,
+    CannotEvaluate,
+    Changes,
+    FitError,
+    Parameter,
+    Prior,
+)
+from softmodels.fitting.result import LeastSquaresFit
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.system import State
+from softmodels.path.continuation import LARGEST_GROWTH, trace
+from softmodels.path.points import PathEnd
+from softmodels.runs.grid import QuadraticCurve
+
+READINGS = "pressures"
+"""Label of the group of residuals that hold the pressures."""
+
+
+class OutlineResiduals:
+    """Residuals of a device against outlines; see `softmodels.fitting.problem.Residuals`.
+
+    Args:
+        model: The device and its law.
+        shapes: Measured outlines, prepared.
+        label: What it is.
+        device: What comes before the names of what is this device's own in a fit of several (`named`); empty for one alone.
+
+    Raises:
+        OutlineFitError: The device's top is not flat when undeformed, and nothing states that heights count from its apex.
+
+    Attributes:
+        fixed: Parameters whose derivatives nobody needs: their columns stay zero.
+    """
+
+    def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines", device: str = ""):
+        _check_flat(model)
+        self.model, self.shapes, self.label, self.device = model, tuple(shapes), label, device
+        self._own_volumes = tuple(f"volume{i + 1}" for i in range(len(shapes)))
+        self._own_names = (*model.names, *BENCH, *self._own_volumes)
+        self.volumes = tuple(map(self.named, self._own_volumes))
+        self.parameters = tuple(map(self.named, self._own_names))
+        self.readings = f"{device}/{READINGS}" if device else READINGS
+        self.most = max(shape.pressure for shape in shapes)
+        labels = [shape.source for shape in shapes for _ in shape.weight]
+        self.groups = np.array([*labels, *[self.readings] * len(shapes)])
+        self.fixed: frozenset[str] = frozenset()
+        self._known: tuple[tuple[float, ...], list[MatchedPhotograph]] | None = None
+
+    @property
+    def count(self) -> int:
+        return len(self.groups)
+
+    def named(self, name: str) -> str:
+        """A parameter's name in the fit: the material's are common to all devices, the others its own."""
+        return name if not self.device or name in (*self.model.choice.names, "poisson") else f"{self.device}.{name}"
+
+    def own(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The fit's values by the names that they have in this device alone."""
+        return {name: values[self.named(name)] for name in self._own_names}
+
+    @property
+    def in_words(self) -> str:
+        """How much was measured."""
+        top = max(shape.height for shape in self.shapes)
+        values = f"{self.count - len(self.shapes)} independent values"
+        return f"{len(self.shapes)} outlines to {top * 1e3:.4g} mm at {self.most / 1e3:.4g} kPa, {values}"
+
+    def largest_state(self, values: Mapping[str, float]) -> State:
+        """The state of the largest volume at parameter values."""
+        return max((fitting.state for fitting in self.matches(values)), key=lambda state: state.V)
+
+    def evaluate(
+        self, values: Mapping[str, float], derivatives: bool
+    ) -> tuple[Array, Array | None, npt.NDArray[np.str_]]:
+        """See `softmodels.fitting.problem.Residuals`.
+
+        Raises:
+            CannotEvaluate: There is no state at one of the volumes.
+        """
+        matches = self.matches(values)
+        residuals = np.concatenate([*(f.residuals for f in matches), [f.reading for f in matches]])
+        if not np.isfinite(residuals).all():
+            raise CannotEvaluate("a residual is not finite")
+        return residuals, self._jacobian(values, matches) if derivatives else None, self.groups
+
+    def matches(self, values: Mapping[str, float]) -> list[MatchedPhotograph]:
+        """Each photograph with its state at parameter values."""
+        key = tuple(float(values[name]) for name in self.parameters)
+        if self._known is None or self._known[0] != key:
+            own = self.own(values)
+            states = self.model.states(own, [own[name] for name in self._own_volumes])
+            lengths = self.model.set_parameters(own)
+            made = [
+                MatchedPhotograph(
+                    shape,
+                    state,
+                    self.model.curve(state, lengths),
+                    self.model.pressure(state),
+                    own,
+                    self.most,
+                )
+                for shape, state in zip(self.shapes, states, strict=True)
+            ]
+            self._known = key, made
+        return self._known[1]
+
+    def _jacobian(self, values: Mapping[str, float], matches: Sequence[MatchedPhotograph]) -> Array:
+        J = np.zeros((self.count, len(self.parameters)))
+        column = {name: i for i, name in enumerate(self._own_names)}
+        self.model.set_parameters(self.own(values))
+        first, reading = 0, self.count - len(matches)
+        for fitting, volume in zip(matches, self._own_volumes, strict=True):
+            rows = slice(first, first + len(fitting.shape.weight))
+            names = [name for name in self.model.names if self.named(name) not in self.fixed]
+            slopes = self.model.slopes(fitting.state, names)
+            for name in names:
+                J[rows, column[name]] = fitting.moved(slopes.nodes[name])
+                J[reading, column[name]] = slopes.pressure[name] / fitting.shape.pressure_error
+            J[rows, column[volume]] = fitting.moved(slopes.along_nodes)
+            J[reading, column[volume]] = slopes.along_pressure / fitting.shape.pressure_error
+            for name, (on_points, on_reading) in fitting.bench().items():
+                J[rows, column[name]] = on_points
+                J[reading, column[name]] = on_reading
+            first, reading = rows.stop, reading + 1
+        return J
+
+
+def _check_flat(model: DeviceModel) -> None:
+    if not model.silhouette.flat and not model.hanging.from_apex:
+        raise OutlineFitError(
+            f"the undeformed top of the device is {model.silhouette.unevenness * 1e3:.3g} mm from flat, and heights of "
+            "outlines count from a flat surface unless you state another: --heights-from apex if they count from the apex "
+            "at zero pressure; or fit to the rises of the apex instead, as a table of heights"
+        )
+
+
+class MatchedPhotograph:
+    """One photograph held against one state.
+
+    Attributes:
+        residuals: Of the outline, one per bin: model less measured, across the outline.
+        reading: Residual of the pressure.
+    """
+
+    def __init__(
+        self,
+        shape: Shape,
+        state: State,
+        curve: QuadraticCurve,
+        pressure: float,
+        values: Mapping[str, float],
+        most: float,
+    ):
+        self.shape, self.state, self.curve, self.pressure = shape, state, curve, pressure
+        self.values, self.most = values, most
+        self.factor = 1.0 + values["scale"]
+        away = shape.points[:, 0] - values["centre"]
+        self.side = np.where(away < 0.0, -1.0, 1.0)
+        self.points = np.column_stack([np.abs(away), shape.points[:, 1] - values["zero"]]) / self.factor
+        self.shadow = shadow_of(curve)
+        self.closest = self.shadow.curve.closest(self.points)
+        self.distances = -self.factor * self.closest.distance
+        self.residuals = shape.mean(self.distances)
+        self.true_pressure = (
+            shape.pressure * (1.0 - values["pressure_scale"])
+            - values["pressure_offset"]
+            - values["leak"] * shape.pressure**2 / most
+        )
+        self.reading = (pressure - self.true_pressure) / shape.pressure_error
+        keep_arrays(self)
+
+    def moved(self, rate: Array) -> Array:
+        """Derivative of the outline's residuals as the curve's nodes move."""
+        return self.shape.mean(-self.factor * self.closest.moved(self.shadow.rate(rate)))
+
+    def bench(self) -> dict[str, tuple[Array | float, float]]:
+        """Derivatives of the outline's residuals and of the reading's by what the bench may have got wrong."""
+        error, reading = self.shape.pressure_error, self.shape.pressure
+        normal = self.closest.normal
+        along = (normal * self.points).sum(axis=1)
+        return {
+            "pressure_offset": (0.0, 1.0 / error),
+            "pressure_scale": (0.0, reading / error),
+            "leak": (0.0, reading**2 / self.most / error),
+            "scale": (self.shape.mean(along - self.closest.distance), 0.0),
+            "zero": (self.shape.mean(normal[:, 1]), 0.0),
+            "centre": (self.shape.mean(normal[:, 0] * self.side), 0.0),
+        }
+
+
+def residuals_by_source(sources: Sequence[OutlineResiduals], residuals: Array) -> list[Array]:
+    """The residuals of each source of a fit whose first sources they are."""
+    return np.split(residuals, np.cumsum([source.count for source in sources]))[: len(sources)]
+
+
+def misfits(source: OutlineResiduals, residuals: Array) -> dict[str, tuple[float, int]]:
+    """Chi squared of each photograph's outline, and of the readings, with the number of residuals, the source's the first."""
+    found = {}
+    for name in dict.fromkeys(source.groups.tolist()):
+        part = residuals[: source.count][source.groups == name]
+        found[name] = (float((part**2).sum()), len(part))
+    return found
+
+
+def fits_badly(chi2: float, count: int) -> bool:
+    """Whether chi squared of this many residuals is beyond chance (one in a thousand, by Wilson & Hilferty 1931)."""
+    k = max(count, 1)
+    return chi2 > k * (1 - 2 / (9 * k) + 3.1 * math.sqrt(2 / (9 * k))) ** 3
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What the bench and the device may have got wrong, as parameters with what is believable of each.
+
+
+LEAK_ERROR = 0.02
+"""Prior of the leak: share of the largest pressure lost there."""
+
+SCALE_ERROR = 0.005
+"""Prior of the unit of length (a board's pitch, a magnification) where the outlines state no error of it."""
+
+ZERO_ERROR = 20e-6
+"""Prior of the zero plane's height in m, or the outlines' error of the level where that is more."""
+
+PRESSURE_SCALE_ERROR = DENSITY_ERROR / WATER_DENSITY
+"""Prior of the unit of pressure: a column's density is one number for all readings."""
+
+LENGTH_ERROR = 0.02
+"""Prior of a length of the device, relative, where it is freed."""
+
+POISSON_BOUNDS = (0.3, 0.5)
+
+
+@dataclasses.dataclass(frozen=True)
+class Bench:
+    """Which uncertainties of device and bench are fitted; the others keep their nominal value.
+
+    By default those that any bench has. Free ones have priors (`nuisances`), but for the centre, which outlines show by
+    themselves.
+
+    Attributes:
+        free: Names among ``pressure_offset``, ``pressure_scale``, ``leak``, ``scale``, ``zero``, ``centre``, ``poisson`` and
+            the device's own variable lengths, such as ``membrane``.
+    """
+
+    free: tuple[str, ...] = BENCH
+
+
+DEFAULT_BENCH = Bench()
+
+
+def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
+    """Parameters of bench and device with their default priors; those that are not free are fixed.
+
+    Raises:
+        OutlineFitError: A name that is none of them.
+    """
+    model, shapes = source.model, source.shapes
+    known = (*BENCH, "poisson", *model.lengths)
+    for name in bench.free:
+        if name not in known:
+            raise OutlineFitError(f"nothing of the bench or the device is called {name!r}; {known_are(name, known)}")
+    reading = min(shape.pressure_error for shape in shapes)
+    width = model.silhouette.width
+    centre = float(np.median([shape.centre for shape in shapes]))
+    tops = source.most
+    scale = max(shape.scale_error for shape in shapes) or SCALE_ERROR
+    level = max(ZERO_ERROR, *(shape.level_error for shape in shapes))
+    made = {
+        "pressure_offset": Parameter("pressure_offset", "Pa", 0.0, -tops, tops, Prior(0.0, reading)),
+        "pressure_scale": Parameter("pressure_scale", "", 0.0, -0.5, 0.5, Prior(0.0, PRESSURE_SCALE_ERROR)),
+        "leak": Parameter("leak", "", 0.0, -0.5, 0.5, Prior(0.0, LEAK_ERROR)),
+        "scale": Parameter("scale", "", 0.0, -0.2, 0.2, Prior(0.0, scale)),
+        "zero": Parameter("zero", "m", 0.0, -width, width, Prior(0.0, level)),
+        "centre": Parameter("centre", "m", centre, centre - width, centre + width),
+        "poisson": Parameter("poisson", "", model.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
+        **{
+            name: Parameter(name, "m", value, 0.7 * value, 1.3 * value, Prior(value, LENGTH_ERROR * value))
+            for name, value in model.lengths.items()
+        },
+    }
+    return [
+        dataclasses.replace(
+            p,
+            name=source.named(name),
+            fixed=name not in bench.free,
+            device="" if source.named(name) == name else source.device,
+        )
+        for name, p in made.items()
+    ]
+
+
+def all_nuisances(sources: Sequence[OutlineResiduals], bench: Bench) -> list[Parameter]:
+    """Those of all devices of a fit: what is free is so for each device that has it, or by its full name for one.
+
+    Raises:
+        OutlineFitError: A name that no device has.
+    """
+    found: dict[str, Parameter] = {}
+    known = [(*BENCH, "poisson", *source.model.lengths) for source in sources]
+    for name in bench.free:
+        if not any(
+            name in (own, source.named(own)) for source, names in zip(sources, known, strict=True) for own in names
+        ):
+            nuisances(sources[0], Bench((name,)))
+    for source, names in zip(sources, known, strict=True):
+        free = tuple(name for name in names if {name, source.named(name)} & set(bench.free))
+        for p in nuisances(source, Bench(free)):
+            found.setdefault(p.name, p)
+    return list(found.values())
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where a fit to outlines starts: volumes from the heights, then the law's numbers from the pressures, without a search.
+#
+# How a device bulges at a given volume hardly depends on how stiff it is: one path of the law at any modulus gives the added
+# volume of each measured height. At given volumes the pressure is linear in those numbers of a law that are stresses, up to
+# the small change of shape (virtual work), so that they follow from the readings by linear least squares.
+#
+# Dead loads bear a share of the pressure that the law's numbers do not change, to first order: at a given volume the pressure
+# is homogeneous in stresses and loads together (Euler). How a loaded device hangs does depend on how stiff it is, so its path
+# is followed again with the modulus that the readings lead to, until that settles.
+
+
+SETTLED = 0.03
+"""Relative change of the modulus below which the shapes of a loaded device are those of the readings."""
+ROUNDS = 12
+MOST_BORNE = 0.7
+"""Pressure that dead loads may take, as a share of what the silicone takes, where a reading tells of the silicone."""
+FARTHEST = 3.0
+"""Largest factor on the modulus in one round."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Plain:
+    """A device under the plainest material that is as stiff as its readings, at the measured heights.
+
+    Attributes:
+        values: The law's numbers, of one modulus alone.
+        volumes: Added volumes in m3, shape (n,).
+        hangs: Added volume in m3 at zero pressure; 0 without loads.
+        states: The states there.
+        borne: Pressures in Pa that the dead loads take, whatever the modulus, shape (n,).
+        elastic: Pressures in Pa that the silicone takes, shape (n,).
+    """
+
+    values: dict[str, float]
+    volumes: Array
+    hangs: float
+    states: list[State]
+    borne: Array
+    elastic: Array
+
+    @property
+    def silent(self) -> npt.NDArray[np.bool_]:
+        """Where the loads take so much of the pressure that a reading tells nothing of the silicone, shape (n,)."""
+        return np.abs(self.borne) > MOST_BORNE * self.elastic
+
+
+def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> Plain:
+    """Follow the device to the measured heights.
+
+    Args:
+        model: The device and its law.
+        heights: Heights of the top in m.
+        pressures: Readings in Pa, by which the modulus of a loaded device settles.
+
+    Raises:
+        OutlineFitError: The device cannot rise as high as was measured, or does not bear its loads however stiff it is.
+    """
+    why = ""
+    for _ in range(ROUNDS):
+        try:
+            found = _plain_at(model, heights)
+        except CannotEvaluate as error:
+            if not model.loaded:
+                raise
+            model.modulus, why = 2.0 * model.modulus, str(error)
+            continue
+        if not model.loaded:
+            return found
+        told = ~found.silent if not found.silent.all() else found.elastic == found.elastic.max()
+        # A median: one wrong reading must not change the shapes.
+        factor = float(np.median((pressures[told] - found.borne[told]) / found.elastic[told]))
+        if not abs(factor - 1.0) > SETTLED:
+            return found
+        model.modulus *= min(max(factor, 1 / FARTHEST), FARTHEST)
+        why = f"the modulus does not settle near {model.modulus / 1e3:.4g} kPa"
+    raise OutlineFitError(
+        f"the loads of the case and the measured pressures lead to no stiffness ({why}); check masses, density and forces, and "
+        "which way gravity pulls"
+    )
+
+
+def _plain_at(model: DeviceModel, heights: Array) -> Plain:
+    values = model.choice.from_modulus(model.modulus)
+    volumes, hangs = volumes_of(model, values, heights)
+    states = model.states(values, volumes)
+    model.set_parameters(values)
+    whole = np.array([model.pressure(state) for state in states])
+    elastic = whole
+    if model.loaded:
+        names = [name for name in model.choice.names if model.choice.unit(name) == "Pa"]
+        slopes = [model.slopes(state, names).pressure for state in states]
+        elastic = np.array([sum(values[name] * slope[name] for name in names) for slope in slopes])
+    return Plain(values, volumes, hangs, states, whole - elastic, elastic)
+
+
+def starts(
+    model: DeviceModel,
+    heights: Array,
+    pressures: Array,
+    errors: Array,
+    held: Mapping[str, float] = MappingProxyType({}),
+) -> tuple[list[dict[str, float]], Plain]:
+    """Starting values of the law, best first, and the path that they come from.
+
+    Args:
+        model: The device and its law.
+        heights: Heights of the top in m.
+        pressures: Readings in Pa.
+        errors: Their standard errors in Pa, or anything in proportion.
+        held: Numbers of the law that are given.
+
+    Raises:
+        OutlineFitError: See `plain_path`; or its shadow at zero pressure is not straight, see `Hanging.check`.
+    """
+    found = plain_path(model, heights, pressures)
+    plain = found.values
+    target, simulated = (pressures - found.borne) / errors, found.elastic / errors
+    factor = max(float(simulated @ target / (simulated @ simulated)), 1e-6)
+    scaled = {name: value * factor if model.choice.unit(name) == "Pa" else value for name, value in plain.items()}
+    scaled |= held
+    names, free = model.choice.names, [name for name in model.choice.names if name not in held]
+    if not (model.choice.law.linear and free) or len(heights) < len(plain):
+        return [scaled], found
+    A = np.array([[model.slopes(state, names).pressure[name] for name in names] for state in found.states])
+    A /= errors[:, None]
+    given = A @ [held.get(name, 0.0) for name in names]
+    A = A[:, [name not in held for name in names]]
+    size = np.linalg.norm(A, axis=0)
+    solution, *_ = np.linalg.lstsq(A / size, target - given, rcond=1e-6)
+    linear = {**held, **dict(zip(free, (solution / size).tolist(), strict=True))}
+    first = names[0]
+    if linear[first] <= 0.1 * scaled[first]:
+        return [scaled], found
+    return [linear, scaled], found
+
+
+def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> tuple[Array, float]:
+    """Added volumes in m3 at which the device, with these values, is as high as measured (m), and that at which it hangs.
+
+    Raises:
+        CannotEvaluate: It does not bear its loads.
+        OutlineFitError: It does not rise so high.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    eq, rest = model.system, model.rest_volume
+    lengths = model.set_parameters(values)
+    model.hanging.check(values, lengths)
+    goals = rest * np.concatenate([np.linspace(0.05, 1.0, 12), np.geomspace(1.2, 0.95 * LARGEST_GROWTH, 30)])
+    rises, volumes = list[float](), list[float]()
+    highest = float(heights.max())
+    path, why = model.path("volume"), ""
+    try:
+        for point in trace(path, (model.begins(path) + goals).tolist()):
+            rise = model.height(point.state)
+            if not rises or rise > rises[-1]:
+                rises.append(rise)
+                volumes.append((point.state.V - rest) * eq.volume_unit)
+            if rise > 1.02 * highest:
+                break
+    except (PathEnd, NoConvergence, CannotEvaluate) as end:
+        why = f" ({end})"
+    if not rises or rises[-1] < highest:
+        raise OutlineFitError(
+            f"the device of the case does not rise above {max(rises, default=0.0) * 1e3:.4g} mm{why}, but an outline is "
+            f"{highest * 1e3:.4g} mm high: check the geometry and the photographs' scale"
+        )
+    found = np.asarray(PchipInterpolator(rises, volumes)(np.maximum(heights, 0.0)))
+    if not math.isfinite(found.sum()) or found.min() <= volumes[0]:
+        raise OutlineFitError("an outline has no height to tell the cavity's volume by")
+    return found, volumes[0]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The thesis' own objective: the mean square deviation of the largest deflections at the measured pressures.
+#
+# Heights are held against states at the readings as they are, all with the same weight. It has no place for states past a limit
+# point, and what the bench gets wrong in all photographs alike (a leak, an offset, a unit, the zero plane) it can neither see
+# nor correct: the scatter about the fitted law does not show it. What is believable of each is carried into the error bars to
+# first order (considered parameters: Schmidt 1966; Tapley, Schutz & Born 2004, Statistical Orbit Determination, chapter 6).
+# `softmodels.fitting.outlines.residuals` has both, and sees the whole outline.
+
+
+STIFFER = (1.0, 1.1, 1.3, 2.0)
+"""Factors on the starting stresses, tried until every pressure has a state."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Height:
+    """A measured height of the top: source, pressure in Pa, height in m, and their standard errors."""
+
+    source: str
+    pressure: float
+    height: float
+    pressure_error: float = 10.0
+    height_error: float = 1e-5
+
+
+def read_heights(path: Path, untrusted: bool = False, without: Sequence[str] = ()) -> list[Height]:
+    """Read the ``heights.csv`` that ``python -m measurement photos`` writes; refused photographs are left out.
+
+    Args:
+        path: The table.
+        untrusted: Take heights that the measurement does not trust.
+        without: Names of photographs to leave out.
+
+    Raises:
+        OutlineFitError: No such table; a number that is none; a height that is not trusted, unless ``untrusted``.
+    """
+    try:
+        chosen = pick(path, read_sheets(path), lambda sheet: sheet.rows if _has_heights(sheet.rows) else None)
+    except OSError as error:
+        raise OutlineFitError(f"{path} cannot be read: {reason(error)}") from None
+    if chosen is None or len(chosen[1]) < 2:
+        raise OutlineFitError(f"{path} is no table of heights; it needs the columns pressure_Pa and height_m")
+    sheet, rows = chosen[0], records(chosen[1])
+    found = []
+    keep = set(kept([(row.get("file") or sheet.place(number), None) for number, row in rows], without))
+    for place, (line, row) in enumerate(rows):
+        if place not in keep:
+            continue
+        where = sheet.place(line)
+        trusted = (row.get("trusted") or "yes").strip()
+        if trusted == "refused":
+            continue
+        if trusted != "yes" and not untrusted:
+            raise OutlineFitError(
+                f"{path}, {where}: this height is not to be trusted ({row.get('remarks') or 'no reason given'}); "
+                "leave it out, or take it with --untrusted"
+            )
+        try:
+            pressure, height = number(row["pressure_Pa"]), number(row["height_m"])
+            errors = [number(row[key]) if row.get(key) else 0.0 for key in ("pressure_error_Pa", "height_error_m")]
+        except UnitError as error:
+            raise OutlineFitError(f"{path}, {where}: pressure or height is not a number ({error})") from None
+        known = {
+            name: value for name, value in zip(("pressure_error", "height_error"), errors, strict=True) if value > 0.0
+        }
+        found.append(Height(row.get("file") or where, pressure, height, **known))
+    return sorted(found, key=lambda one: one.pressure)
+
+
+def _has_heights(rows: Sequence[Line]) -> bool:
+    return bool(rows) and {"pressure_Pa", "height_m"} <= {name.strip() for name in rows[0][1]}
+
+
+def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
+    """The heights that say something, those at rest left out.
+
+    Raises:
+        OutlineFitError: None is left, two have one pressure, or the unit is mistaken.
+    """
+    for one in heights:
+        if one.pressure < 0.0 and one.height > FLOOR:
+            raise OutlineFitError(
+                f"{one.source} rises {one.height * 1e3:.4g} mm at a pressure below zero, {one.pressure:.5g} Pa: is its sign "
+                f"wrong, or are its tubes exchanged? Correct it, or fit without: --without {one.source}"
+            )
+    risen = [one for one in heights if one.pressure > 0.0 and one.height > 0.0]
+    if not risen:
+        raise OutlineFitError("no height is above zero at a pressure above zero, so there is nothing to fit to")
+    highest = max(one.height for one in risen)
+    if highest > TALLEST * width or highest < 1e-4 * width:
+        raise OutlineFitError(
+            f"the largest height is {highest * 1e3:.4g} mm, for a device {width * 2e3:.4g} mm across: check the unit "
+            "(heights are in metres)"
+        )
+    for one, two in itertools.pairwise(risen):
+        if two.pressure - one.pressure <= 1e-6 * two.pressure:
+            raise OutlineFitError(
+                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa; give one"
+            )
+    return risen
+
+
+class HeightResiduals:
+    """Residuals of heights in mm; see `softmodels.fitting.problem.Residuals`.
+
+    Args:
+        model: The device and its law.
+        heights: Measured heights, checked.
+    """
+
+    unit, errors, device = "mm", 1.0, ""
+
+    def __init__(self, model: DeviceModel, heights: Sequence[Height], label: str = "heights"):
+        self.model, self.heights, self.label = model, tuple(heights), label
+        self.parameters = model.names
+        self.fixed: frozenset[str] = frozenset()
+        self.pressures = np.array([one.pressure for one in heights])
+        self.measured = np.array([one.height for one in heights])
+        self.height_errors = np.array([one.height_error for one in heights])
+
+    @property
+    def in_words(self) -> str:
+        """How much was measured."""
+        top = float(self.measured.max())
+        return f"{len(self.heights)} heights to {top * 1e3:.4g} mm at {self.pressures[-1] / 1e3:.4g} kPa"
+
+    def own(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """The fit's values by the names that they have in this device: the same."""
+        return values
+
+    def largest_state(self, values: Mapping[str, float]) -> State:
+        """The state of the largest pressure at parameter values."""
+        return self.model.states(values, self.pressures, "pressure")[-1]
+
+    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
+        """See `softmodels.fitting.problem.Residuals`.
+
+        Raises:
+            CannotEvaluate: One of the pressures has no state on the first branch.
+        """
+        states = self.model.states(values, self.pressures, "pressure")
+        lengths = self.model.set_parameters(values)
+        tops = np.array([self.model.curve(state, lengths).nodes[0, 0, 1] for state in states])
+        residuals = 1e3 * (tops - self.measured)
+        labels = [self.label] * len(residuals)
+        if not derivatives:
+            return residuals, None, labels
+        J = np.zeros((len(states), len(self.parameters)))
+        names = [name for name in self.parameters if name not in self.fixed]
+        for row, state in enumerate(states):
+            slopes = self.model.slopes(state, names, "pressure")
+            for name in names:
+                J[row, self.parameters.index(name)] = 1e3 * slopes.nodes[name][0, 0, 1]
+        return residuals, J, labels
+
+    def shared(self, values: Mapping[str, float]) -> Array:
+        """Change of the residuals by one standard error of each thing that the bench gets wrong alike in all, shape (n, 5)."""
+        states = self.model.states(values, self.pressures, "pressure")
+        self.model.set_parameters(values)
+        rise = 1e3 * np.array(
+            [self.model.slopes(state, (), "pressure").along_nodes[0, 0, 1] for state in states]
+        )  # mm per Pa
+        offset = min(one.pressure_error for one in self.heights)
+        columns = (
+            -rise * offset,
+            -rise * self.pressures * PRESSURE_SCALE_ERROR,
+            -rise * self.pressures**2 / self.pressures.max() * LEAK_ERROR,
+            1e3 * self.measured * SCALE_ERROR,
+            np.full(len(rise), 1e3 * ZERO_ERROR),
+        )
+        return np.column_stack(columns)
+
+
+def least_squares_of_heights(
+    source: HeightResiduals, *, changes: Changes = MappingProxyType({}), loss: str = "linear"
+) -> LeastSquaresFit:
+    """Fit a law to heights; the size of their errors follows from their scatter, and the bench's own errors are considered.
+
+    Raises:
+        FitError: See `softmodels.fitting.least_squares.fit_parameters`.
+        OutlineFitError: The device does not rise so high.
+    """
+    model = source.model
+    choice = model.choice
+    begins, _ = starts(model, source.measured, source.pressures, np.ones(len(source.measured)))
+    known = [Parameter("poisson", "", choice.poisson, fixed=True)]
+    known += [Parameter(name, "m", value, fixed=True) for name, value in model.lengths.items()]
+    troubles = []
+    for begin, factor in ((begin, factor) for begin in begins for factor in STIFFER):
+        stiffer = {name: value * (factor if choice.unit(name) == "Pa" else 1.0) for name, value in begin.items()}
+        parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(stiffer), *known)]
+        source.fixed = frozenset(p.name for p in parameters if p.fixed)
+        try:
+            found = fit_parameters([source], parameters, loss=loss, errors="unknown", label=choice.name)
+            return dataclasses.replace(found, shared=source.shared(found.values))
+        except (FitError, CannotEvaluate) as error:
+            troubles.append(str(error))
+    raise FitError(f"{choice.name}: {troubles[0]}")

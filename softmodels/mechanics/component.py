@@ -1,0 +1,460 @@
+"""What can be added to a device beside its silicone and its air: one more term of its potential, one more role on its mesh.
+
+A part is a frozen dataclass whose fields come from `softmodels.common.schema`. Its ``table`` is its table in a case file:
+``[table]`` for one alone, ``[table.name]`` for several. A kind of one's own, also from outside the library:
+
+    @register_component
+    @dataclasses.dataclass(frozen=True)
+    class Springs(EnergyComponent):
+        table: ClassVar[str] = "springs"
+        face: str = field_of(Words(), "face on springs")
+        stiffness: float = field_of(Quantity("Pa/m"), "pressure per displacement")
+
+        def term(self, setting):
+            body = setting.body
+            u, area = body.displacement(setting.displacement), body.sheet_face(self.face)[0]
+            k = fem.Constant(body.mesh, self.stiffness * body.actuator.size)
+            return Term([setting.per_pascal * k / 2 * ufl.dot(u, u) * body.hoop * area])
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import itertools
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar, Protocol
+
+import numpy as np
+
+from geometries import Actuator
+from geometries.actuator import Vector, cavity_roles
+from softmodels.common import schema
+from softmodels.common.calls import checked
+from softmodels.common.errors import FieldError, Spoken
+from softmodels.common.schema import (
+    Text,
+    about,
+    doubt_of,
+    settle,
+)
+from softmodels.common.units import brief
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+    import ufl
+    from dolfinx import fem
+    from mpi4py import MPI
+    from ufl.core.expr import Expr
+
+    from softmodels.common.arrays import Array
+    from softmodels.materials.laws import Material
+    from softmodels.mechanics.body import Body
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Why a device has no state of rest beyond some state, where that is its own doing and no limit point of what drives it.
+
+
+@dataclasses.dataclass(frozen=True)
+class PathFailure:
+    """One such reason.
+
+    Attributes:
+        clause: What happens there.
+        advice: What can be done, a sentence without its full stop.
+        of_mesh: Whether it is the mesh's, and the device may well go on: no limit of the device is known then.
+    """
+
+    clause: str
+    advice: str
+    of_mesh: bool = False
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a term's stress is foreseen from in Newton's matrix; see `softmodels.mechanics.potential.Potential.foresee`.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MixedPointStress:
+    """What a term's stress is foreseen from in Newton's matrix, and the matrix' two directions.
+
+    Attributes:
+        known: The unknowns of another state.
+        displacement: Skew components of the displacement in them, in UFL.
+        move: From there to the current state.
+        test, trial: Directions.
+    """
+
+    known: fem.Function
+    displacement: Expr
+    move: fem.Function
+    test: Expr
+    trial: Expr
+
+
+INSIDE = "which is of a region, and no mesh of a design follows where regions meet inside the device"
+"""Why designs refuse parts of regions."""
+
+
+class ComponentError(Spoken, ValueError):
+    """A part that cannot be meant, or not on this device; the message is a sentence for the user."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Component(abc.ABC):
+    """Something added to a device.
+
+    Attributes:
+        name: What tells it from others of its kind; empty for one alone.
+        table: Its table in a case file.
+        needs: What is missing where a field without a default is not given, a sentence.
+        always_named: Whether ``[table]`` itself belongs to something else, so that each stands in a ``[table.name]``.
+        optional: Whether command lines have options for one of it: ``--table`` for its first field, ``--table-field`` for the
+            others.
+        figure_texts: Short name and meaning of its columns of ``path.csv`` by a pattern of `re`; ``{0}`` is its first group.
+
+    Raises:
+        ComponentError: From the constructor: a field that is not of its kind, or a name that cannot be part of a column's.
+    """
+
+    name: str = dataclasses.field(default="", kw_only=True)
+    table: ClassVar[str]
+    needs: ClassVar[str] = ""
+    always_named: ClassVar[bool] = False
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {}
+    optional: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        settle(self, ComponentError)
+        if not isinstance(self.name, str):
+            raise ComponentError(f"[{self.table}]: name is {brief(self.name)}; it must be a text, such as 'tip'")
+        if not re.fullmatch(r"([a-z]\w*)?", self.name):
+            raise ComponentError(f"{self.where}: a name is of letters, digits and '_' and begins with a small letter")
+        self.check()
+
+    @property
+    def doubt(self) -> str:
+        """Which of its numbers is hardly meant: a sentence, empty if none."""
+        return doubt_of(self)
+
+    def check(self) -> None:  # noqa: B027
+        """Check the fields against each other; `ComponentError` for what cannot be meant."""
+
+    def check_on(self, actuator: Actuator) -> None:  # noqa: B027
+        """Raise `ComponentError` where it cannot be on a device; the mesh is not made yet."""
+
+    @property
+    def weighs(self) -> float:
+        """Mass in kg of its own, which gravity pulls at; 0 for none."""
+        return 0.0
+
+    @property
+    def lifted(self) -> bool:
+        """Whether that mass stands beside the device, which lifts it, and is no load on it otherwise."""
+        return False
+
+    def check_under(self, gravity: Array) -> None:  # noqa: B027
+        """Raise `ComponentError` where it cannot be under gravity's acceleration in m/s2, shape (3,), in device coordinates."""
+
+    @classmethod
+    def read_table(cls, name: str, table: Mapping[str, object]) -> Component:
+        """The part of a table of a case file; `FieldError` or the part's own error for what is none."""
+        where = f"[{cls.table}.{name}]" if name else f"[{cls.table}]"
+        values = schema.from_table(cls, table, where, f"{cls.table} ")
+        cls.check_required(name, values)
+        return cls(**values, name=name)
+
+    @classmethod
+    def check_required(cls, name: str, values: Mapping[str, object]) -> None:
+        """Raise `FieldError` where a field without a default is not among the values."""
+        where = f"[{cls.table}.{name}]" if name else f"[{cls.table}]"
+        required = [field.name for field in dataclasses.fields(cls) if field.default is dataclasses.MISSING]
+        if missing := [field for field in required if field not in values]:
+            raise FieldError(cls.needs or f"{where} needs {' and '.join(missing)}")
+
+    def write_table(self, text: Text) -> dict[str, object]:
+        """Its table in a case file, without its name."""
+        return schema.to_table(self, text)
+
+    @property
+    def explained(self) -> Mapping[str, str]:
+        """What the entries of its table are."""
+        return {field.key or name: field.help for name, field in about(self).items()}
+
+    def undesigned(self, actuator: Actuator) -> str:
+        """Why a design's gradients do not know it, a clause after its name; empty if they do.
+
+        They know what its energy and its holds are on the boundary and in the body as a whole. Where regions meet inside the
+        device, the mesh goes as its cells like it, and not where the parameters say.
+        """
+        return "whose gradients are not known"
+
+    @property
+    def remembers(self) -> bool:
+        """Whether its forces depend on the states before, as friction's do, and not on the state alone."""
+        return False
+
+    @property
+    def files(self) -> Mapping[str, str]:
+        """Files that its fields name, by the field: their contents decide what it is."""
+        return {}
+
+    @property
+    def looked_up(self) -> tuple[object, ...]:
+        """Functions and classes that its fields name, such as a law of fibres: they may come from a file of one's own."""
+        return ()
+
+    @property
+    def label(self) -> str:
+        """What its columns begin with: its name, or its table's."""
+        return self.name or self.table
+
+    @property
+    def in_model(self) -> str:
+        """What it adds to the sentence on what is not in a model, begun with '; '; nothing for most."""
+        return ""
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        """How it may have ended a path, and what to try: a sentence without its stop; empty if it is not conspicuous.
+
+        Args:
+            actuator: The device that it is added to.
+            figure: Value of a column of ``path.csv`` in the last state, 0 where there is none.
+        """
+        return ""
+
+    @property
+    def where(self) -> str:
+        """Its table in messages."""
+        return f"[{self.table}.{self.name}]" if self.name else f"[{self.table}]"
+
+
+class EnergyComponent(Component):
+    """A part that stores energy, such as fibres, or that is pressed on."""
+
+    @abc.abstractmethod
+    def term(self, setting: FormContext) -> EnergyTerm:
+        """Its term in the equations.
+
+        Raises:
+            ComponentError: Not on this mesh.
+        """
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FormContext:
+    """The potential that a part adds its term to.
+
+    Attributes:
+        body: Mesh and roles.
+        w: The unknowns.
+        displacement: Skew components of the displacement in w, in UFL; `Body.displacement` makes u of it.
+        per_pascal: One pascal in shear moduli of the silicone.
+        gravity: Its acceleration in m/s2, shape (3,), in device coordinates; zero where the case has none.
+    """
+
+    body: Body
+    w: fem.Function
+    displacement: Expr
+    per_pascal: fem.Constant
+    gravity: Array
+
+
+class MaterialCells(Protocol):
+    """One of the materials of a device: its region's name, empty for the main one, its law, and its owned local cells."""
+
+    name: str
+    material: Material
+    cells: npt.NDArray[np.int32]
+    dx: ufl.Measure
+
+
+class Equations(Protocol):
+    """What a term's figures are computed with: the `System`, whose functions hold the state."""
+
+    @property
+    def body(self) -> Body: ...
+    @property
+    def w(self) -> fem.Function: ...
+    @property
+    def comm(self) -> MPI.Comm: ...
+    @property
+    def stress_unit(self) -> float: ...
+    @property
+    def length_unit(self) -> float: ...
+    @property
+    def volume_unit(self) -> float: ...
+    @property
+    def matter(self) -> Sequence[MaterialCells]: ...
+    @property
+    def points(self) -> Array: ...
+    @property
+    def form(self) -> Callable[[ufl.Form], fem.Form]: ...
+    def integral(self, form: fem.Form) -> float: ...
+
+
+@dataclasses.dataclass(eq=False)
+class EnergyTerm:
+    """One part's share of a device's potential.
+
+    Attributes:
+        energies: UFL integrals of the slice, lengths in sizes of the device and stresses in shear moduli of the silicone:
+            a stiffness in Pa is multiplied by `FormContext.per_pascal`, once, so that fits know its derivative.
+        remembers: Whether its forces depend on the states before; see `keep`.
+    """
+
+    energies: list[ufl.Form]
+    remembers: ClassVar[bool] = False
+
+    @property
+    def stiffness(self) -> float:
+        """Stiffness in Pa of a term whose stress is foreseen in Newton's matrix, of a face in Pa sizes; 0 of any other."""
+        return 0.0
+
+    def tangent(self, foresight: MixedPointStress) -> list[ufl.Form] | None:
+        """Second derivatives of `energies`, one for each, if their stress is foreseen; None for the plain ones.
+
+        See `softmodels.mechanics.potential.Potential.foresee`: a stiff term that is turned needs it.
+        """
+        return None
+
+    def compile(self, equations: Equations) -> None:
+        """Compile what `figures` needs, once."""
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        """Columns of ``path.csv`` and their values in the state that is loaded, of the whole device, on all ranks."""
+        return {}
+
+    def breakdown(self, equations: Equations) -> PathFailure | None:
+        """Why it has no stable state of its own in the state that is loaded, the same on all ranks; None where it has."""
+        return None
+
+    def keep(self, w: Array, anew: bool = False) -> None:
+        """Take up that the device has come to a state, from which it goes on: what it remembers is that state's.
+
+        Args:
+            w: This rank's owned entries, and possibly more behind them.
+            anew: Whether a path begins there, and nothing of before counts.
+        """
+
+    def admits(self, before: Array, after: Array) -> bool:
+        """Whether the device may go from one state to another in one step, the same on all ranks.
+
+        Args:
+            before, after: This rank's owned entries of w, and possibly more behind them.
+        """
+        return True
+
+
+COMPONENTS: dict[str, type[Component]] = {}
+"""Every kind of part by its table."""
+
+
+def register_component[P: type[Component]](kind: P) -> P:
+    """Let case files find a kind of part by its table; a class decorator.
+
+    A class of the same module and name, as a notebook defines it anew, takes the place of the one before.
+
+    Raises:
+        ValueError: Another kind has this table.
+    """
+    known = COMPONENTS.get(kind.table, kind)
+    if (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
+        raise ValueError(f"there is a part with the table {kind.table!r} already, in {known.__module__}")
+    COMPONENTS[kind.table] = checked(kind)
+    return kind
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Names of faces and regions, as parts are told where they are: split, and looked up on a device.
+
+
+def names_in(text: str) -> list[str]:
+    """Names with commas between."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def faces_of(actuator: Actuator) -> tuple[str, ...]:
+    """Faces of a device that can be reinforced."""
+    return (*actuator.faces, "cavity")
+
+
+def check_faces(where: str, actuator: Actuator, names: Sequence[str]) -> None:
+    """Raise `ComponentError` for names that are no faces of the device."""
+    for name in names:
+        if name not in faces_of(actuator):
+            raise ComponentError(
+                f"{where}: {name!r} is no face of {type(actuator).__name__}; it has {', '.join(faces_of(actuator))}"
+            )
+
+
+def check_on_mesh(where: str, actuator: Actuator, names: Sequence[str]) -> None:
+    """Raise `ComponentError` for names that the device's mesh will have no face of, as far as that is known before it is
+    made."""
+    if actuator.unbonded is None:
+        return
+    others = (hold.role for hold in actuator.holds), (plane.name for plane in actuator.cut_planes), actuator.unbonded
+    known = list(dict.fromkeys([*actuator.faces, *cavity_roles(actuator), *itertools.chain(*others)]))
+    for name in names:
+        if name not in known:
+            raise ComponentError(f"{where}: {type(actuator).__name__} has no face {name!r}; it has {', '.join(known)}")
+
+
+def check_regions(where: str, actuator: Actuator, names: Sequence[str]) -> None:
+    """Raise `ComponentError` for names that are no regions of the device."""
+    for name in names:
+        if name not in actuator.regions:
+            known = f"its regions are {', '.join(actuator.regions)}" if actuator.regions else "it is of one piece"
+            raise ComponentError(f"{where}: {type(actuator).__name__} has no region {name!r}; {known}")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Directions of loads, as they are written, and those that a device's model can follow.
+
+
+ALONG = 1e-9
+"""Cosine up to which a direction lies in a plane."""
+
+
+def direction(text: str, where: str) -> Vector:
+    """Unit vector of a text such as ``"-z"`` or ``"0.6, 0, -0.8"``, in device coordinates.
+
+    Raises:
+        ComponentError: It is none.
+    """
+    if found := re.fullmatch(r"\s*([+-]?)\s*([xyz])\s*", text):
+        sign, axis = (-1.0 if found[1] == "-" else 1.0), "xyz".index(found[2])
+        vector = sign * np.eye(3)[axis]
+    else:
+        try:
+            vector = np.array([float(part) for part in text.split(",")])
+        except ValueError:
+            vector = np.zeros(0)
+        length = float(np.linalg.norm(vector)) if len(vector) == 3 else 0.0
+        if not (0.0 < length < np.inf):
+            raise ComponentError(
+                f"{where}: {text!r} is no direction; write one like -z, or three numbers like 0.6, 0, -0.8"
+            )
+        vector = vector / length
+    return float(vector[0]), float(vector[1]), float(vector[2])
+
+
+def check_direction(vector: Vector, actuator: Actuator, where: str) -> None:
+    """Refuse a direction that the device's model cannot follow.
+
+    Raises:
+        ComponentError: Across the axis of a section, or out of a cut plane.
+    """
+    if actuator.dimension == 2 and abs(vector[2]) < 1 - ALONG:
+        raise ComponentError(
+            f"{where}: an axisymmetric section takes loads along its axis, z or -z; for others use {actuator.fuller}"
+        )
+    for plane in actuator.cut_planes if actuator.dimension == 3 else ():
+        if abs(float(np.dot(vector, plane.normal))) > ALONG:
+            across = ", ".join(f"{x:g}" for x in plane.normal)
+            raise ComponentError(
+                f"{where}: its direction leaves the plane square to ({across}) on which the device is cut in two equal sides; "
+                f"take one in that plane, or use {actuator.fuller}"
+            )

@@ -1,0 +1,1348 @@
+"""Contact of deformable walls with each other: an energy of the smooth gap between their deformed surfaces."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import functools
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from softmodels.common.arrays import Array
+from softmodels.mechanics.assembly import AssembledTerm
+
+if TYPE_CHECKING:
+    import scipy
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The surfaces of walls: quadratic facets, sampled at the points of a rule, with what their places and areas derive from.
+#
+# A facet is a line of three nodes or a triangle of six. A sample has a place y, which is linear in the nodes' places, and an
+# area vector m, normal times deformed area, out of the solid, which is linear in a line's nodes and bilinear in a triangle's.
+
+
+Numbers = npt.NDArray[np.int64]
+
+DEGREE = 4
+"""Of the rule: three points on a line, six on a triangle."""
+
+
+def _lines(points: Array) -> tuple[Array, Array]:
+    """Shape functions, shape (q, 3), and their slopes, shape (q, 3, 1), of corner, corner and middle."""
+    s = points[:, 0]
+    values = np.column_stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
+    slopes = np.column_stack([4 * s - 3, 4 * s - 1, 4 - 8 * s])
+    return values, slopes[:, :, None]
+
+
+def _triangles(points: Array) -> tuple[Array, Array]:
+    """The same of a triangle, shapes (q, 6) and (q, 6, 2): corners, then middles opposite to them."""
+    r, s = points.T
+    a = np.column_stack([1 - r - s, r, s])
+    da = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    others = ((1, 2), (2, 0), (0, 1))
+    values = np.column_stack(
+        [*(a[:, i] * (2 * a[:, i] - 1) for i in range(3)), *(4 * a[:, i] * a[:, j] for i, j in others)]
+    )
+    slopes = [(4 * a[:, i] - 1)[:, None] * da[i] for i in range(3)]
+    slopes += [4 * (a[:, i][:, None] * da[j] + a[:, j][:, None] * da[i]) for i, j in others]
+    return values, np.stack(slopes, axis=1)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Surface:
+    """Walls at rest.
+
+    Attributes:
+        nodes: Places at rest, shape (n, d).
+        facets: Nodes of each facet: corners, then middles, shape (f, 3 or 6); of triangles each middle opposite to its corner.
+        walls: Number of the wall that each facet belongs to, shape (f,).
+        inside: A point of the solid behind each facet, shape (f, d).
+        axisymmetric: Whether the areas are those of rings around the second axis.
+    """
+
+    nodes: Array
+    facets: Numbers
+    walls: Numbers
+    inside: Array
+    axisymmetric: bool = False
+
+    @functools.cached_property
+    def dimension(self) -> int:
+        return int(self.nodes.shape[1])
+
+    @functools.cached_property
+    def rule(self) -> tuple[Array, Array, Array]:
+        """Shape functions (q, k), their slopes (q, k, d - 1) and weights (q,) at the points of the rule."""
+        import basix
+
+        cell = basix.CellType.interval if self.dimension == 2 else basix.CellType.triangle
+        points, weights = basix.make_quadrature(cell, DEGREE)
+        return (*(_lines if self.dimension == 2 else _triangles)(points), weights)
+
+    @functools.cached_property
+    def turn(self) -> Array:
+        """1 or -1 for each facet, so that area vectors point out of the solid, shape (f,)."""
+        corners = self.nodes[self.facets[:, : self.dimension]]
+        along = np.diff(corners, axis=1)
+        normal = _crossed(along[:, 0], along[:, -1])
+        out = np.einsum("fi,fi->f", normal, corners.mean(axis=1) - self.inside)
+        return np.where(out > 0.0, 1.0, -1.0)
+
+    @functools.cached_property
+    def owner(self) -> Numbers:
+        """The facet of each sample, shape (s,)."""
+        return np.repeat(np.arange(len(self.facets)), len(self.rule[2]))
+
+    @functools.cached_property
+    def shapes(self) -> Array:
+        """Shape functions at each sample, shape (s, k)."""
+        return np.tile(self.rule[0], (len(self.facets), 1))
+
+    @functools.cached_property
+    def rest(self) -> tuple[Array, Array]:
+        """Places and area vectors of the samples at rest, shape (s, d) each."""
+        return self.places(self.nodes), self.areas(self.nodes)
+
+    @functools.cached_property
+    def measure(self) -> Array:
+        """Undeformed area of each sample, of the ring in an axisymmetric section, shape (s,)."""
+        places, areas = self.rest
+        size = np.linalg.norm(areas, axis=1)
+        return size * 2 * math.pi * places[:, 0] if self.axisymmetric else size
+
+    @functools.cached_property
+    def edges(self) -> Array:
+        """Length of a facet's edge at each sample: of a line, or of the equal-sided triangle of the same area; shape (s,)."""
+        sizes = np.linalg.norm(self.rest[1], axis=1).reshape(len(self.facets), -1).sum(axis=1)
+        return np.asarray((sizes if self.dimension == 2 else np.sqrt(4 / math.sqrt(3) * sizes))[self.owner])
+
+    def places(self, nodes: Array) -> Array:
+        """Places of the samples, shape (s, d), where the nodes are at ``nodes``, shape (n, d)."""
+        return np.einsum("qa,fai->fqi", self.rule[0], nodes[self.facets]).reshape(-1, self.dimension)
+
+    def _along(self, nodes: Array) -> Array:
+        """Tangents at the samples, shape (f, q, d - 1, d)."""
+        return np.asarray(np.einsum("qat,fai->fqti", self.rule[1], nodes[self.facets]))
+
+    def _factor(self) -> Array:
+        return np.asarray(self.turn[:, None] * self.rule[2])
+
+    def areas(self, nodes: Array) -> Array:
+        """Area vectors of the samples, shape (s, d)."""
+        along = self._along(nodes)
+        return (_crossed(along[:, :, 0], along[:, :, -1]) * self._factor()[..., None]).reshape(-1, self.dimension)
+
+    def area_rates(self, nodes: Array) -> Array:
+        """Derivative of each sample's area vector by its facet's nodes, shape (s, d, k, d)."""
+        slopes, factor, d = self.rule[1], self._factor(), self.dimension
+        if d == 2:
+            turned = np.array([[0.0, 1.0], [-1.0, 0.0]])
+            rates = np.einsum("fq,qa,ij->fqiaj", factor, slopes[:, :, 0], turned)
+            return rates.reshape(-1, 2, self.facets.shape[1], 2)
+        along = self._along(nodes)
+        first, second = _cross_matrix(along[:, :, 0]), _cross_matrix(along[:, :, 1])
+        # m = t1 x t2: dm = t1 x dt2 - t2 x dt1
+        rates = np.einsum("fq,qa,fqij->fqiaj", factor, slopes[:, :, 1], first)
+        rates -= np.einsum("fq,qa,fqij->fqiaj", factor, slopes[:, :, 0], second)
+        return rates.reshape(-1, 3, self.facets.shape[1], 3)
+
+    def area_curvatures(self, along: Array, samples: Numbers) -> Array:
+        """Second derivative of ``along . m`` by the nodes of a sample's facet, shape (p, k, d, k, d); of triangles alone.
+
+        Args:
+            along: Shape (p, 3).
+            samples: Their numbers, shape (p,).
+        """
+        slopes, count = self.rule[1], len(self.rule[2])
+        q = samples % count
+        first, second = slopes[q, :, 0], slopes[q, :, 1]
+        pairs = np.einsum("pa,pb->pab", first, second)
+        pairs = (pairs - pairs.transpose(0, 2, 1)) * self._factor().ravel()[samples, None, None]
+        # along . (e x f) = e . (f x along) = -e . (along x f)
+        return np.asarray(np.einsum("pab,pij->paibj", pairs, -_cross_matrix(along)))
+
+
+def _crossed(first: Array, second: Array) -> Array:
+    """Product of two tangents, shape (..., d); in the plane the one tangent turned by a right angle."""
+    if first.shape[-1] == 3:
+        return np.asarray(np.cross(first, second))
+    return np.stack([first[..., 1], -first[..., 0]], axis=-1)
+
+
+def _cross_matrix(vectors: Array) -> Array:
+    """Matrices that stand for the cross product with vectors from the left, shape (..., 3, 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([np.stack(row, axis=-1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Which samples of walls may press on each other, and which of these are near.
+
+
+REACH = 0.9
+"""Radius of the kernel in edges of the facets: twice to three times the distance of samples at rest."""
+OPPOSED = -0.2
+"""Largest product of normals at rest of neighbours on one wall that may come to press on each other."""
+NEIGHBOURS = 3.0
+"""Distance at rest, in radii, up to which samples are neighbours on one wall."""
+MOST_IMAGES = 100
+"""Images of a slice that are taken; a wedge of 15 degrees has 24."""
+SKIN = 0.4
+"""How much farther than needed pairs are looked for, so that they serve for several shapes."""
+FACING = 0.5
+"""Sine of the angle under which a chord leaves walls that face each other, at least."""
+BEHIND = 1e-6
+"""Sine of the angle under which a chord has to enter the solid at both ends, to run through silicone."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Pairs:
+    """The search for pairs: of samples that are points with samples of walls, of the walls' mirror images too.
+
+    Sample j of image g has the number g s + j, where there are s samples.
+
+    Attributes:
+        surface: All walls.
+        meets: Whether a wall may press on another, or on itself, shape (walls, walls), symmetric.
+        images: Orthogonal matrices of the images, the identity first, shape (g, d, d).
+    """
+
+    surface: Surface
+    meets: npt.NDArray[np.bool_]
+    images: Array
+    _found: tuple[Array, float, Numbers, Numbers] | None = dataclasses.field(default=None, init=False, repr=False)
+
+    @functools.cached_property
+    def radius(self) -> Array:
+        """Radius of each sample's kernel, shape (s,): that of its own facet, but none smaller than the mean."""
+        edges, measure = self.surface.edges, self.surface.measure
+        return REACH * np.maximum(edges, float(edges @ measure / measure.sum()))
+
+    def of_all(self, vectors: Array) -> Array:
+        """Vectors of all samples of all images, shape (s, d) to (g s, d)."""
+        return np.asarray(np.einsum("gij,sj->gsi", self.images, vectors).reshape(-1, vectors.shape[1]))
+
+    @functools.cached_property
+    def _rest(self) -> tuple[Array, Array]:
+        """Places and unit normals at rest of all samples of all images, shape (g s, d) each."""
+        places, areas = self.surface.rest
+        return self.of_all(places), self.of_all(areas / np.linalg.norm(areas, axis=1)[:, None])
+
+    def allowed(self, i: Numbers, j: Numbers) -> npt.NDArray[np.bool_]:
+        """Whether samples i may press on samples j of any image.
+
+        It depends on the undeformed shape alone, so that the energy is a function of the displacement. Left out are
+        neighbours on one wall that do not face each other, and two sides of a wall, between which there is silicone.
+        """
+        owner, walls, count = self.surface.owner, self.surface.walls, len(self.surface.owner)
+        may = self.meets[walls[owner[i]], walls[owner[j % count]]]
+        i, j = i[may], j[may]
+        X, N = self._rest
+        chord = X[j] - X[i]
+        length = np.linalg.norm(chord, axis=1)
+        out, back = np.einsum("pi,pi->p", chord, N[i]), -np.einsum("pi,pi->p", chord, N[j])
+        through = (out < -BEHIND * length) & (back < -BEHIND * length)
+        close = length < NEIGHBOURS * self.radius[j % count]
+        may[may] = ~(through | (close & (np.einsum("pi,pi->p", N[i], N[j]) > OPPOSED)))
+        return may
+
+    def within(self, places: Array, reach: float) -> tuple[Numbers, Numbers]:
+        """Pairs that may press on each other and are nearer than ``reach``, sorted by the first; more may be among them.
+
+        They are looked for a little farther, and again only once samples have moved by as much.
+
+        Args:
+            places: Of the samples, shape (s, d).
+            reach: Distance.
+        """
+        if self._found is not None:
+            before, far, i, j = self._found
+            moved = float(np.sqrt(np.einsum("si,si->s", places - before, places - before).max(initial=0.0)))
+            if reach + 2 * moved <= far:
+                return i, j
+        import scipy
+
+        far = max(reach, float(self.radius.max())) * (1 + SKIN)
+        found = scipy.spatial.cKDTree(places).sparse_distance_matrix(
+            scipy.spatial.cKDTree(self.of_all(places)), far, output_type="ndarray"
+        )
+        i, j = found["i"].astype(np.int64), found["j"].astype(np.int64)
+        may = self.allowed(i, j)
+        i, j = i[may], j[may]
+        order = np.lexsort((j, i))
+        i, j = i[order], j[order]
+        object.__setattr__(self, "_found", (places.copy(), far, i, j))
+        return i, j
+
+    def near(self, places: Array) -> tuple[Numbers, Numbers]:
+        """Pairs that may press on each other and are nearer than the second one's radius, sorted by the first.
+
+        Args:
+            places: Of the samples, shape (s, d).
+        """
+        i, j = self.within(places, float(self.radius.max()))
+        way = places[i] - self.of_all(places)[j]
+        close = np.einsum("pi,pi->p", way, way) < self.radius[j % len(places)] ** 2
+        return i[close], j[close]
+
+
+def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool_]:
+    """Which facets at rest face another one, or an image of one, across air, shape (f,).
+
+    Args:
+        surface: The walls.
+        images: Orthogonal matrices of the images, the identity first, shape (g, d, d).
+        reach: Largest distance between their middles.
+    """
+    import scipy
+
+    count, d = len(surface.facets), surface.dimension
+    places, areas = (values.reshape(count, -1, d) for values in surface.rest)
+    middle, normal = places.mean(axis=1), areas.sum(axis=1)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    others, across = (np.einsum("gij,fj->gfi", images, one).reshape(-1, d) for one in (middle, normal))
+    found = scipy.spatial.cKDTree(middle).sparse_distance_matrix(
+        scipy.spatial.cKDTree(others), reach, output_type="ndarray"
+    )
+    i, j = found["i"], found["j"]
+    chord = others[j] - middle[i]
+    least = FACING * np.linalg.norm(chord, axis=1)
+    faces = np.einsum("pi,pi->p", chord, normal[i]) > least
+    faces &= np.einsum("pi,pi->p", chord, across[j]) < -least
+    faces &= np.einsum("pi,pi->p", normal[i], across[j]) < OPPOSED
+    mask = np.zeros(count, dtype=np.bool_)
+    mask[i[faces]] = True
+    mask[j[faces] % count] = True
+    return mask
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The smooth gap between a point and a wall, the energy of a negative one, and both's derivatives.
+#
+# With r = x - y_j from a wall's samples to a point x, their area vectors m_j and a kernel K of radius R,
+#
+#     N = sum_j K(r_j) m_j . r_j      S = sum_j K(r_j) m_j      D = |S|      gap = N / D,
+#
+# the mean distance to the tangent planes of what is near: implicit moving least squares (Kolluri 2008, Provably good moving
+# least squares, ACM Trans. Algorithms 4). It is exact for a flat wall whatever its mesh; it is twice differentiable, also
+# across the edges and corners of facets, where the distance to the nearest point has kinks; and it has a sign. D is 1 in front
+# of a wall that is whole, and falls to 0 at its border. The energy of a point of undeformed area A is A c(D) phi(-gap).
+
+
+LEAST, WHOLE = 0.1, 0.4
+"""D from which a wall counts at all, and from which in full; it is 1/2 at a straight border."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Penalty:
+    """phi(d) of a penetration d: a stiffness whose onset is rounded, as against a rigid plane.
+
+    Attributes:
+        stiffness: Pressure per penetration.
+        onset: Penetration over which it sets in.
+        ahead: Gap from which it counts as penetration already; walls between the points of a rule may stand out by as much.
+    """
+
+    stiffness: float
+    onset: float
+    ahead: float = dataclasses.field(default=0.0, kw_only=True)
+
+    def rates(self, d: Array) -> tuple[Array, Array, Array]:
+        """phi and its first two derivatives."""
+        k, e = self.stiffness, self.onset
+        d = np.maximum(d, 0.0)
+        early = d < e
+        value = np.where(early, d**3 / (6 * e), d**2 / 2 - e * d / 2 + e**2 / 6)
+        first = np.where(early, d**2 / (2 * e), d - e / 2)
+        return k * value, k * first, k * np.where(early, d / e, 1.0)
+
+
+def _share(D: Array) -> tuple[Array, Array, Array]:
+    """How much of a wall's border counts, and the first two derivatives: 0 to 1, twice differentiable."""
+    width = WHOLE - LEAST
+    t = np.clip((D - LEAST) / width, 0.0, 1.0)
+    value = t**3 * (10 - 15 * t + 6 * t**2)
+    return value, 30 * t**2 * (1 - t) ** 2 / width, 60 * t * (1 - t) * (1 - 2 * t) / width**2
+
+
+def kernels(r: Array, R: Array | float) -> Array:
+    """K = (1 - r.r/R^2)^3 over its own integral on a plane, and its first two derivatives by r.r, shape (3, p).
+
+    Args:
+        r: Shape (p, d).
+        R: Radius of each, shape (p,), or of all.
+    """
+    s = np.einsum("pi,pi->p", r, r) / R**2
+    t = np.maximum(1.0 - s, 0.0)
+    unit = 32 / 35 * R if r.shape[1] == 2 else math.pi / 4 * R**2
+    return np.stack([t**3, -3 * t**2 / R**2, 6 * t / R**4]) / unit
+
+
+def gaps_of(N: Array, S: Array) -> Array:
+    """Gaps of points with these sums, shapes (n,) and (n, d); infinite where no wall is seen."""
+    D = np.linalg.norm(S, axis=1)
+    seen = D > LEAST
+    return np.where(seen, N / np.where(seen, D, 1.0), np.inf)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Near:
+    """Pairs of samples with their kernels.
+
+    Attributes:
+        i, j: Samples, those of the points and those of the wall, shape (p,).
+        image: Which image of the wall it is, shape (p,).
+        r: x_i - y_j, shape (p, d); y_j is of the image.
+        m: Area vectors of j, of the image, shape (p, d).
+        K: Kernel and its first two derivatives by r.r, shape (3, p).
+    """
+
+    i: Numbers
+    j: Numbers
+    image: Numbers
+    r: Array
+    m: Array
+    K: Array
+
+    @classmethod
+    def of(cls, pairs: Pairs, places: Array, areas: Array) -> Near:
+        """Pairs in a shape of the walls.
+
+        Args:
+            pairs: The walls and their search.
+            places, areas: Of the samples, shape (s, d) each.
+        """
+        i, number = pairs.near(places)
+        image, j = np.divmod(number, len(places))
+        r, R = places[i] - pairs.of_all(places)[number], pairs.radius[j]
+        return cls(i, j, image, r, pairs.of_all(areas)[number], kernels(r, R))
+
+    def sums(self, count: int) -> tuple[Array, Array]:
+        """N, shape (count,), and S, shape (count, d), of each point."""
+        d = self.r.shape[1]
+        along = np.einsum("pi,pi->p", self.m, self.r)
+        N = np.bincount(self.i, self.K[0] * along, count)
+        S = np.column_stack([np.bincount(self.i, self.K[0] * self.m[:, c], count) for c in range(d)])
+        return N, S
+
+    def gaps(self, count: int) -> Array:
+        """Gap of each point, shape (count,); see `gaps_of`."""
+        return gaps_of(*self.sums(count))
+
+    def of_points(self, chosen: np.ndarray) -> Near:
+        """Those whose points are chosen, a mask of shape (s,)."""
+        return self.taken(chosen[self.i])
+
+    def taken(self, which: np.ndarray | slice) -> Near:
+        """Some of the pairs, or all in another order."""
+        return Near(self.i[which], self.j[which], self.image[which], self.r[which], self.m[which], self.K[:, which])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PointEnergies:
+    """Energies of points as functions of their N and S, with derivatives.
+
+    Attributes:
+        value: Shape (n,).
+        first: By N and S, shape (n, 1 + d).
+        second: Shape (n, 1 + d, 1 + d).
+    """
+
+    value: Array
+    first: Array
+    second: Array
+
+    @classmethod
+    def of_touching(cls, on: np.ndarray, N: Array, S: Array, area: Array, penalty: Penalty) -> PointEnergies:
+        """Those of the points that touch, a mask of shape (n,); zero of all others. The rest is as for `of`."""
+        count, d = S.shape
+        value, first, second = np.zeros(count), np.zeros((count, 1 + d)), np.zeros((count, 1 + d, 1 + d))
+        found = cls.of(N[on], S[on], area[on], penalty)
+        value[on], first[on], second[on] = found.value, found.first, found.second
+        return cls(value, first, second)
+
+    @classmethod
+    def of(cls, N: Array, S: Array, area: Array, penalty: Penalty) -> PointEnergies:
+        """Those of points with D above zero.
+
+        Args:
+            N, S: Sums, shapes (n,) and (n, d).
+            area: Undeformed area, shape (n,).
+            penalty: phi.
+        """
+        D = np.linalg.norm(S, axis=1)
+        depth = -N / D
+        phi, phi1, phi2 = (area * rate for rate in penalty.rates(depth + penalty.ahead))
+        c, c1, c2 = _share(D)
+        # depth = -N/D: its derivatives by N and D are -1/D and -depth/D.
+        by_N, by_D = -1 / D, -depth / D
+        e_N, e_D = phi1 * c * by_N, phi1 * c * by_D + phi * c1
+        e_NN = phi2 * c * by_N**2
+        e_ND = phi2 * c * by_N * by_D + phi1 * (c / D**2 + by_N * c1)
+        e_DD = phi2 * c * by_D**2 + phi1 * (2 * depth / D**2 * c + 2 * by_D * c1) + phi * c2
+        way = S / D[:, None]
+        first = np.column_stack([e_N, e_D[:, None] * way])
+        second = np.empty((len(N), 1 + S.shape[1], 1 + S.shape[1]))
+        second[:, 0, 0] = e_NN
+        second[:, 0, 1:] = second[:, 1:, 0] = e_ND[:, None] * way
+        outer = way[:, :, None] * way[:, None, :]
+        second[:, 1:, 1:] = e_DD[:, None, None] * outer + (e_D / D)[:, None, None] * (np.eye(S.shape[1]) - outer)
+        return cls(phi * c, first, second)
+
+
+def pair_rates(near: Near, first: Array) -> tuple[Array, Array]:
+    """Derivatives of sum e(N, S) by r and by m of each pair, shape (p, d) each, where e's by N and S are ``first``."""
+    a, b = first[near.i, 0], first[near.i, 1:]
+    v = a[:, None] * near.r + b
+    along = np.einsum("pi,pi->p", near.m, v)
+    by_r = (2 * near.K[1] * along)[:, None] * near.r + (near.K[0] * a)[:, None] * near.m
+    return by_r, near.K[0][:, None] * v
+
+
+def pair_curvatures(near: Near, first: Array) -> Array:
+    """Second derivatives of a N + b . S by (r, m) of each pair, a and b held, shape (p, 2d, 2d)."""
+    d = near.r.shape[1]
+    a, b = first[near.i, 0], first[near.i, 1:]
+    r, m, (K, K1, K2), eye = near.r, near.m, near.K, np.eye(d)
+    v = a[:, None] * r + b
+    along = np.einsum("pi,pi->p", m, v)
+    rm = r[:, :, None] * m[:, None, :]
+    found = np.zeros((len(a), 2 * d, 2 * d))
+    found[:, :d, :d] = (4 * K2 * along)[:, None, None] * r[:, :, None] * r[:, None, :]
+    found[:, :d, :d] += (2 * K1 * along)[:, None, None] * eye + (2 * K1 * a)[:, None, None] * (
+        rm + rm.transpose(0, 2, 1)
+    )
+    mixed = (2 * K1)[:, None, None] * r[:, :, None] * v[:, None, :] + (K * a)[:, None, None] * eye
+    found[:, :d, d:], found[:, d:, :d] = mixed, mixed.transpose(0, 2, 1)
+    return found
+
+
+def sum_rates(near: Near) -> Array:
+    """Derivatives of each pair's share of N and S by (r, m), shape (p, 1 + d, 2d)."""
+    d = near.r.shape[1]
+    r, m, (K, K1, _) = near.r, near.m, near.K
+    along = np.einsum("pi,pi->p", m, r)
+    found = np.zeros((len(along), 1 + d, 2 * d))
+    found[:, 0, :d] = (2 * K1 * along)[:, None] * r + K[:, None] * m
+    found[:, 0, d:] = K[:, None] * r
+    found[:, 1:, :d] = (2 * K1)[:, None, None] * m[:, :, None] * r[:, None, :]
+    found[:, 1:, d:] = K[:, None, None] * np.eye(d)
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Energy, forces and stiffness of walls in contact, by their nodes' places.
+
+
+FACET_PAIRS = 500
+"""Pairs of facets whose blocks are in memory at a time."""
+
+
+@dataclasses.dataclass(eq=False)
+class Pressed:
+    """Walls in one shape. Every pair of walls is counted from both sides, with half the energy each.
+
+    Args:
+        pairs: The walls and their search.
+        penalty: phi.
+        nodes: Places of the nodes, shape (n, d).
+    """
+
+    pairs: Pairs
+    penalty: Penalty
+    nodes: Array
+
+    def __post_init__(self) -> None:
+        surface = self.pairs.surface
+        self.surface = surface
+        self.places, self.areas = surface.places(self.nodes), surface.areas(self.nodes)
+        near = Near.of(self.pairs, self.places, self.areas)
+        self.N, self.S = near.sums(len(self.places))
+        self.gaps = gaps_of(self.N, self.S)
+        self.touching = self.gaps < self.penalty.ahead
+        self._all_near, self.near = near, near.of_points(self.touching)
+
+    @functools.cached_property
+    def points(self) -> PointEnergies:
+        """Energies of the points that touch; zero of all others."""
+        return PointEnergies.of_touching(self.touching, self.N, self.S, self.surface.measure / 2, self.penalty)
+
+    @property
+    def energy(self) -> float:
+        return float(self.points.value.sum())
+
+    @property
+    def depth(self) -> float:
+        """Deepest penetration; below zero where nothing touches."""
+        return -float(self.gaps.min(initial=np.inf))
+
+    @property
+    def pressed_force(self) -> float:
+        """Sum of the sizes of the forces between points and walls; a pair of walls counts once."""
+        return float(-self.points.first[:, 0] @ np.linalg.norm(self.S, axis=1))
+
+    def coupled(self, soon: float) -> scipy.sparse.csr_array:
+        """Nodes of all that a point touches or is near to, ``soon`` radii, true for each two, shape (n, n)."""
+        surface, near = self.surface, self._all_near
+        close = self.gaps < soon * self.pairs.radius
+        near = near.of_points(close)
+        facets = surface.facets[surface.owner]
+        i, nodes = np.concatenate([near.i, near.i]), np.concatenate([facets[near.i], facets[near.j]])
+        return together(i, nodes, (len(self.gaps), len(self.nodes)))
+
+    def _by_samples(self) -> tuple[Array, Array]:
+        """Derivatives of the energy by the samples' places and by their area vectors, shape (s, d) each."""
+        by_r, by_m = pair_rates(self.near, self.points.first)
+        count, d = self.S.shape
+        i, j, back = self.near.i, self.near.j, self.pairs.images[self.near.image]
+        at_wall, by_m = np.einsum("pji,pj->pi", back, by_r), np.einsum("pji,pj->pi", back, by_m)
+        places = [np.bincount(i, by_r[:, c], count) - np.bincount(j, at_wall[:, c], count) for c in range(d)]
+        return np.column_stack(places), np.column_stack([np.bincount(j, by_m[:, c], count) for c in range(d)])
+
+    @functools.cached_property
+    def forces(self) -> Array:
+        """Derivative of the energy by the nodes' places, shape (n, d)."""
+        found = np.zeros_like(self.nodes)
+        if self.touching.any():
+            by_places, by_areas = self._by_samples()
+            at_nodes = np.einsum("sa,si->sai", self.surface.shapes, by_places)
+            at_nodes += np.einsum("si,siaj->saj", by_areas, self.surface.area_rates(self.nodes))
+            np.add.at(found, self.surface.facets[self.surface.owner], at_nodes)
+        return found
+
+    @functools.cached_property
+    def stiffness(self) -> scipy.sparse.csr_array:
+        """Second derivative of the energy, shape (n d, n d); nodes' components follow each other."""
+        import scipy
+
+        n, d = self.nodes.shape
+        if not self.touching.any():
+            return scipy.sparse.csr_array((n * d, n * d))
+        found = self._through_pairs()
+        if d == 3:
+            facets = self.surface.facets[self.surface.owner]
+            pressed = np.unique(self.near.j)
+            bent = self.surface.area_curvatures(self._by_samples()[1][pressed], pressed)
+            dofs = components_of(facets[pressed], d)
+            found = found + scattered(bent.reshape(len(pressed), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
+        return scipy.sparse.csr_array((found + found.T) / 2)
+
+    def _pair_places(self, near: Near, rates: Array) -> Array:
+        """Derivative of (r, m) of pairs by the places of the nodes of both facets, shape (p, 2d, 2kd)."""
+        shapes, (d, k) = self.surface.shapes, rates.shape[1:3]
+        turn = self.pairs.images[near.image]
+        Z = np.zeros((len(near.i), 2 * d, 2 * k, d))
+        for c in range(d):
+            Z[:, c, :k, c] = shapes[near.i]
+        Z[:, :d, k:] = -shapes[near.j][:, None, :, None] * turn[:, :, None, :]
+        Z[:, d:, k:] = (turn @ rates[near.j].reshape(len(near.i), d, k * d)).reshape(-1, d, k, d)
+        return Z.reshape(len(near.i), 2 * d, 2 * k * d)
+
+    def _through_pairs(self) -> scipy.sparse.csr_array:
+        """The second derivative but for that of the area vectors. Pairs of the same two facets are added up first."""
+        import scipy
+
+        n, d = self.nodes.shape
+        surface, near, first = self.surface, self.near, self.points.first
+        owner, rates = surface.owner, surface.area_rates(self.nodes)
+        order = np.argsort(owner[near.i] * len(surface.facets) + owner[near.j], kind="stable")
+        near = near.taken(order)
+        key = owner[near.i] * len(surface.facets) + owner[near.j]
+        starts = np.flatnonzero(np.diff(key, prepend=-1))
+        dofs = components_of(
+            np.concatenate([surface.facets[owner[near.i[starts]]], surface.facets[owner[near.j[starts]]]], axis=1), d
+        )
+        touching = np.flatnonzero(self.touching)
+        number = np.empty(len(self.touching), dtype=np.int64)
+        number[touching] = np.arange(len(touching))
+        size, chunks = (1 + d) * len(touching), range(0, len(starts), FACET_PAIRS)
+        K, U = scipy.sparse.csr_array((n * d, n * d)), scipy.sparse.csr_array((size, n * d))
+        for chunk in chunks:
+            chosen = starts[chunk : chunk + FACET_PAIRS]
+            end = starts[chunk + FACET_PAIRS] if chunk + FACET_PAIRS < len(starts) else len(key)
+            part = near.taken(slice(chosen[0], end))
+            Z = self._pair_places(part, rates)
+            blocks = np.add.reduceat(
+                Z.transpose(0, 2, 1) @ pair_curvatures(part, first) @ Z, chosen - chosen[0], axis=0
+            )
+            at = dofs[chunk : chunk + FACET_PAIRS]
+            K = K + scattered(blocks, at, at, n * d, n * d)
+            rows = (1 + d) * number[part.i][:, None] + np.arange(1 + d)
+            columns = np.repeat(at, np.diff(chosen, append=end), axis=0)
+            U = U + scattered(sum_rates(part) @ Z, rows, columns, size, n * d)
+        own = (1 + d) * np.arange(len(touching))[:, None] + np.arange(1 + d)
+        C = scattered(self.points.second[touching], own, own, size, size)
+        return scipy.sparse.csr_array(K + U.T @ C @ U)
+
+
+def components_of(nodes: Numbers, d: int) -> Numbers:
+    """Numbers of the components of nodes, shape (p, a) to (p, a d)."""
+    return np.asarray((d * nodes[:, :, None] + np.arange(d)).reshape(len(nodes), -1))
+
+
+def together(groups: Numbers, nodes: Numbers, shape: tuple[int, int]) -> scipy.sparse.csr_array:
+    """Whether two nodes are in a common group, for each two.
+
+    Args:
+        groups: The group of each row of ``nodes``, shape (p,).
+        nodes: Shape (p, a).
+        shape: Groups and nodes in all.
+    """
+    import scipy
+
+    at = (np.repeat(groups, nodes.shape[1]), nodes.ravel())
+    held = scipy.sparse.csr_array(scipy.sparse.coo_array((np.ones(nodes.size, dtype=np.int32), at), shape=shape))
+    return scipy.sparse.csr_array((held.T @ held) > 0)
+
+
+def scattered(blocks: Array, rows: Numbers, columns: Numbers, height: int, width: int) -> scipy.sparse.csr_array:
+    """Sum of small dense blocks, shape (p, a, b), in a sparse matrix; ``rows`` (p, a) and ``columns`` (p, b) are theirs."""
+    import scipy
+
+    _, a, b = blocks.shape
+    at = (np.repeat(rows, b, axis=1).ravel(), np.tile(columns, (1, a)).ravel())
+    return scipy.sparse.csr_array(scipy.sparse.coo_array((blocks.ravel(), at), shape=(height, width)))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A device's faces in one shape, pressed on at each of their samples by something whose places do not matter to them.
+
+
+class PressedSamples(abc.ABC):
+    """Sums over samples; a kind says what each sample's energy is.
+
+    Args:
+        surface: The faces.
+        nodes: Places of the faces' nodes, shape (n, d).
+
+    Attributes:
+        gaps: Of the samples, below zero where they are pressed on, shape (s,).
+        touching: Where that is so.
+    """
+
+    gaps: Array
+    touching: np.ndarray
+
+    def __init__(self, surface: Surface, nodes: Array):
+        self.surface, self.nodes = surface, nodes
+
+    @property
+    @abc.abstractmethod
+    def energy(self) -> float:
+        """Of all samples."""
+
+    @abc.abstractmethod
+    def slopes(self) -> Array:
+        """Derivative of the energy by the samples' places, shape (s, d)."""
+
+    @abc.abstractmethod
+    def curvatures(self) -> Array:
+        """Second derivative by the place of each sample that touches, shape (t, d, d)."""
+
+    @abc.abstractmethod
+    def soon(self, share: float) -> np.ndarray:
+        """Samples that touch or soon may, a mask of shape (s,); ``share`` is of what the kind calls near."""
+
+    @property
+    def depth(self) -> float:
+        """How deep a sample has sunk in at most; below zero where none has."""
+        return -float(self.gaps.min(initial=np.inf))
+
+    @functools.cached_property
+    def forces(self) -> Array:
+        """Derivative of the energy by the nodes' places, shape (n, d)."""
+        found = np.zeros_like(self.nodes)
+        at_nodes = np.einsum("sa,si->sai", self.surface.shapes, self.slopes())
+        np.add.at(found, self.surface.facets[self.surface.owner], at_nodes)
+        return found
+
+    @functools.cached_property
+    def stiffness(self) -> scipy.sparse.csr_array:
+        """Second derivative of the energy, shape (n d, n d); nodes' components follow each other."""
+        import scipy
+
+        found = self.scattered(self.curvatures())
+        return scipy.sparse.csr_array((found + found.T) / 2)
+
+    def scattered(self, curvatures: Array) -> scipy.sparse.csr_array:
+        """The matrix, shape (n d, n d), of what is by the place of each sample that touches, shape (t, d, d)."""
+        import scipy
+
+        n, d = self.nodes.shape
+        touching = np.flatnonzero(self.touching)
+        if not len(touching):
+            return scipy.sparse.csr_array((n * d, n * d))
+        shapes = self.surface.shapes[touching]
+        dofs = components_of(self.surface.facets[self.surface.owner[touching]], d)
+        blocks = np.einsum("sa,sb,sij->saibj", shapes, shapes, curvatures)
+        return scattered(blocks.reshape(len(touching), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
+
+    def near_facets(self, share: float) -> Numbers:
+        """Nodes of the facets with a sample that touches or soon may, shape (f, k)."""
+        return self.surface.facets[np.unique(self.surface.owner[self.soon(share)])]
+
+    def coupled(self, share: float) -> scipy.sparse.csr_array:
+        """Nodes that share such a facet, true for each two, shape (n, n)."""
+        facets = self.near_facets(share)
+        return together(np.arange(len(facets)), facets, (len(facets), len(self.nodes)))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Faces that are pressed on by a body whose signed distance is known in closed form, with the energy of rigid shapes.
+
+
+type Slopes = Callable[[Array], tuple[Array, Array, Array]]
+"""Of places, shape (s, d): their distances, the distances' gradients (s, d), and their second derivatives (s, d, d)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class HardeningPenalty(Penalty):
+    """The same penalty, which grows harder with the depth.
+
+    Attributes:
+        soft: Depth from which it does.
+        harder: phi gets ``harder / (6 soft) (d - soft)^3`` more, times the stiffness.
+    """
+
+    soft: float
+    harder: float
+
+    def rates(self, d: Array) -> tuple[Array, Array, Array]:
+        value, first, second = super().rates(d)
+        k, over = self.stiffness * self.harder / self.soft, np.maximum(d - self.soft, 0.0)
+        return value + k * over**3 / 6, first + k * over**2 / 2, second + k * over
+
+
+class PressedByDistance(PressedSamples):
+    """A device's faces in one shape, pressed on by such a body.
+
+    Args:
+        surface: The faces.
+        slopes: The distance with its derivatives.
+        penalty: phi.
+        near: Distance that counts as near.
+        nodes: Places of the faces' nodes, shape (n, d).
+    """
+
+    def __init__(self, surface: Surface, slopes: Slopes, penalty: Penalty, near: float, nodes: Array):
+        super().__init__(surface, nodes)
+        self._near = near
+        self.gaps, gradients, seconds = slopes(surface.places(nodes))
+        self.touching = self.gaps < 0.0
+        phi, self._first, self._second = (surface.measure * rate for rate in penalty.rates(-self.gaps))
+        self._energy = float(phi[self.touching].sum())
+        self._gradients, self._seconds = gradients, seconds
+
+    @property
+    def energy(self) -> float:
+        return self._energy
+
+    def slopes(self) -> Array:
+        return np.asarray(-np.where(self.touching, self._first, 0.0)[:, None] * self._gradients)
+
+    def curvatures(self) -> Array:
+        on = self.touching
+        g = self._gradients[on]
+        along = self._second[on, None, None] * g[:, :, None] * g[:, None, :]
+        return np.asarray(along - self._first[on, None, None] * self._seconds[on])
+
+    def soon(self, share: float) -> np.ndarray:
+        return np.asarray(self.gaps < share * self._near)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A wall that stands still, such as the surface of a rigid body: its samples do not move, and what comes near is pressed on.
+
+
+FINE = 0.5
+"""Longest edge, in radii of the kernel, of the pieces that triangles are cut into; each has one sample."""
+MOST_SAMPLES = 1_000_000
+
+
+class TooFineError(ValueError):
+    """A wall of too many samples."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FixedWall:
+    """Samples of a closed surface.
+
+    Attributes:
+        places: Shape (s, 3).
+        areas: Area vectors out of the body, shape (s, 3).
+        radius: Of the kernel of all samples.
+    """
+
+    places: Array
+    areas: Array
+    radius: float
+
+    @classmethod
+    def of(cls, points: Array, triangles: Numbers, radius: float) -> FixedWall:
+        """The samples of triangles, in the middles of pieces that are small against the radius.
+
+        Args:
+            points: Corners, shape (n, 3).
+            triangles: Their numbers, counter-clockwise as seen from outside, shape (t, 3).
+            radius: Of the kernel.
+
+        Raises:
+            TooFineError: There would be more than `MOST_SAMPLES`.
+        """
+        corners = _cut(np.asarray(points[triangles], dtype=float), FINE * radius)
+        areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+        return cls(corners.mean(axis=1), areas, radius)
+
+    @functools.cached_property
+    def tree(self) -> scipy.spatial.cKDTree:
+        import scipy
+
+        return scipy.spatial.cKDTree(self.places)
+
+    def near(self, places: Array) -> Near:
+        """Pairs of points, shape (n, 3), and samples nearer than the radius."""
+        import scipy
+
+        found = scipy.spatial.cKDTree(places).sparse_distance_matrix(self.tree, self.radius, output_type="ndarray")
+        order = np.lexsort((found["j"], found["i"]))
+        i, j = found["i"][order].astype(np.int64), found["j"][order].astype(np.int64)
+        r = places[i] - self.places[j]
+        return Near(i, j, np.zeros_like(i), r, self.areas[j], kernels(r, self.radius))
+
+    def gaps(self, places: Array) -> Array:
+        """Smooth distance of points, shape (n, 3), from the wall, below zero behind it; infinite where none is near."""
+        return gaps_of(*self.near(places).sums(len(places)))
+
+
+def _cut(corners: Array, longest: float) -> Array:
+    """Triangles, shape (t, 3, 3), halved through their longest edges until none is longer."""
+    done: list[Array] = []
+    count = 0
+    while len(corners):
+        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        short = edges.max(axis=1) <= longest
+        done.append(corners[short])
+        count += int(short.sum())
+        corners, edges = corners[~short], edges[~short]
+        if count + 2 * len(corners) > MOST_SAMPLES:
+            raise TooFineError
+        first = edges.argmax(axis=1)[:, None]  # from the first corner of the longest edge on
+        a, b, c = (np.take_along_axis(corners, ((first + k) % 3)[:, :, None], axis=1)[:, 0] for k in range(3))
+        middle = (a + b) / 2
+        corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+    return np.concatenate(done) if done else np.empty((0, 3, 3))
+
+
+class PressedOn(PressedSamples):
+    """A device's faces in one shape, pressed on by a fixed wall.
+
+    Args:
+        surface: The faces.
+        wall: The wall.
+        penalty: phi.
+        nodes: Places of the faces' nodes, shape (n, 3).
+    """
+
+    def __init__(self, surface: Surface, wall: FixedWall, penalty: Penalty, nodes: Array):
+        super().__init__(surface, nodes)
+        self.wall, self.penalty = wall, penalty
+        places = surface.places(nodes)
+        near = wall.near(places)
+        self.N, self.S = near.sums(len(places))
+        self.gaps = gaps_of(self.N, self.S)
+        self.touching = self.gaps < 0.0
+        self.near = near.of_points(self.touching)
+
+    @functools.cached_property
+    def _energies(self) -> PointEnergies:
+        """Of the points that touch; zero of all others."""
+        return PointEnergies.of_touching(self.touching, self.N, self.S, self.surface.measure, self.penalty)
+
+    @property
+    def energy(self) -> float:
+        return float(self._energies.value.sum())
+
+    def slopes(self) -> Array:
+        count, d = self.S.shape
+        by_r, _ = pair_rates(self.near, self._energies.first)
+        return np.column_stack([np.bincount(self.near.i, by_r[:, c], count) for c in range(d)])
+
+    def curvatures(self) -> Array:
+        d, touching, near = self.S.shape[1], np.flatnonzero(self.touching), self.near
+        points = (np.cumsum(self.touching) - 1)[near.i]
+        own, rates = np.zeros((len(touching), d, d)), np.zeros((len(touching), 1 + d, d))
+        np.add.at(own, points, pair_curvatures(near, self._energies.first)[:, :d, :d])
+        np.add.at(rates, points, sum_rates(near)[:, :, :d])
+        return np.asarray(own + np.einsum("sai,sab,sbj->sij", rates, self._energies.second[touching], rates))
+
+    def soon(self, share: float) -> np.ndarray:
+        """Samples nearer than ``share`` radii of the kernel."""
+        return np.asarray(self.gaps < share * self.wall.radius)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Coulomb friction of faces on a body that stands still: what samples remember, their forces and their stiffness.
+#
+# A sample that touches is held where it first touched, along the body's surface, and slides once it has been drawn e from
+# there. With its way v from where it is held, n the surface's normal and f the force that presses it on:
+#
+#     s = v - n (n . v)       t = mu |f| g(|s| / e) s / |s|       g(y) = 2 y - y^2 below 1, and 1 from there on
+#
+# Where |s| > e it slides, and is held e behind itself from then on: the return mapping of plasticity (Wriggers 2006,
+# Computational Contact Mechanics, doi 10.1007/978-3-540-32609-0, chapter 10), with the smooth onset of Li et al. 2020,
+# Incremental Potential Contact, doi 10.1145/3386569.3392425. From one kept state to the next the way is a straight line, so
+# states depend on the steps between them to first order. The derivative of t is not symmetric, since the pressing force goes
+# along. Newton's method has all of it; the matrix that is factorised, and with it the path's direction and the stability, has
+# it with mu |f| held: then t is the derivative of a convex function, and the matrix is symmetric.
+
+
+AT_LIMIT = 1e-9
+"""Share of e by which a way may miss it and still be counted as sliding: so are kept states, to rounding."""
+TINY = 1e-300
+"""Added to what is divided by, where nothing presses and nothing moves."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Rubbing:
+    """A coefficient of friction, and over which way it sets in.
+
+    Attributes:
+        coefficient: mu.
+        onset: e, in sizes.
+    """
+
+    coefficient: float
+    onset: float
+
+    def rates(self, far: Array) -> tuple[Array, Array]:
+        """g of ways, shape (t,), and its derivative by the way."""
+        y = np.minimum(far / self.onset, 1.0)
+        return y * (2 - y), 2 * (1 - y) / self.onset
+
+    def drawn(self, far: Array) -> Array:
+        """Integral of g up to ways, shape (t,), and not beyond e."""
+        y = np.minimum(far / self.onset, 1.0)
+        return self.onset * (y**2 - y**3 / 3)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Grip:
+    """What samples remember of the state that was kept last, in sizes and shear moduli.
+
+    Attributes:
+        held: Where they were held; of those that did not touch, where they were, shape (s, d).
+        gaps: Their distances from the body, below zero of those that touched, shape (s,).
+        limits: mu times the forces that pressed on them, shape (s,).
+        drawn: `Rubbing.drawn` of them, shape (s,).
+        slid: How far each has slid so far, shape (s,).
+        lost: Work against friction so far; what has drawn those that stick comes back.
+    """
+
+    held: Array
+    gaps: Array
+    limits: Array
+    drawn: Array
+    slid: Array
+    lost: float
+
+    @classmethod
+    def of_free(cls, pressed: PressedSamples) -> Grip:
+        """Of faces that nothing has held yet."""
+        places = pressed.surface.places(pressed.nodes)
+        limits, drawn, slid = np.zeros((3, len(places)))
+        return cls(places, pressed.gaps, limits, drawn, slid, 0.0)
+
+
+class Rubbed(PressedSamples):
+    """A device's faces in one shape, pressed on by a body that they rub on.
+
+    Args:
+        pressed: The same without friction.
+        rubbing: How they rub.
+        grip: The state that was kept last.
+
+    Attributes:
+        pulls: Forces of friction on the samples that touch, as derivatives of an energy, shape (t, d).
+        slides: Which of these slide.
+    """
+
+    def __init__(self, pressed: PressedSamples, rubbing: Rubbing, grip: Grip):
+        super().__init__(pressed.surface, pressed.nodes)
+        self.pressed, self.rubbing, self.grip = pressed, rubbing, grip
+        self.gaps, self.touching = pressed.gaps, pressed.touching
+        on = self.touching
+        self._places = self.surface.places(self.nodes)
+        push = pressed.slopes()[on]
+        self._push = np.linalg.norm(push, axis=1)
+        self._normal = push / (self._push + TINY)[:, None]
+        self.limits = rubbing.coefficient * self._push
+        self._far = (self._places - grip.held)[on]
+        # What has come near since then is held where it touched: up to there it has gone by itself. A body from a file
+        # does not know how far away it was, but not farther than that way.
+        gone, depth = np.clip(grip.gaps[on], 0.0, np.linalg.norm(self._far, axis=1)), -self.gaps[on]
+        self._share = np.where(gone > 0.0, depth / (gone + depth + TINY), 1.0)
+        self._share_rate = np.where(gone > 0.0, gone / (gone + depth + TINY) ** 2, 0.0)
+        self._way = self._share[:, None] * self._far
+        s = self._way - self._normal * _dot(self._normal, self._way)[:, None]
+        self._size = np.linalg.norm(s, axis=1)
+        self._along = s / (self._size + TINY)[:, None]
+        self._grip, self._grip_rate = rubbing.rates(self._size)
+        self.slides = self._size > (1 - AT_LIMIT) * rubbing.onset
+        self.pulls = (self.limits * self._grip)[:, None] * self._along
+
+    @property
+    def energy(self) -> float:
+        """Of the contact alone: what friction takes is lost."""
+        return self.pressed.energy
+
+    def slopes(self) -> Array:
+        found = np.array(self.pressed.slopes())
+        found[self.touching] += self.pulls
+        return found
+
+    def curvatures(self) -> Array:
+        """Second derivative by the place of each sample that touches, the limits held: symmetric, shape (t, d, d)."""
+        n, a = self._normal, self._along
+        flat = np.eye(n.shape[1]) - _outer(n, n)
+        return np.asarray(self.pressed.curvatures() + self._share[:, None, None] * (self._drawn(a) @ flat))
+
+    def _drawn(self, a: Array) -> Array:
+        """Derivative of the pulls by s, the limits held, shape (t, d, d)."""
+        eye, along = np.eye(a.shape[1]), _outer(a, a)
+        across = 2 / self.rubbing.onset - self._size / self.rubbing.onset**2  # g / |s|, also where that is 0 / 0
+        across = np.where(self._size < self.rubbing.onset, across, 1 / (self._size + TINY))
+        drawn = across[:, None, None] * (eye - along) + self._grip_rate[:, None, None] * along
+        return np.asarray(self.limits[:, None, None] * drawn)
+
+    def whole_curvatures(self) -> Array:
+        """The derivative of the forces itself, not symmetric, shape (t, d, d)."""
+        n, a, way = self._normal, self._along, self._way
+        eye = np.eye(n.shape[1])
+        pressing = self.pressed.curvatures()
+        # The normal turns as the pressing force does, and the share goes with the depth, whose slope is n.
+        turn = (eye - _outer(n, n)) @ pressing / (self._push + TINY)[:, None, None]
+        moved = self._share[:, None, None] * eye + (self._share_rate[:, None] * self._far)[:, :, None] * n[:, None, :]
+        s = (eye - _outer(n, n)) @ moved - _dot(n, way)[:, None, None] * turn
+        s -= n[:, :, None] * np.einsum("ti,tij->tj", way, turn)[:, None, :]
+        harder = self.rubbing.coefficient * np.einsum("ti,tij->tj", n, pressing)
+        return np.asarray(pressing + self._drawn(a) @ s + (self._grip[:, None] * a)[:, :, None] * harder[:, None, :])
+
+    @functools.cached_property
+    def whole_stiffness(self) -> scipy.sparse.csr_array:
+        """The derivative of `forces` itself, not symmetric, shape (n d, n d)."""
+        return self.scattered(self.whole_curvatures())
+
+    def soon(self, share: float) -> np.ndarray:
+        return self.pressed.soon(share)
+
+    def kept(self) -> Grip:
+        """What the samples remember once this state is kept."""
+        on, grip = self.touching, self.grip
+        held = self._places.copy()
+        limits, drawn, slip = np.zeros((3, len(held)))
+        reach = np.minimum(self._size, self.rubbing.onset)
+        held[on] -= reach[:, None] * self._along
+        limits[on], drawn[on], slip[on] = self.limits, self.rubbing.drawn(self._size), self._size - reach
+        # What presses on them changes evenly along the way in between.
+        lost = float(((grip.limits + limits) / 2 * (drawn - grip.drawn + slip)).sum())
+        return Grip(held, self.gaps, limits, drawn, grip.slid + slip, grip.lost + lost)
+
+    @property
+    def sliding(self) -> float:
+        """Share of the pressing force at samples that slide; 0 where nothing is pressed on."""
+        whole = float(self._push.sum())
+        return float(self._push[self.slides].sum()) / whole if whole > 0.0 else 0.0
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("ti,ti->t", a, b))
+
+
+def _outer(a: Array, b: Array) -> Array:
+    return np.asarray(a[:, :, None] * b[:, None, :])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A body that faces press on and that gives way along a line: on a spring, or with a weight that lies on a stand.
+#
+# Its place s on the line is that of least energy, so it is no unknown of its own. With the energy phi of the faces against the
+# body where it stands, and that of its stand,
+#
+#     Phi(x) = min over s of phi(x - s a) + e(s),     Phi' = phi',     Phi'' = phi'' - v v^T / k,
+#
+# where v = phi'' A, A moves all nodes along a, and k = e'' + A.v. Directions in which Phi is unstable are those of the whole
+# system (Haynsworth's inertia theorem, doi 10.1016/0024-3795(68)90050-5), as k is above zero where s is stable.
+
+
+MOST = 80
+"""Steps in which a place is found: Newton's, or halves of what is left."""
+CLOSE = 1e-14
+"""Step in sizes of the device at which it is found."""
+LONGEST = 0.02
+"""Longest step, in sizes: a body that is far from the faces feels nothing of them."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Stand:
+    """What holds a body: a spring, and a stand that its weight presses it on.
+
+    The weight is taken off the stand over a short way, so that stiffnesses have no jump: the stand's force is
+    ``weight * tanh(s / onset)`` above it, and grows as steeply below it.
+
+    Attributes:
+        spring: Force per way.
+        weight: Force with which it lies on its stand; below zero where it is pulled off and only the spring holds it.
+        onset: The short way.
+    """
+
+    spring: float
+    weight: float
+    onset: float
+
+    def energy(self, s: float) -> float:
+        if self.weight <= 0.0:
+            return self.spring * s**2 / 2 + self.weight * s
+        t = s / self.onset
+        above = abs(t) + math.log1p(math.exp(-2 * abs(t))) - math.log(2)
+        return self.spring * s**2 / 2 + self.weight * self.onset * (above if t > 0 else t**2 / 2)
+
+    def force(self, s: float) -> float:
+        """With which it is pushed back."""
+        if self.weight <= 0.0:
+            return self.spring * s + self.weight
+        t = s / self.onset
+        return self.spring * s + self.weight * (math.tanh(t) if t > 0 else t)
+
+    def stiffness(self, s: float) -> float:
+        if self.weight <= 0.0:
+            return self.spring
+        t = s / self.onset
+        return self.spring + self.weight / self.onset * ((1 - math.tanh(t) ** 2) if t > 0 else 1.0)
+
+
+class GivingWay:
+    """Faces in one shape, pressed on by such a body.
+
+    Args:
+        pressed: Of the nodes' places, the faces pressed on by the body in its first place.
+        stand: What holds it.
+        along: The line's direction, shape (d,).
+        nodes: Places of the nodes, shape (n, d).
+        start: Place on the line to look from.
+
+    Attributes:
+        s: Its place.
+        here: The faces, moved to the body.
+        v: How the forces change as the faces go along the line as a whole, shape (n d,).
+        k: Second derivative of the energy by s.
+    """
+
+    def __init__(
+        self, pressed: Callable[[Array], PressedSamples], stand: Stand, along: Array, nodes: Array, start: float
+    ):
+        self.stand, self.along = stand, along
+        low, high, s, all_along = -math.inf, math.inf, start, np.tile(along, len(nodes))
+        for _ in range(MOST):
+            self.here, self.s = pressed(nodes - s * along), s
+            self.v = np.asarray(self.here.stiffness @ all_along)
+            self.k = k = stand.stiffness(s) + float(all_along @ self.v)
+            surplus = stand.force(s) - self.push
+            low, high = (low, s) if surplus > 0.0 else (s, high)
+            step = -surplus / k if k > 0.0 else -math.copysign(LONGEST, surplus)
+            after = s + float(np.clip(step, -LONGEST, LONGEST))
+            if not low < after < high:
+                after = (low + high) / 2 if math.isfinite(high - low) else s
+            if surplus == 0.0 or abs(after - s) < CLOSE:
+                return
+            s = after
+
+    @property
+    def push(self) -> float:
+        """Force of the faces on the body along its line."""
+        return float(self.here.forces.sum(axis=0) @ self.along)
+
+    @property
+    def energy(self) -> float:
+        return self.here.energy + self.stand.energy(self.s)
+
+    @property
+    def forces(self) -> Array:
+        return self.here.forces
+
+    @property
+    def stiffness(self) -> scipy.sparse.csr_array:
+        import scipy
+
+        v = self.v
+        at = np.flatnonzero(v)
+        rows, columns = (part.ravel() for part in np.meshgrid(at, at, indexing="ij"))
+        less = scipy.sparse.coo_array(
+            (np.outer(v[at], v[at]).ravel() / self.k, (rows, columns)), shape=(len(v), len(v))
+        )
+        return scipy.sparse.csr_array(self.here.stiffness - less)
+
+    def harder(self) -> Array:
+        """Derivative of the forces as spring and weight grow in proportion, by their share, shape (n, d)."""
+        return np.asarray(self.v * self.stand.force(self.s) / self.k).reshape(self.here.nodes.shape)
+
+    def coupled(self, share: float) -> scipy.sparse.csr_array:
+        """All nodes near the body are, as it gives way to each of them, true for each two, shape (n, n)."""
+        import scipy
+
+        near, n = np.unique(self.here.near_facets(share)), len(self.here.nodes)
+        rows, columns = (part.ravel() for part in np.meshgrid(near, near, indexing="ij"))
+        ones = np.ones(len(rows), dtype=np.bool_)
+        return scipy.sparse.csr_array(scipy.sparse.coo_array((ones, (rows, columns)), shape=(n, n)))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What all terms have in common whose faces are pressed on, by each other or by a wall that stands still.
+
+
+SOON = 0.2
+"""Gap below which nodes are coupled in the matrix's pattern before they touch, in what a kind calls near: for walls the
+kernel's radius."""
+
+
+class Pressing(Protocol):
+    """Faces in one shape, pressed on: energy, its derivatives by the nodes' places, and which nodes are coupled."""
+
+    @property
+    def energy(self) -> float: ...
+    @property
+    def forces(self) -> Array: ...
+    @property
+    def stiffness(self) -> scipy.sparse.csr_array: ...
+    def coupled(self, soon: float) -> scipy.sparse.csr_array: ...
+
+
+class PressingTerm[P: Pressing](AssembledTerm):
+    """The energy of faces that are pressed on; a kind says by what."""
+
+    _pressed: P
+
+    @abc.abstractmethod
+    def pressed(self, places: Array) -> P:
+        """The faces with their nodes at places, shape (n, d)."""
+
+    def move(self, places: Array) -> None:
+        self._pressed = self.pressed(places)
+
+    def energy_here(self) -> float:
+        return self._pressed.energy
+
+    def forces_here(self) -> Array:
+        return self._pressed.forces
+
+    def stiffness_here(self) -> scipy.sparse.csr_array:
+        return self._pressed.stiffness
+
+    def coupled(self) -> scipy.sparse.csr_array:
+        return self._pressed.coupled(SOON)

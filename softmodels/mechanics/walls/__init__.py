@@ -1,1 +1,0 @@
-"""Contact of deformable walls with each other: an energy of the smooth gap between their deformed surfaces."""

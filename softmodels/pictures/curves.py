@@ -1,0 +1,482 @@
+"""Curves over the path: rise, added volume and forces. They need no rendering."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import textwrap
+from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+
+from geometries import Actuator
+from softmodels.common.arrays import Array
+from softmodels.materials.silicones import product_of
+from softmodels.pictures.style import (
+    BRANCH,
+    CURVE,
+    DPI,
+    EDGE,
+    FAINT,
+    LINES,
+    SPAN,
+    WARNING,
+    WIDTH,
+    number,
+)
+from softmodels.runs.band import SourceRows, key_of
+from softmodels.runs.columns import StateLabels, load_columns, term
+from softmodels.runs.grid import parabolas
+from softmodels.runs.notes import jumped_over
+from softmodels.runs.row import Row, at_rise, split
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.typing import ColorType
+
+    from softmodels.case.case import Case
+
+
+FORCES = ("contact_force_N", "blocked_force_N")
+"""Columns that get a curve of their own where a device presses on something."""
+DASHES = ("--", ":", "-.", (0, (10, 3)), (0, (1, 4)))
+"""Of the sources' lines."""
+PRESSURE = ("pressure_cm", "pressure in cm of water")
+"""What curves are drawn over unless a case asks for something else: the column, and its words."""
+
+
+def over_of(case: Case) -> tuple[str, str]:
+    """What a case's curves are drawn over: the column, and its words; the pressure unless a dead load is asked for."""
+    if case.driven is None:
+        return PRESSURE
+    return case.column, str(term(case.column))
+
+
+def rise(
+    rows: Sequence[Row],
+    gauge: str,
+    pascal_per_cm: float,
+    branch: Sequence[Row] = (),
+    over: tuple[str, str] = PRESSURE,
+    sources: SourceRows = MappingProxyType({}),
+) -> Figure:
+    """Rise of the device's gauge, such as the disk's apex, over the pressure.
+
+    Args:
+        rows: All rows of ``path.csv``.
+        gauge: The device's `Actuator.gauge`.
+        pascal_per_cm: Pa in one cm of the column.
+        branch: Rows of the branch that was followed, if one was.
+        over: What it is drawn over; see `over_of`.
+        sources: Rows under each source of the silicone, the run's own among them, where they were solved.
+    """
+    figure = Figure((WIDTH, 6.4), dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    column = f"{gauge}_mm"
+    _sources(axes, sources, rows, column, over[0])
+    _path(axes, rows, column, branch, over[0])
+    for name, colour, marker, events in _events(rows):
+        for row in events:
+            at = f"{row['pressure_cm']:.4g} cm ({row['pressure_Pa'] / 1e3:.4g} kPa)"
+            at = at if over == PRESSURE else f"{row[over[0]]:.4g} {split(over[0])[1]}"
+            label = f"{name}: {at}, {row[column]:.4g} mm"
+            axes.plot(row[over[0]], row[column], marker, color=colour, markersize=9, label=label)
+    axes.set(xlabel=over[1], ylabel=f"rise of the {gauge} in mm")
+    axes.margins(0.04)
+    if over == PRESSURE:
+        kilopascals(axes, pascal_per_cm)
+    axes.legend(loc="best")
+    return figure
+
+
+def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
+    """A second scale above a pressure in cm of water; ``pascal_per_cm`` is Pa in one of them."""
+    k = pascal_per_cm / 1e3
+
+    def in_kPa(column: npt.ArrayLike) -> Array:
+        return np.asarray(column) * k
+
+    def in_cm(pressure: npt.ArrayLike) -> Array:
+        return np.asarray(pressure) / k
+
+    axes.secondary_xaxis("top", functions=(in_kPa, in_cm)).set_xlabel("pressure in kPa", labelpad=8)
+
+
+def curves(
+    rows: Sequence[Row],
+    words: StateLabels,
+    branch: Sequence[Row] = (),
+    over: tuple[str, str] = PRESSURE,
+    sources: SourceRows = MappingProxyType({}),
+) -> list[Figure]:
+    """The gauge's rise, the added volume and a force on what holds the device, if there is one, over the pressure.
+
+    Of weights and forces also what they move. With a supply also the pressure over its stroke, first. ``words`` is what the run
+    shows, the other arguments are as of `rise`. One figure each, so that a narrow page puts them below each other.
+    """
+    wanted = [
+        (over, (f"{words.gauge}_mm", f"rise of the {words.gauge} in mm")),
+        *([(over, ("added_volume_ml", "added volume in ml"))] if words.volume else []),
+    ]
+    wanted += [(over, (name, f"{term(name).name} in N")) for name in FORCES if name in rows[0]]
+    loads = [name for name in rows[0] if re.fullmatch(r"(moved|turned)(_\w+)?_(mm|deg)|sag_mm", name)]
+    wanted += [(over, (name, str(term(name)))) for name in loads]
+    if "stroke_ml" in rows[0]:
+        wanted.insert(0, (("stroke_ml", f"stroke of the {words.driver} in ml"), PRESSURE))
+    figures = []
+    for (place, below), (column, label) in wanted:
+        figure = Figure((WIDTH / 2, 4.2), dpi=DPI, layout="constrained")
+        axes = figure.subplots()
+        _sources(axes, sources, rows, column, place)
+        _path(axes, rows, column, branch, place)
+        for name, colour, marker, events in _events(rows):
+            places = [[row[key] for row in events] for key in (place, column)]
+            axes.plot(*places, marker, color=colour, markersize=8, label=name)
+        axes.set(xlabel=below, ylabel=label)
+        axes.legend(loc="best")
+        figures.append(figure)
+    return figures
+
+
+def _events(rows: Sequence[Row]) -> list[tuple[str, str, str, list[Row]]]:
+    """What happens on a path: its name, colour and marker, and the rows where it does; only what there is."""
+    kinds = (
+        ("limit point", WARNING, "D", limits(rows)),
+        ("bifurcation", BRANCH, "s", [row for row in rows if row.get("bifurcation")]),
+    )
+    return [kind for kind in kinds if kind[3]]
+
+
+def _path(axes: Axes, rows: Sequence[Row], column: str, branch: Sequence[Row], over: str = "pressure_cm") -> None:
+    """Curve, steps, requested values and jumps of a path over the column ``over``, and the branch that leaves it."""
+    places = np.array([[row[over], row[column]] for row in rows])
+    jumps = [k for k, row in enumerate(rows) if row.get("jump")]
+    held = np.ones(len(rows), dtype=bool)
+    held[jumped_over(rows)] = False
+    # Of a supply's jump the states that are jumped over are on the path too.
+    parts = np.split(places, [k for k in jumps if held[k - 1]])
+    for k, part in enumerate(parts):
+        axes.plot(*smooth(part).T, color=CURVE, label="" if k else "simulated path")
+    axes.plot(*places[held].T, "o", color=CURVE, markersize=3.5, label="steps")
+    if not held.all():
+        axes.plot(*places[~held].T, "x", color=WARNING, markersize=6, label="steps the device jumps over")
+    _band(axes, rows, column, over)
+    asked = places[[bool(row["requested"]) for row in rows]]
+    if len(asked):
+        axes.plot(*asked.T, "o", color=CURVE, mfc="white", markersize=8, markeredgewidth=2, label="requested")
+    for k in jumps:
+        start, end = places[:k][held[:k]][-1], places[k]
+        axes.plot(*np.array([start, end]).T, ":", color=WARNING, label="" if k > jumps[0] else "jump")
+        way = {"arrowstyle": "-|>", "color": WARNING, "mutation_scale": 16}
+        axes.annotate("", 0.45 * start + 0.55 * end, 0.55 * start + 0.45 * end, arrowprops=way)
+    if branch and over in branch[0]:
+        leaving = next(row for row in rows if row.get("bifurcation"))
+        aside = np.array([[row[over], row[column]] for row in (leaving, *branch)])
+        axes.plot(*smooth(aside).T, "--", color=BRANCH, label="branch")
+
+
+def _sources(axes: Axes, sources: SourceRows, rows: Sequence[Row], column: str, over: str) -> None:
+    """The paths under the other sources of a silicone, and what all of them span: the areas between neighbours, each as far as
+    both go."""
+    if not sources:
+        return
+    lines = {
+        name: smooth(np.array([[row[over], row[column]] for row in many]))
+        for name, many in sources.items()
+        if len(many) > 1
+    }
+    for k, pair in enumerate(itertools.pairwise(lines.values())):
+        farthest = min(line[:, 0].max() for line in pair)
+        soft, stiff = (line[line[:, 0] <= farthest] for line in pair)
+        label = "" if k else f"band of the {len(lines)} sources of {product_of(next(iter(lines)))}"
+        axes.fill(*np.vstack([soft, stiff[::-1]]).T, color=SPAN, linewidth=0, zorder=0.5, label=label)
+    others = [name for name in lines if list(sources[name]) != list(rows)]
+    for name, dashes in zip(others, itertools.cycle(DASHES), strict=False):
+        axes.plot(*lines[name].T, linestyle=dashes, color=FAINT, linewidth=1.2, label=key_of(name), zorder=1.5)
+
+
+def _band(axes: Axes, rows: Sequence[Row], column: str, over: str) -> None:
+    """The 95 % band that the material's errors make in the pressure at the same value of the column, which is regular at limit
+    points: at the same rise, or at the same added volume."""
+    half = "pressure_95_cm" if column == "added_volume_ml" else at_rise(split(column)[0])
+    if over != "pressure_cm" or half not in rows[0]:
+        return
+    found = np.array([[row[over], row[column], row[half]] for row in rows])
+    found = found[~np.isnan(found[:, 2])]
+    if len(found) < 2:
+        return
+    x, y = smooth(found[:, :2]).T
+    width = np.interp(y, *smooth(found[:, 1:]).T) if (np.diff(found[:, 1]) > 0).all() else None
+    x, y, width = (x, y, width) if width is not None else found.T
+    label = f"95 % band of the pressure at equal {'volume' if column == 'added_volume_ml' else 'rise'}"
+    axes.fill_betweenx(y, x - width, x + width, color=CURVE, alpha=0.18, linewidth=0, label=label)
+
+
+def limits(rows: Sequence[Row]) -> list[Row]:
+    """The rows that are limit points of the pressure."""
+    return [row for row in rows if row["limit"]]
+
+
+def smooth(path: Array, count: int = 400) -> Array:
+    """A curve through points of a plane that keeps their turning points, shape (n, 2) to (count, 2).
+
+    Cubic pieces, monotone between neighbours in both directions (Fritsch and Butland), so that the curve neither
+    overshoots nor shows a limit that is not there.
+    """
+    scale = np.ptp(path, axis=0)
+    lengths = np.linalg.norm(np.diff(path, axis=0) / np.where(scale > 0, scale, 1.0), axis=1)
+    if np.count_nonzero(lengths) < 2:
+        return path
+    path = path[np.concatenate([[True], lengths > 0])]
+    h = lengths[lengths > 0][:, None]
+    secants = np.diff(path, axis=0) / h
+    before, after = secants[:-1], secants[1:]
+    apart = (before * after <= 0) | (before == 0)
+    near, far = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
+    inner = np.where(apart, 0.0, (near + far) * before * after / np.where(apart, 1.0, near * after + far * before))
+    slopes = np.concatenate([secants[:1], inner, secants[-1:]])
+    along = np.concatenate([[0.0], np.cumsum(h)])
+    places = np.linspace(0.0, along[-1], count)
+    k = np.clip(np.searchsorted(along, places) - 1, 0, len(h) - 1)
+    t = ((places - along[k]) / h[k, 0])[:, None]
+    ends = path[k] * (1 + 2 * t) * (1 - t) ** 2 + path[k + 1] * t**2 * (3 - 2 * t)
+    return ends + h[k] * (slopes[k] * t * (1 - t) ** 2 + slopes[k + 1] * t**2 * (t - 1))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The curves of a program: what each cavity was under, and what the device did, over the program's steps.
+
+
+def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
+    """The gauge's rise, the cavities' pressures, their added volumes and the loads over the steps, below each other.
+
+    Args:
+        rows: All rows of ``path.csv``.
+        words: What its run shows.
+    """
+    panels = [
+        ([f"{words.gauge}_mm"], f"{words.gauge} rise in mm"),
+        (words.pressures(rows[0]), "pressure in\ncm of water"),
+        (words.volumes(rows[0]), "added volume\nin ml"),
+        *(([name], str(term(name))) for name in load_columns(rows[0])),
+    ]
+    panels = [panel for panel in panels if panel[0]]
+    figure = Figure((WIDTH, 7.6 + 1.8 * (len(panels) - 3)), dpi=DPI, layout="constrained")
+    places = figure.subplots(len(panels), 1, sharex=True, height_ratios=(1.4, *(1.0 for _ in panels[1:])))
+    come = np.array([row["load_step"] for row in rows])
+    asked = np.array([bool(row["requested"]) for row in rows])
+    for axes, (columns, label) in zip(places, panels, strict=True):
+        shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, len(columns))) if len(columns) > 1 else [CURVE]
+        for k, (name, colour) in enumerate(zip(columns, shades, strict=True), 1):
+            values = np.array([row[name] for row in rows])
+            axes.plot(
+                come, values, "o-", color=colour, markersize=3.5, label=f"cavity{k}" if len(columns) > 1 else None
+            )
+            axes.plot(come[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
+            for row in limits(rows):
+                axes.plot(row["load_step"], row[name], "D", color=WARNING, markersize=8)
+        axes.set(ylabel=label)
+        axes.margins(0.03, 0.08)
+        if len(columns) > 1:
+            axes.legend(loc="best")
+    places[-1].set(xlabel="step of the program (circles are requested; a diamond is a limit point)")
+    places[-1].xaxis.get_major_locator().set_params(integer=True)
+    return figure
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The device's outline at each pressure, from the side or where a plane cuts it. They need no rendering.
+
+
+FEW = 2
+"""Up to this many requested values, the profile shows steps in between as well."""
+LEGEND_LINES = 12
+
+
+def profile(points: Array, displacement: Array, actuator: Actuator) -> Array:
+    """The outline that a camera sees from the side, from the axis or the clamped base outwards.
+
+    Args:
+        points: Undeformed nodes in device coordinates, m, shape (n, 3).
+        displacement: In m, shape (n, 3).
+        actuator: The device; tells which nodes lie on the outline.
+
+    Returns:
+        Distance from the axis and height, both deformed and in m, shape (k, 2), in order along the undeformed outline.
+    """
+    here = actuator.on_profile(points)
+    start, moved = points[here], displacement[here]
+    radius = np.hypot(start[:, 0], start[:, 1])
+    order = np.argsort(actuator.along_profile(start))
+    along = start[radius.argmax(), :2] / radius.max()
+    return np.column_stack([radius + moved[:, :2] @ along, start[:, 2] + moved[:, 2]])[order]
+
+
+def profile_steps(rows: Sequence[Row], words: StateLabels) -> list[int]:
+    """Which steps the profile shows beside the undeformed line: the requested ones, limit points and the last.
+
+    If few were requested, up to eight steps stand evenly in the gauge's rise as well.
+    """
+    loaded = [k for k, row in enumerate(rows) if words.loaded(row)]
+    if not loaded:
+        return []
+    shown = {k for k in loaded if rows[k]["requested"] or rows[k]["limit"]} | {loaded[-1]}
+    if sum(bool(rows[k]["requested"]) for k in loaded) <= FEW:
+        risen = np.array([rows[k][f"{words.gauge}_mm"] for k in loaded])
+        wanted = np.linspace(0.0, risen[np.abs(risen).argmax()], 9)[1:]
+        shown |= {loaded[int(np.argmin(np.abs(risen - value)))] for value in wanted}
+    return sorted(shown)
+
+
+def cut_profiles(
+    lines: Mapping[int, Array], rest: Array, path: tuple[Sequence[Row], StateLabels], axes_of_plane: Array, plane: str
+) -> Figure:
+    """The outside where a plane cuts it at rest, seen along the plane's normal.
+
+    Args:
+        lines: Pieces (k, 2, 3) in m by number of the step, as `softmodels.runs.stored.cut_line` gives them.
+        rest: The undeformed ones.
+        path: All rows of ``path.csv``, and what is shown of them.
+        axes_of_plane: Unit vectors to the right and upwards, shape (2, 3).
+        plane: The plane in words.
+    """
+    from matplotlib.collections import LineCollection
+
+    flat = np.concatenate([rest, *lines.values()]).reshape(-1, 3) @ axes_of_plane.T
+    wide, tall = np.ptp(flat, axis=0)
+    figure = Figure((WIDTH, min(max(0.72 * WIDTH * tall / wide + 1.4, 3.5), WIDTH)), dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
+    names = _labels(*path, _labelled(list(lines)))
+    drawn: list[tuple[Array, ColorType, float, str, str | None]] = [(rest, EDGE, 1.4, ":", "undeformed")]
+    drawn += [
+        (line, colour, 2.0, "-", names.get(step)) for colour, (step, line) in zip(colours, lines.items(), strict=False)
+    ]
+    for pieces, colour, width, style, label in drawn:
+        flat = 1e3 * pieces @ axes_of_plane.T
+        axes.add_collection(LineCollection(list(flat), colors=[colour], linewidths=width, linestyles=style))
+        axes.plot([], [], style, color=colour, linewidth=width, label=label)
+    axes.autoscale()
+    axes.set_aspect("equal")
+    axes.margins(0.05)
+    axes.set(xlabel=f"{_direction(axes_of_plane[0])} in mm", ylabel=f"{_direction(axes_of_plane[1])} in mm")
+    axes.set_title(f"Outside where the plane {plane} cuts it at rest")
+    _legend_beside(axes, path[1])
+    return figure
+
+
+def _direction(axis: Array) -> str:
+    """A direction in words: x, y, z, or the vector."""
+    near = int(np.argmax(np.abs(axis)))
+    return "xyz"[near] if abs(axis[near]) > 1 - 1e-9 else f"along ({', '.join(f'{value:.3g}' for value in axis)})"
+
+
+def profiles(
+    lines: Mapping[int, Array],
+    rest: Array,
+    path: tuple[Sequence[Row], StateLabels],
+    axial: bool = True,
+    plate: float | None = None,
+) -> Figure:
+    """The line on the outer surface that a camera sees from the side.
+
+    Args:
+        lines: Outlines from `profile` by number of the step.
+        rest: The undeformed outline.
+        path: All rows of ``path.csv``, and what is shown of them.
+        axial: The device is one of revolution, whose outline goes on beyond its axis.
+        plate: Height in m of a rigid plane that stops the device.
+    """
+    everything = np.concatenate([rest, *lines.values()]) * 1e3
+    heights = everything[:, 1] if plate is None else np.append(everything[:, 1], 1e3 * plate)
+    right, low, high = everything[:, 0].max(), heights.min(), heights.max()
+    left, right = (-1.04 * right, 1.04 * right) if axial else (everything[:, 0].min() - 0.04 * right, 1.04 * right)
+    tall = max(high - low, 0.25 * (right - left)) * 1.16
+    bottom = low - 0.08 * tall
+    # The legend stands beside the axes, never on a line.
+    inner = 7.1
+    height = inner * tall / (right - left)
+    names = _labels(*path, _labelled(list(lines)))
+    whole = max(height + 1.25, 0.24 * sum(1.3 + name.count("\n") for name in names.values()) + 1.1)
+    figure = Figure((WIDTH, whole), dpi=DPI)
+    axes = figure.add_axes((0.85 / WIDTH, (whole - height + 0.25) / 2 / whole, inner / WIDTH, height / whole))
+    axes.set(xlim=(left, right), ylim=(bottom, bottom + (right - left) * height / inner), aspect="equal")
+    axes.plot(*_outline(rest, axial).T, "--", color=EDGE, linewidth=1.4, label="undeformed")
+    colours = matplotlib.colormaps[LINES](np.linspace(0.9, 0.0, max(len(lines), 2)))
+    for colour, (step, line) in zip(colours, lines.items(), strict=False):
+        axes.plot(*_outline(line, axial).T, color=colour, label=names.get(step))
+    if plate is not None:
+        axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--", label="rigid plane")
+    axes.set(xlabel=f"distance from the {'axis' if axial else 'clamped base'} in mm", ylabel="height in mm")
+    axes.set_title("Outer surface, from the side" if axial else "Outline in the middle, from the side")
+    _legend_beside(axes, path[1])
+    return figure
+
+
+def _legend_beside(axes: Axes, words: StateLabels) -> None:
+    """A legend to the right of the axes, on no line."""
+    axes.legend(
+        title="water column" if words.pressure else "load",
+        loc="center left",
+        bbox_to_anchor=(1.01, 0.5),
+        frameon=False,
+        alignment="left",
+    )
+
+
+def _labels(rows: Sequence[Row], words: StateLabels, steps: Collection[int]) -> dict[int, str]:
+    """What the legend says of some steps: their load, and on which part of the path they lie."""
+    places = branches(rows, words)
+    return {
+        step: (
+            f"{number(rows[step]['pressure_cm'])} cm" if words.pressure else textwrap.fill(words.place(rows[step]), 19)
+        )
+        + ("\n" + textwrap.fill(f"({places[step]})", 19) if places[step] else "")
+        for step in steps
+    }
+
+
+def branches(rows: Sequence[Row], words: StateLabels) -> list[str]:
+    """On which part of the path each state lies, in words for a legend; empty on the part that begins at rest.
+
+    Where the device jumps, the way of the load counts too: up, and down after the highest one. A state past a limit
+    point that stands under its pressure again is on another part of the path, not past the limit.
+    """
+    over, (raised, moved) = set(jumped_over(rows)), words.along
+    landings = [k for k, row in enumerate(rows) if row.get("jump")]
+    before = [row[moved] for k, row in enumerate(rows[: landings[0] if landings else 0]) if k not in over]
+    largest_before = max(before, default=0.0)
+    highest = max(range(len(rows)), key=lambda k: rows[k][raised])
+    found, passed = [], False
+    for k, row in enumerate(rows):
+        part = ["up" if k <= highest else "down"] if landings and not over else []
+        if k in over:
+            part.append("jumped over")
+        elif row["limit"]:
+            part.append("limit point")
+        elif landings and k >= landings[0]:
+            part += ["after the jump"] if row[moved] > largest_before else []
+        elif passed:
+            part.append("stable again" if row.get("stable_under_pressure") else "past the limit")
+        found.append(", ".join(part))
+        passed = passed or bool(row["limit"])
+    return found
+
+
+def _labelled(steps: list[int]) -> set[int]:
+    """The steps that get a line in the legend: all, or evenly chosen ones with the last among them."""
+    every = -(-len(steps) // LEGEND_LINES) or 1
+    return set(steps[::-1][::every])
+
+
+def _outline(line: Array, axial: bool) -> Array:
+    """An outline in mm, on both sides of an axis, between nodes as second-order cells have it; (k, 2) m to (m, 2) mm."""
+    fine = line
+    if len(line) % 2 and len(line) >= 3:  # corners and mid-edge nodes in turn
+        fine = parabolas(np.stack([line[:-2:2], line[2::2], line[1:-1:2]], axis=1), 8).reshape(-1, 2)
+    return (np.concatenate([fine[::-1] * (-1.0, 1.0), fine]) if axial else fine) * 1e3

@@ -1,0 +1,350 @@
+"""Pictures of a fit and the page that holds them."""
+
+from __future__ import annotations
+
+import io
+import itertools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypedDict
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from softmodels.common.arrays import Array
+from softmodels.common.page import data_uri, render
+from softmodels.common.terminal import plain
+from softmodels.common.units import with_prefix
+from softmodels.fitting.comparison import FitReport, FittedLaw
+from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.outlines.residuals import MatchedPhotograph
+from softmodels.fitting.outlines.simulated import half_outline
+from softmodels.fitting.result import unseen
+from softmodels.fitting.tables import correlation_rows, parameter_rows, residual_rows
+from softmodels.materials.specimens import MODE_NAMES, respond
+from softmodels.pictures.style import (
+    DPI,
+    FAINT,
+    INK,
+    STYLE,
+    WARNING,
+    WIDTH,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from softmodels.materials.stability import MaterialCurves
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Pictures of a fit to outlines: measured and simulated ones on top of each other, and what is left of each photograph.
+
+
+SHOWN = 400
+"""Measured points drawn per photograph."""
+COLUMNS = 3
+
+
+def draw_outlines(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
+    """All outlines in the device's own place: points measured, lines simulated, a colour per pressure."""
+    figure = Figure((WIDTH, 0.55 * WIDTH), dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    for fitting, colour in zip(matches, _colours(len(matches)), strict=True):
+        stride = max(len(fitting.points) // SHOWN, 1)
+        measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
+        axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=INK, alpha=0.5)
+        half = 1e3 * half_outline(fitting.shadow.curve, 2e-5)[0]
+        label = f"{fitting.shape.pressure / 1e3:.3g} kPa"
+        axes.plot(
+            np.r_[-half[:0:-1, 0], half[:, 0]], np.r_[half[:0:-1, 1], half[:, 1]], color=colour, lw=1.4, label=label
+        )
+    axes.axhline(0.0, color=FAINT, linewidth=0.8)
+    reach = 1e3 * max(float(fitting.points[:, 0].max()) for fitting in matches)
+    top = 1e3 * max(float(fitting.points[:, 1].max()) for fitting in matches)
+    axes.set_xlim(-1.15 * reach, 1.15 * reach)
+    axes.set_ylim(-0.04 * top, 1.06 * top)
+    if top > reach / 2:  # flatter ones would be a thin strip
+        axes.set_aspect("equal")
+    axes.set_xlabel("distance from the axis (mm)")
+    axes.set_ylabel("height (mm)")
+    axes.set_title(f"{law}: measured (points) and simulated (lines) outlines")
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(handles[::-1], labels[::-1], loc="center left", bbox_to_anchor=(1.0, 0.5), title="read")
+    return figure
+
+
+def draw_photographs(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
+    """Simulated less measured, across the outline, one panel per photograph, and the band of two standard errors."""
+    columns = min(len(matches), COLUMNS)
+    rows = -(-len(matches) // columns)
+    figure = Figure((WIDTH, 2.3 * rows + 0.5), dpi=DPI, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
+    for axes, fitting in zip(grid.ravel(), matches, strict=False):
+        _panel(axes, fitting)
+    for axes in grid.ravel()[len(matches) :]:
+        axes.set_visible(False)
+    for axes in grid[-1]:
+        axes.set_xlabel("distance from the axis (mm)")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("simulated less\nmeasured (um)")
+    figure.suptitle(f"{law}: what is left of each photograph; grey: two standard errors of a mean over a bin")
+    return figure
+
+
+def _panel(axes: Axes, fitting: MatchedPhotograph) -> None:
+    shape = fitting.shape
+    count = np.bincount(shape.bins)
+    place = np.bincount(shape.bins, 1e3 * fitting.side * fitting.points[:, 0]) / count
+    error = 1e6 * np.bincount(shape.bins, shape.error) / count / shape.weight
+    axes.fill_between(place, -2 * error, 2 * error, color=FAINT, alpha=0.35, lw=0)
+    axes.axhline(0.0, color=FAINT, linewidth=0.8)
+    axes.plot(place, fitting.residuals * error, ".-", ms=4, lw=0.8, color=INK)
+    chi2 = float((fitting.residuals**2).sum())
+    axes.set_title(
+        f"{shape.pressure / 1e3:.3g} kPa ({fitting.reading * shape.pressure_error:+.0f} Pa): "
+        f"$\\chi^2$ {chi2:.0f} of {len(fitting.residuals)}",
+        fontsize=9,
+    )
+
+
+def _colours(count: int) -> Array:
+    import matplotlib
+
+    return matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, count))
+
+
+COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
+STYLES = ("-", "--", "-.", ":")
+NAMES = {"uniaxial": "uniaxial tension", "planar": "pure shear", "equibiaxial": "equibiaxial tension"}
+BOTH = {**NAMES, "uniaxial": "uniaxial tension and compression"}
+PROFILE_COLUMNS = 3
+
+
+class LineStyle(TypedDict):
+    """Keywords of ``Axes.plot``."""
+
+    color: str
+    linestyle: str
+    linewidth: float
+
+
+def line(i: int) -> LineStyle:
+    """Colour and dashes of the i-th law."""
+    return {"color": COLOURS[i % len(COLOURS)], "linestyle": STYLES[i % len(STYLES)], "linewidth": 1.8}
+
+
+def draw_curves(report: FitReport) -> Figure:
+    """Measured and fitted nominal stress, one panel per test."""
+    figure, panels = _panels(len(report.curves), 4.6)
+    for axes, curve in zip(panels, report.curves, strict=True):
+        axes.plot(curve.stretch, curve.stress / 1e3, "o", ms=4, mfc="none", mec=INK, mew=0.8, label="measured")
+        stretch = np.linspace(min(curve.stretch[0], 1.0), curve.stretch[-1], 300)
+        for i, one in enumerate(report.laws):
+            gauge = _gauge(one, report, curve)
+            stress = gauge * respond(one.material, stretch, curve.mode).stress
+            axes.plot(stretch, stress / 1e3, label=one.choice.name, **line(i))
+        names = BOTH if curve.stretch[0] < 0.99 else NAMES
+        axes.set_title(f"{names[curve.mode]}\n{plain(curve.name)}")
+        axes.set_xlabel("stretch")
+        axes.set_ylabel("nominal stress (kPa)")
+        measured = curve.stress / 1e3
+        room = 0.08 * float(np.ptp(measured))
+        axes.set_ylim(float(measured.min()) - room, float(measured.max()) + 2 * room)
+    panels[0].legend(loc="upper left")
+    return figure
+
+
+def _gauge(one: FittedLaw, report: FitReport, curve: TensileCurve) -> float:
+    number = next(i for i, c in enumerate(report.curves, 1) if c is curve)
+    return one.fit.values.get(f"gauge{number}", 1.0)
+
+
+def draw_residuals(report: FitReport) -> Figure:
+    """Fitted less measured nominal stress, one panel per test."""
+    figure, panels = _panels(len(report.curves), 4.0)
+    for axes, curve in zip(panels, report.curves, strict=True):
+        axes.axhline(0.0, color=FAINT, linewidth=1.0)
+        for i, one in enumerate(report.laws):
+            stress = _gauge(one, report, curve) * respond(one.material, curve.stretch, curve.mode).stress
+            axes.plot(curve.stretch, (stress - curve.stress) / 1e3, label=one.choice.name, marker=".", ms=4, **line(i))
+        axes.set_title(plain(curve.name))
+        axes.set_xlabel("stretch")
+        axes.set_ylabel("fitted less measured (kPa)")
+        # A law that fits badly must not flatten the others' residuals to a line.
+        sizes = [np.abs(lines.get_ydata()).max() for lines in axes.lines[1:]]
+        reach = 1.15 * min(max(sizes), 8 * min(sizes))
+        if max(sizes) * 1.15 > reach:
+            axes.set_ylim(-reach, reach)
+            axes.set_title(f"{plain(curve.name)}\n(the worst laws leave the picture)")
+    panels[0].legend(loc="best")
+    return figure
+
+
+def draw_profiles(one: FittedLaw) -> Figure:
+    """Rise of the deviance along every free parameter, the limit of the 95 % interval, and the quadratic it should be."""
+    rows = -(-len(one.profiles) // PROFILE_COLUMNS)
+    columns = min(len(one.profiles), PROFILE_COLUMNS)
+    figure = Figure((WIDTH, 3.6 * rows + 0.3), dpi=DPI, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, profile in zip(grid, one.profiles.values(), strict=False):
+        best = one.fit.values[profile.name]
+        _, unit = with_prefix(best, profile.unit)
+        factor = {"MPa": 1e-6, "kPa": 1e-3}.get(unit, 1.0)
+        axes.plot(profile.values * factor, profile.rises, "o-", ms=4, color=COLOURS[0], label="profile")
+        error = one.fit.error(profile.name)
+        if np.isfinite(error) and error > 0.0:
+            axes.plot(
+                profile.values * factor, ((profile.values - best) / error) ** 2, ":", color=FAINT, label="quadratic"
+            )
+        axes.axhline(profile.limit, color=WARNING, linewidth=1.2, label="95 %")
+        axes.set_ylim(-0.05 * profile.limit, 2.5 * profile.limit)
+        axes.set_xlabel(f"{profile.name} ({unit})" if unit else profile.name)
+        axes.set_ylabel("rise of the deviance")
+        axes.tick_params(axis="x", labelrotation=25)
+        if profile.values[0] > 0.0 and profile.values[-1] > 50 * profile.values[0]:
+            axes.set_xscale("log")
+    for axes in grid[len(one.profiles) :]:
+        axes.set_visible(False)
+    grid[0].legend(loc="upper center", fontsize=9)
+    figure.suptitle(f"{one.choice.name}: profile likelihoods")
+    return figure
+
+
+def _panels(count: int, height: float) -> tuple[Figure, Sequence[Axes]]:
+    columns = min(count, 3)
+    rows = -(-count // columns)
+    figure = Figure((WIDTH if columns > 1 else 0.75 * WIDTH, height * rows), dpi=DPI, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[count:]:
+        axes.set_visible(False)
+    return figure, list(grid[:count])
+
+
+def pictures(report: FitReport) -> dict[str, bytes]:
+    """All pictures as PNG, by file name."""
+    with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}):
+        figures = {}
+        if report.curves:
+            figures = {"curves.png": draw_curves(report), "residuals.png": draw_residuals(report)}
+        for law, states in report.photographs.items():
+            figures[f"outlines-{law}.png"] = draw_outlines(states, law)
+            figures[f"photographs-{law}.png"] = draw_photographs(states, law)
+        for one in report.laws:
+            if one.profiles:
+                figures[f"profiles-{one.choice.name}.png"] = draw_profiles(one)
+        return {name: as_png(figure) for name, figure in figures.items()}
+
+
+def as_png(figure: Figure) -> bytes:
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png")
+    return stream.getvalue()
+
+
+def page(report: FitReport, images: dict[str, bytes]) -> str:
+    """The report as one self-contained page."""
+    sources = {name: data_uri(data, "image/png") for name, data in images.items()}
+    ranked = [
+        (one.fit.label, str(len(one.fit.free)), f"+{one.aicc:.4g}", f"{one.bic:+.4g}") for one in report.comparison.ranked
+    ] if len(report.laws) > 1 else []  # fmt: skip
+    return render(
+        "fit.html", "softmodels.pictures", title="Fitted material", verdict=report.verdict,
+        unsound="" if report.chosen.sound else report.chosen.warnings[0],
+        separate=report.separate.sentences if report.separate else (), remarks=[*report.ranges, report.how],
+        ranked=ranked, pictures=[(name, source) for name, source in sources.items() if not name.startswith("profiles-")],
+        laws=[_law(one, sources) for one in report.laws],
+    )  # fmt: skip
+
+
+def _law(one: FittedLaw, sources: dict[str, str]) -> dict[str, object]:
+    """What the page shows of one law."""
+    correlations = correlation_rows(one)
+    width = max(map(len, correlations), default=0)
+    told = (one.material.remark, *one.judgement.notes, *unseen(one.fit), *one.verdict.notes)
+    return {
+        "name": one.choice.name, "modulus": " ".join(with_prefix(one.material.shear_modulus_0, "Pa")),
+        "parameters": parameter_rows(one), "residuals": residual_rows(one),
+        "correlated": ["correlation", *(p.name for p in one.fit.free[: max(width - 1, 0)])],
+        "correlations": [[*row, *[""] * (width - len(row))] for row in correlations],
+        "warnings": one.warnings, "remarks": [text for text in told if text],
+        "profiles": sources.get(f"profiles-{one.choice.name}.png", ""),
+    }  # fmt: skip
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The picture of materials in their tests.
+
+
+def draw(many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], radius: float, thickness: float) -> bytes:
+    """Three tests and the balloon, nominal stresses solid and unstable parts marked, as PNG.
+
+    Args:
+        many: The materials.
+        measured: Curves to draw beside them.
+        radius: The balloon's undeformed radius in m.
+        thickness: Its undeformed thickness in m.
+    """
+    with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}):
+        figure = Figure((WIDTH, 8.4), dpi=DPI, layout="constrained")
+        panels = figure.subplots(2, 2).ravel()
+        for axes, mode in zip(panels[:3], MODE_NAMES, strict=True):
+            for i, one in enumerate(many):
+                stress = one.responses[mode].stress / 1e3
+                axes.plot(one.stretch, stress, label=plain(one.name), **line(i))
+                _mark(axes, one, mode, stress)
+            for curve, marker in zip(measured, itertools.cycle("osd^v"), strict=False):
+                if curve.mode == mode:
+                    axes.plot(
+                        curve.stretch,
+                        curve.stress / 1e3,
+                        marker,
+                        ms=3.5,
+                        mfc="none",
+                        mec=INK,
+                        mew=0.7,
+                        label=plain(curve.name),
+                    )
+            axes.set_xlim(many[0].stretch[0], many[0].stretch[-1])
+            names = BOTH if many[0].stretch[0] < 0.99 else NAMES
+            axes.set_title(names[mode])
+            axes.set_xlabel("stretch")
+            axes.set_ylabel("nominal stress (kPa)")
+        axes = panels[3]
+        for i, one in enumerate(many):
+            out = one.stretch >= 1.0
+            axes.plot(one.stretch[out], one.balloon(thickness / radius)[out] / 1e3, **line(i))
+        axes.set_title(f"balloon, radius {radius * 1e3:g} mm, thickness {thickness * 1e3:g} mm")
+        axes.set_xlabel("circumference over undeformed circumference")
+        axes.set_ylabel("pressure (kPa)")
+        for axes, mode in zip(panels[:3], MODE_NAMES, strict=True):
+            _limit(axes, many, measured, mode)
+        handles = {
+            text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)
+        }
+        figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=2)
+        return as_png(figure)
+
+
+def _mark(axes: object, one: MaterialCurves, mode: str, stress: np.ndarray) -> None:
+    """A cross where the law first stops being stable in this mode."""
+    from softmodels.materials.stability import instabilities
+
+    for weak in instabilities(one.material):
+        if weak.mode == mode and one.stretch[0] <= weak.stretch <= one.stretch[-1]:
+            height = float(np.interp(weak.stretch, one.stretch, stress))
+            axes.plot(weak.stretch, height, "x", ms=9, mew=2.2, color=WARNING, zorder=5)  # type: ignore[attr-defined]
+            axes.annotate("not stable", (weak.stretch, height), (6, -14), textcoords="offset points", color=WARNING)  # type: ignore[attr-defined]
+
+
+def _limit(axes: object, many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], mode: str) -> None:
+    """Keep a law near its taut chains, or in strong compression, from flattening the others."""
+    stresses = [one.responses[mode].stress / 1e3 for one in many]
+    tops = [np.nanmax(s) for s in stresses] + [
+        c.stress[c.stretch <= many[0].stretch[-1]].max(initial=0.0) / 1e3 for c in measured if c.mode == mode
+    ]
+    lows = [np.nanmin(s) for s in stresses]
+    top = min(max(tops), 6 * float(np.median(tops)))
+    low = max(min(lows), -1.5 * top)
+    room = 0.05 * (top - low)
+    axes.set_ylim(low - room, top + room)  # type: ignore[attr-defined]

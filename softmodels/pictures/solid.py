@@ -1,0 +1,424 @@
+"""The pictures of the solid: undeformed, von Mises stress at some pressures, a cut through the channels, hot spots."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image as Picture
+
+from geometries import Actuator
+from softmodels.case.entries import CaseError
+from softmodels.common.arrays import Array
+from softmodels.pictures import section
+from softmodels.pictures.offscreen import (
+    SOLID_STYLE,
+    Image,
+    Layer,
+    Look,
+    Style,
+    ViewCamera,
+    hot_layers,
+    hot_limit,
+    hot_title,
+    lines,
+    look,
+    peak_place,
+    peak_text,
+    ring,
+    studio,
+    surface,
+    towards_slice,
+)
+from softmodels.pictures.style import (
+    DPI,
+    EDGE,
+    FAINT,
+    FOOT,
+    INK,
+    SOLID,
+    STYLE,
+    WIDTH,
+    Pixels,
+    Scale,
+    headline,
+    load,
+    number,
+    page,
+    png,
+    title_colour,
+    wrapped,
+)
+from softmodels.runs.columns import StateLabels
+from softmodels.runs.grid import (
+    CUT,
+    OUTSIDE,
+    SHARP,
+    Cells,
+    Surface,
+    edge_curves,
+    outer_faces,
+)
+from softmodels.runs.row import Row
+from softmodels.runs.store import ResultsError
+from softmodels.runs.stored import States
+
+if TYPE_CHECKING:
+    from pyvista import PolyData
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A flat cut through the undeformed device that shows the most of its channels, and what is left behind it.
+#
+# The cut is made in the material: it moves along with the deformation, and is a curved surface then.
+
+
+SUBTETS = np.array(
+    [(0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3), (4, 5, 6, 8), (4, 6, 7, 8), (5, 9, 6, 8), (6, 9, 7, 8)]
+)
+"""A second-order tetrahedron as eight flat ones, in VTK's order of nodes."""
+TETRA = 10
+ASIDE = 1e-4
+"""How far a cut moves off vertices, over the device's size: not to be seen, and more than their rounding."""
+Plane = tuple[Array, Array]
+"""A unit normal and a point in m."""
+
+
+def best_plane(skin: Surface, points: Array, up: Array, axial: bool) -> Plane:
+    """The plane across a coordinate axis that meets the most cavities, and of such ones the most air.
+
+    Args:
+        skin: The surface.
+        points: Undeformed nodes in m, shape (n, 3).
+        up: The device's lift.
+        axial: Only planes along ``up``.
+    """
+    vertices = skin.device(skin.points(points))
+    count = max(skin.cavities, 1)
+    cavities = [vertices[skin.device_triangles(skin.part == k)] for k in range(1, count + 1)]
+    corners = np.concatenate(cavities) if skin.cavities else vertices[skin.device_triangles(skin.part == OUTSIDE)]
+    places = [_centre(corners), *(_centre(walls) for walls in cavities if len(walls))]
+    best, most = (np.eye(3)[1], places[0]), (-1, -1.0)
+    for normal in np.eye(3):
+        if axial and abs(normal @ up) > 0.5:
+            continue
+        for place in places:
+            areas = [_section_area(walls, normal, place) for walls in cavities]
+            met = (sum(area > 0 for area in areas), sum(areas))
+            if met[0] > most[0] or (met[0] == most[0] and met[1] > 1.01 * most[1]):
+                best, most = (normal, place), met
+    return best
+
+
+def _centre(corners: Array) -> Array:
+    """Middle of a surface; corners of its triangles, shape (t, 3, 3)."""
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return np.asarray(np.average(corners.mean(axis=1), axis=0, weights=area))
+
+
+def _section_area(corners: Array, normal: Array, place: Array) -> float:
+    """Area that a plane cuts out of a closed surface; corners of its triangles, shape (t, 3, 3)."""
+    height = (corners - place) @ normal + 1e-12
+    above = height > 0
+    met = corners[above.any(axis=1) & ~above.all(axis=1)]
+    if not len(met):
+        return 0.0
+    height = (met - place) @ normal + 1e-12
+    begin, end = np.zeros((len(met), 3)), np.zeros((len(met), 3))
+    for k in range(3):
+        a, b = height[:, k, None], height[:, (k + 1) % 3, None]
+        crossed = (a > 0) != (b > 0)
+        at = met[:, k] + np.where(crossed, a / np.where(crossed, a - b, 1.0), 0.0) * (met[:, (k + 1) % 3] - met[:, k])
+        begin, end = np.where(crossed & (a > 0), at, begin), np.where(crossed & (a <= 0), at, end)
+    return float(abs((np.cross(begin - place, end - place) @ normal).sum()) / 2)
+
+
+def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scale) -> list[Layer]:
+    """Layers of a state whose material before a plane of the undeformed device is taken away.
+
+    Args:
+        states: The states.
+        step: Which one.
+        plane: Of the undeformed device.
+        viewer: Direction towards the viewer, to whom the cut is turned.
+        scale: The colours.
+    """
+    normal, place = plane
+    normal = normal if normal @ viewer > 0 else -normal
+    skin = states.skin
+    place = _aside(skin.device(skin.points(states.points)), normal, place)
+    u, values = states.field(step, "displacement"), scale.share(states.field(step, scale.field))
+    shell = surface(skin.device(skin.points(states.points)), skin.device_triangles(skin.part != CUT))
+    shell.point_data["displacement"] = skin.device(skin.points(u))
+    shell.point_data["values"] = np.tile(values[skin.nodes], len(skin.images))
+    # Images of the slice meet in their symmetry plane: one surface, so that no seam is shaded there.
+    behind = shell.clean(tolerance=1e-7).clip(normal=normal, origin=place)
+    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
+    found: list[Layer] = [(_warped(behind), {**style, "split_sharp_edges": True, "feature_angle": SHARP})]
+    pieces = []
+    for image in skin.images:
+        piece = _section(states.points, states.cells, u, values, image.T @ normal, image.T @ place)
+        if piece.n_cells:
+            piece.point_data["displacement"] = piece.point_data["displacement"] @ image.T
+            piece.points = piece.points @ image.T
+            pieces.append(piece)
+    if pieces:
+        together = pieces[0].append_polydata(*pieces[1:]) if len(pieces) > 1 else pieces[0]
+        face = _warped(together.clean(tolerance=1e-7, polys_to_lines=False, lines_to_points=False))
+        found.append((face, {**style, "split_sharp_edges": False}))
+        rim = face.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
+        if rim.n_cells:
+            found.append((rim, {"color": INK, "line_width": 1.5}))
+    return found
+
+
+def _aside(vertices: Array, normal: Array, place: Array) -> Array:
+    """A point a little deeper than a plane on which vertices lie, such as a symmetry plane of the device.
+
+    There the plane would meet the faces of cells, some once and some twice, and the section would have cracks.
+    """
+    size = np.ptp(vertices, axis=0).max()
+    on_plane = np.abs((vertices - place) @ normal) < 1e-6 * size
+    return place - ASIDE * size * normal if on_plane.any() else place
+
+
+def _warped(data: PolyData) -> PolyData:
+    data = data.copy()
+    data.points = data.points + data.point_data["displacement"]
+    return data
+
+
+def _section(points: Array, cells: Cells, u: Array, values: Array, normal: Array, place: Array) -> PolyData:
+    """Where a plane meets the solid."""
+    import pyvista
+
+    height = (points - place) @ normal
+    near = cells[(height[cells].min(axis=1) <= 0) & (height[cells].max(axis=1) >= 0)]
+    small = near[:, SUBTETS].reshape(-1, 4)
+    grid = pyvista.UnstructuredGrid({TETRA: small}, points)
+    grid.point_data["displacement"], grid.point_data["values"] = u, values
+    return grid.slice(normal=normal, origin=place).extract_surface(algorithm="dataset_surface").clean()
+
+
+AIR = "#2f6f9f"
+COLUMNS = {1: 1, 2: 2, 3: 3, 4: 2}
+"""Columns of the sheet for each number of pictures."""
+
+
+def undeformed(look: Look) -> Figure:
+    """The device at rest, translucent, with the walls of its cavities inside (thesis, Fig. 8)."""
+    states = look.states
+    whole = states.skin.device(states.skin.points(states.points))
+    camera = ViewCamera.around([whole], look.direction, look.up)
+    with studio(camera) as shoot:
+        image = shoot(look.translucent(0, 0.35, {"color": AIR}))
+    count = states.skin.cavities
+    what = {0: "", 1: ", its cavity inside"}.get(count, f", its {count} cavities inside")
+    return page(image, f"Undeformed device{what}: {_size(whole)}")
+
+
+def _size(points: Array) -> str:
+    return " x ".join(number(length * 1e3) for length in np.ptp(points, axis=0)) + " mm"
+
+
+def mesh(look: Look) -> Figure:
+    """The undeformed slice with the edges of its cells."""
+    states = look.states
+    skin, points = states.skin, states.skin.points(states.points)
+    faces = outer_faces(states.cells, states.cell_name)
+    curves = edge_curves(states.points, faces, 2)
+    pairs = np.arange(curves.shape[0] * 3).reshape(-1, 3)[:, [[0, 1], [1, 2]]].reshape(-1, 2)
+    camera = ViewCamera.around([points], towards_slice(states), look.up)
+    with studio(camera) as shoot:
+        solid = surface(points, skin.triangles, skin.normals(points))
+        edges = lines(curves.reshape(-1, 3), pairs)
+        image = shoot([(solid, {**SOLID_STYLE, "color": SOLID}), (edges, {"color": EDGE, "line_width": 1.5})])
+    return page(image, f"Undeformed {_slice_name(states.actuator)}, {len(states.cells)} cells")
+
+
+def _slice_name(actuator: Actuator) -> str:
+    if actuator.copies == 1:
+        return "device"
+    return f"{360 / actuator.copies:g}° slice" if actuator.axial else {2: "half"}.get(actuator.copies, "slice")
+
+
+def slice_stress(look: Look) -> Figure:
+    """The deformed slice seen on its cut, coloured by stress, with the edges of the undeformed one."""
+    states, step = look.states, look.states.main
+    skin = states.skin
+    scale = Scale(states.field(step, "von_mises"), rows=[states.rows[step]])
+    rest, moved = skin.points(states.points), skin.points(states.moved(step))
+    values = scale.share(states.field(step, scale.field))[skin.nodes]
+    edges = np.concatenate([skin.edges, skin.rims])
+    style: Style = {**SOLID_STYLE, "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+    camera = ViewCamera.around([rest, moved], towards_slice(states), look.up)
+    with studio(camera) as shoot:
+        image = shoot(
+            [
+                (surface(moved, skin.triangles, skin.normals(moved), values), style),
+                (lines(moved, edges), {"color": INK, "line_width": 2.0}),
+                (lines(rest, edges), {"color": FAINT, "line_width": 1.5}),
+                *look.plate_layers(step),
+            ]
+        )
+    return page(image, headline(states.rows[step], states.words), scale)
+
+
+def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
+    """The slice at a bifurcation with some of its mode added, over the edges of the slice without it.
+
+    Args:
+        look: The device.
+        step: The state at the bifurcation.
+        amount: Largest displacement of the mode as drawn, in sizes of the slice.
+    """
+    states, skin = look.states, look.states.skin
+    size = amount * np.ptp(states.points, axis=0).max()
+    before, moved = (
+        skin.points(states.moved(step) + share * size * states.field(step, "mode")) for share in (0.0, 1.0)
+    )
+    edges = np.concatenate([skin.edges, skin.rims])
+    camera = ViewCamera.around([before, moved], towards_slice(states), look.up)
+    with studio(camera) as shoot:
+        image = shoot(
+            [
+                (surface(moved, skin.triangles, skin.normals(moved)), {**SOLID_STYLE, "color": SOLID}),
+                (lines(moved, edges), {"color": INK, "line_width": 2.0}),
+                (lines(before, edges), {"color": FAINT, "line_width": 1.5}),
+            ]
+        )
+    return page(image, f"Bifurcation at {headline(states.rows[step], states.words)}: the mode (size at will)")
+
+
+def stress(look: Look) -> tuple[list[tuple[int, Image]], ViewCamera, Scale]:
+    """Von Mises stress on the deformed device at the shown states, seen by one camera in one colour scale.
+
+    Returns:
+        Steps and images; the camera and the scale of them all.
+    """
+    states = look.states
+    steps = states.shown()
+    scale = look.scale(steps)
+    camera = look.camera([0, *steps])
+    with studio(camera) as shoot:
+        return [(step, shoot(look.coloured(step, scale))) for step in steps], camera, scale
+
+
+def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateLabels, scale: Scale) -> Figure:
+    """The images of `stress` side by side over one colour bar."""
+    columns = COLUMNS[len(images)]
+    rows_ = -(-len(images) // columns)
+    wide = WIDTH / columns
+    tall = wide * images[0][1].shape[0] / images[0][1].shape[1]
+    titles = [wrapped(load(rows[step], words), wide, 12) for step, _ in images]
+    head, foot = 0.4 + 0.2 * max(title.count("\n") for title in titles), FOOT
+    whole = rows_ * (tall + head) + foot
+    figure = Figure((WIDTH, whole), dpi=DPI)
+    for k, (_, image) in enumerate(images):
+        left, top = k % columns * wide, whole - k // columns * (tall + head)
+        small = Picture.fromarray(image).resize((round(wide * DPI), round(tall * DPI)), Picture.Resampling.BOX)
+        figure.add_artist(Pixels(np.asarray(small), round((top - head - tall) * DPI), round(left * DPI)))
+        place = (left + wide / 2) / WIDTH, (top - 0.6 * head) / whole
+        figure.text(*place, titles[k], ha="center", va="center", color=title_colour(titles[k]))
+    scale.bar(figure)
+    return figure
+
+
+def cut(look: Look) -> Figure:
+    """The device cut open through its channels, with the von Mises stress on the cut."""
+    states, step = look.states, look.states.main
+    scale = Scale(states.field(step, "von_mises"), rows=[states.rows[step]])
+    if look.opened:
+        layers, direction, where = look.coloured(step, scale), look.direction, ""
+    else:
+        plane = best_plane(states.skin, states.points, look.up, states.actuator.axial)
+        towards = plane[0] if plane[0] @ look.direction > 0 else -plane[0]
+        direction = 0.8 * towards + 0.6 * look.direction
+        layers = cut_open(states, step, plane, towards, scale)
+        axis = int(np.argmax(np.abs(plane[0])))
+        where = f"; cut at {'xyz'[axis]} = {number(plane[1][axis] * 1e3)} mm"
+        layers += look.plate_layers(step)
+    clouds = [np.asarray(data.points) for data, _ in layers]
+    camera = ViewCamera.around(clouds, direction, look.up if abs(direction @ look.up) < 0.99 else np.eye(3)[0])
+    with studio(camera) as shoot:
+        image = shoot(layers)
+    return page(image, headline(states.rows[step], states.words) + where, scale)
+
+
+def hot_spots(look: Look) -> Figure:
+    """What is stretched most, inside the translucent deformed device, and where the peak is."""
+    states, step = look.states, look.states.main
+    skin = states.skin
+    limit = hot_limit(states, step)
+    scale = Scale(states.field(step, "largest_stretch"), "largest_stretch", rows=[states.rows[step]])
+    layers = [*hot_layers(states, step, limit, scale), *look.translucent(step, 0.22, None)]
+    whole = [skin.device(skin.points(states.moved(step)))]
+    camera = ViewCamera.around(whole, look.direction, look.up)
+    if (peak := peak_place(states, step)) is not None:
+        before = peak + 3 * camera.scale * look.direction  # nothing hides it, and in parallel projection nothing shifts
+        circle = ring(before, look.direction, 0.05 * camera.scale)
+        layers += [(circle, {"color": colour, "line_width": wide}) for colour, wide in (("white", 7.0), ("black", 3.0))]
+    with studio(camera) as shoot:
+        image = shoot(layers)
+    return page(image, hot_title(limit), scale, peak_text(states, step))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Pictures of the undeformed device, which can be drawn while its path is still being solved.
+
+
+class AtRest:
+    """Pictures of a device at rest, drawn once.
+
+    Args:
+        rendered: Whether this machine can render.
+    """
+
+    def __init__(self, rendered: bool):
+        self.rendered = rendered
+        self._of: Look | None = None
+        self._drawn: dict[str, bytes] = {}
+
+    def draw_early(self, folder: Path, name: str) -> None:
+        """Draw them from the first states of results; what fails is reported when all is drawn.
+
+        Args:
+            folder: Results with their ``case.toml``.
+            name: Stem of the result files.
+        """
+        with contextlib.suppress(ResultsError, CaseError, OSError):
+            self.pictures(look(States(folder, name)))
+
+    def pictures(self, shown: Look) -> dict[str, bytes]:
+        """PNG files by their stems; drawn now, unless they have been drawn of this very device."""
+        if self._of is None or not _same(self._of, shown):
+            with matplotlib.rc_context(STYLE):
+                self._drawn = self._all(shown)
+            self._of = shown
+        return self._drawn
+
+    def _all(self, shown: Look) -> dict[str, bytes]:
+        states, figures = shown.states, {}
+        if states.actuator.dimension == 2:
+            figures["mesh"] = section.section_mesh(states.points, states.cells)
+        if self.rendered:
+            figures["undeformed"] = undeformed(shown)
+            if states.actuator.dimension == 3:
+                figures["mesh"] = mesh(shown)
+        return {stem: png(figure) for stem, figure in figures.items()}
+
+
+def _same(one: Look, other: Look) -> bool:
+    """Whether two looks show the same mesh in the same way."""
+    return (
+        one.states.actuator == other.states.actuator
+        and np.array_equal(one.states.points, other.states.points)
+        and np.array_equal(one.states.cells, other.states.cells)
+        and np.array_equal(one.kept, other.kept)
+        and np.array_equal(one.direction, other.direction)
+    )

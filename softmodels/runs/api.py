@@ -1,0 +1,475 @@
+"""The calls of a notebook: a device is inflated, a run is loaded, a limit is asked for. Nothing is printed here."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from geometries import Actuator
+from softmodels.case.case import Case
+from softmodels.case.components import without_walls
+from softmodels.case.entries import CaseError
+from softmodels.case.load import LoadRequest
+from softmodels.case.materials import AnyBand
+from softmodels.case.requests import Probes
+from softmodels.common import errors
+from softmodels.common.calls import (
+    callback,
+    checked,
+    flag,
+    place,
+)
+from softmodels.common.files import GEOMETRY, read_file, read_text
+from softmodels.common.processes import one_at_a_time
+from softmodels.common.units import WATER_DENSITY
+from softmodels.decks.calculix import calculix
+from softmodels.decks.deck import (
+    WRITTEN,
+    Deck,
+    check,
+    deck_of,
+    needs_equations,
+)
+from softmodels.decks.febio import check_without_springs, febio
+from softmodels.materials.laws import Material
+from softmodels.mechanics.component import Component
+from softmodels.mechanics.contact import Obstacle
+from softmodels.mechanics.mpi import is_root, on_root, start
+from softmodels.mechanics.sheet import Sheet
+from softmodels.path.program import Program
+from softmodels.path.supply import AirSupply
+from softmodels.runs.columns import state_labels
+from softmodels.runs.limits import Limit, find_limit
+from softmodels.runs.notes import notes_of, sentences, unwritten
+from softmodels.runs.outcomes import BAD_INPUT, RunError
+from softmodels.runs.recording import (
+    Progress,
+    gather,
+    no_branch,
+    not_gathered,
+    record,
+    solve_sources,
+)
+from softmodels.runs.resume import begin_together
+from softmodels.runs.row import Row
+from softmodels.runs.run import (
+    Ended,
+    InFolder,
+    InMemory,
+    Run,
+    Values,
+    case_of,
+    temporary_folder,
+)
+from softmodels.runs.simulation import (
+    Listener,
+    PathEnded,
+    Silent,
+    Simulation,
+)
+from softmodels.runs.store import Results
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from softmodels.mechanics.system import System
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A case solved into a `Run`: its states kept in memory, or written into a folder of results as they are solved.
+
+
+@dataclasses.dataclass(frozen=True)
+class ResultsPlace:
+    """A folder to solve into.
+
+    Attributes:
+        folder: Empty, not there, or an earlier run's; all ranks see it.
+        resume: Go on from what an interrupted run of the same case has left.
+        inputs: Files that the user has given: they are never written.
+    """
+
+    folder: Path
+    resume: bool = False
+    inputs: tuple[Path, ...] = ()
+
+
+def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
+    """Solve a case and keep its states; all ranks call it.
+
+    Args:
+        simulation: The case, not prepared yet.
+        branch: Follow the branch at the first bifurcation too.
+
+    Raises:
+        RunError: No state under load was found.
+    """
+    case, comm, ended = simulation.case, simulation.comm, Ended()
+    states: InMemory | None = None
+    aside: InMemory | None = None
+    try:
+        with sentences(), temporary_folder(comm) as folder:
+            mesh = folder / f"{case.name}.msh"
+            simulation.write_mesh(mesh)
+            simulation.prepare(mesh)
+            states = InMemory(simulation, mesh)
+            try:
+                for step in simulation.steps():
+                    states.add(step)
+            except PathEnded as end:
+                ended = Ended.by(end)
+                if case.program:
+                    raise
+            aside = _branch(simulation, states, mesh) if branch else None
+            states.others = solve_sources(simulation, mesh)
+    except RunError as error:
+        ended = Ended.by(error)
+        if states is None:
+            raise
+    finally:
+        simulation.release()
+    if ended.error is not None and not _loaded(states.rows):
+        raise ended.error
+    return Run(states, ended, comm, None if aside is None else Run(aside, Ended(), comm))
+
+
+def _branch(simulation: Simulation, states: InMemory, mesh: Path) -> InMemory | None:
+    """The states of the branch at the first bifurcation; None if there is none to be found."""
+    if not simulation.bifurcates:
+        simulation.listener.say(no_branch(simulation.case, states.rows))
+        return None
+    aside = InMemory(simulation, mesh)
+    for step in simulation.branch():
+        aside.add(step)
+    return aside if aside.rows else None
+
+
+def solve_into(place: ResultsPlace, simulation: Simulation, branch: bool) -> Run:
+    """Solve a case and write each state into a folder at once, as the command line does; all ranks call it.
+
+    Args:
+        place: The folder.
+        simulation: The case, not prepared yet.
+        branch: Follow the branch at the first bifurcation too.
+
+    Raises:
+        RunError: No state under load was found, or states could not be written.
+        ResultsError, OwnFolderError, InUseError, CaseError: The folder, or what is in it, cannot be used.
+    """
+    comm, ended = simulation.comm, Ended()
+    results, resumed = begin_together(
+        simulation.case, place.folder, place.resume, comm, draw=False, inputs=place.inputs
+    )
+    try:
+        try:
+            with sentences(unwritten):
+                record(simulation, results, resumed, branch)
+        except RunError as error:
+            if error.status == BAD_INPUT or isinstance(error.__cause__, OSError):
+                raise
+            ended = Ended.by(error)
+        finally:
+            simulation.release()
+        on_root(comm, lambda: _close(results, simulation.case, ended))
+        if ended.error is not None and not on_root(comm, lambda: _loaded(results.rows)):
+            raise ended.error
+    finally:
+        if is_root(comm):
+            results.own.leave()
+    return run_of(place.folder, ended, comm)
+
+
+def run_of(folder: Path, ended: Ended, comm: MPI.Comm | None = None) -> Run:
+    """The run in a folder, with the branch that leaves it.
+
+    Raises:
+        ResultsError: No results, or none that can be read.
+        CaseError: No case file, or a wrong one.
+    """
+    source = InFolder(folder)
+    aside = source.branch()
+    return Run(source, ended, comm, None if aside is None else Run(aside, Ended(), comm))
+
+
+def _close(results: Results, case: Case, ended: Ended) -> None:
+    """Bring the steps into one file; on rank 0."""
+    if not results.stored:
+        return
+    try:
+        gather(case, results, ended.status, ended.message, notes_of(case, results.rows, results.sources(case)))
+    except OSError as error:
+        raise RunError(not_gathered(error)) from error
+    results.own.forget_unwritten()
+
+
+def _loaded(rows: Sequence[Row]) -> bool:
+    """Whether there is a state that is not at rest."""
+    return any(row["pressure_Pa"] or row["max_displacement_mm"] for row in rows)
+
+
+for _option, _argument in (("output", "folder"), ("resume", "resume=True"), ("branch", "branch=True")):
+    errors.call(_option, _argument)
+
+type Told = bool | Callable[[Row], object] | None
+"""Who is told of each state: nobody, the terminal (True), or a function that gets its row of ``path.csv``."""
+
+
+@checked
+def inflate(
+    device: Actuator,
+    material: Material | str,
+    pressures: Values | None = None,
+    volumes: Values | None = None,
+    *,
+    strokes: Values | None = None,
+    driven: LoadRequest | None = None,
+    supply: AirSupply | None = None,
+    control: str = "auto",
+    formulation: str = "mixed",
+    solver: str = "auto",
+    sheet: Sheet | None = None,
+    obstacle: Obstacle | None = None,
+    parts: Component | Sequence[Component] = (),
+    gauges: Probes | None = None,
+    band: AnyBand | str | Path | None = None,
+    cycle: bool = False,
+    program: Program = (),
+    water_density: float | str = WATER_DENSITY,
+    name: str | None = None,
+    progress: Told = None,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    branch: bool = False,
+) -> Run:
+    """Inflate a device, and return its load path.
+
+    Args:
+        device: The device.
+        material: Its silicone, or the name of one, such as ``"ecoflex-00-30"``.
+        pressures: Pressures to stop at, rising: ``"0:177 cm"`` (from, to, in steps that the solver chooses), ``"0:17:1 kPa"``,
+            ``"0,70,130 cm"``, ``["7 kPa", "14 kPa"]``, or numbers in Pa.
+        volumes: The same of added volumes of the cavity: ``"0:60 ml"``, or numbers in m3.
+        strokes: The same of what the supply pushes: ``"0:20 ml"``, or numbers in m3.
+        driven: Requested forces, travels or shares of a dead load among the parts, in place of pressures.
+        supply: What drives the air by its strokes, such as a `Syringe`.
+        control: What the path follows: ``"auto"``, ``"pressure"``, ``"volume"`` or ``"arc-length"``.
+        formulation: ``"mixed"`` (displacement and pressure) or ``"displacement"``.
+        solver: How linear equations are solved: ``"auto"``, ``"direct"`` or ``"iterative"``.
+        sheet: A sheet bonded to a face.
+        obstacle: A rigid plane that faces come to rest on.
+        parts: What else is added to the device: `Gravity`, `Rigid`, `RigidShape`, `Fibres` and others, one or several.
+        gauges: Named points and angles that every state reports.
+        band: Errors of the material, whose 95 % band is computed for every state; or the name of a silicone, whose sources
+            are computed, or the file of a fit.
+        cycle: Whether the pressure is lowered again through the same values, with jumps at limit points.
+        program: What each of several cavities goes through by itself, in place of one requested quantity.
+        water_density: Density of the column's liquid: kg/m3, or a text.
+        name: Stem of the result files; the device's if None.
+        progress: See `run`.
+        folder: See `run`.
+        resume: See `run`.
+        branch: See `run`.
+
+    Returns:
+        The run. A path that ends before the last requested value comes back with its end in `Run.limit`.
+
+    Raises:
+        ArgumentError, CaseError, MaterialError, GeometryError: Invalid input, before anything is solved.
+        RunError: No state under load was found; with a folder, also that it cannot be written.
+        MeshingError, MeshFileError: The device cannot be meshed.
+        OwnFolderError, InUseError, ResultsError: The folder is somebody else's, in use, or of another run.
+        StartError: MPI or PETSc cannot be started.
+    """
+    case = case_of(
+        device, material, pressures, volumes, strokes=strokes, driven=driven, supply=supply, control=control,
+        formulation=formulation, solver=solver, sheet=sheet, obstacle=obstacle, parts=parts, gauges=gauges, band=band,
+        cycle=cycle, program=program, water_density=water_density, name=name,
+    )  # fmt: skip
+    return run(case, progress=progress, folder=folder, resume=resume, branch=branch)
+
+
+@checked
+@one_at_a_time
+def run(
+    case: Case | str | Path,
+    *,
+    progress: Told = None,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    branch: bool = False,
+) -> Run:
+    """Run a case, or a case file.
+
+    Args:
+        case: The case, or its file.
+        progress: True for a bar on the terminal; or a function that is called with the row of each state.
+        folder: Write every state there as soon as it is solved: a folder that is empty, not there, or an earlier run's, whose
+            files are replaced once the first state is there. A run that is killed leaves its states readable. None keeps
+            them in memory.
+        resume: Go on from what an interrupted run of the same case has left in the folder; from rest if there is nothing.
+        branch: Follow the branch that leaves the path at its first bifurcation too, into `Run.branch`.
+
+    Returns:
+        The run; see `inflate`, also for what is raised.
+    """
+    file = None if isinstance(case, Case) else place("case", case, "a case file, or a Case")
+    whole = case if isinstance(case, Case) else Case.from_file(place("case", case))
+    callback("progress", progress, or_flag=True)
+    output = None if folder is None else place("folder", folder, "a folder")
+    if flag("branch", branch):
+        whole.load.check_branch()
+    if flag("resume", resume) and output is None:
+        raise CaseError("a run is gone on with in its folder; give it, or leave out --resume")
+    comm = start()
+    with contextlib.ExitStack() as stack:
+        listener: Listener = _Each(progress) if callable(progress) else Silent()
+        if progress is True:
+            bar = Progress(whole.values[-1], whole.unit, state_labels(whole), not is_root(comm))
+            listener = stack.enter_context(bar)
+        simulation = Simulation(whole, comm, listener)
+        if output is None:
+            return solve_in_memory(simulation, branch)
+        return solve_into(ResultsPlace(output, resume, () if file is None else (file,)), simulation, branch)
+
+
+class _Each(Silent):
+    """Hands each row to a function."""
+
+    def __init__(self, told: Callable[[Row], object]):
+        self.told = told
+
+    def step(self, row: Row, value: float) -> None:
+        self.told(row)
+
+
+@checked
+@one_at_a_time
+def load(folder: str | Path) -> Run:
+    """A run from a folder of results; DOLFINx is needed only where a state is asked for that is not stored.
+
+    Raises:
+        ResultsError: No results, or none that can be read.
+        CaseError: No case file, or a wrong one.
+    """
+    where = place("folder", folder, "a folder of results")
+    try:
+        summary = json.loads(read_text(where / "summary.json"))
+        ended = Ended(int(summary["status"]), str(summary["message"]))
+    except (OSError, ArithmeticError, ValueError, KeyError, TypeError, RecursionError):
+        ended = Ended()  # a run that goes on, or was cut off
+    return run_of(where, ended)
+
+
+@checked
+@one_at_a_time
+def limit(
+    device: Actuator,
+    material: Material | str,
+    *,
+    sheet: Sheet | None = None,
+    obstacle: Obstacle | None = None,
+    formulation: str = "mixed",
+    parts: Component | Sequence[Component] = (),
+    solver: str = "auto",
+) -> Limit:
+    """How far a device can be inflated: its first limit point or bifurcation, and where it is strained most there.
+
+    Args:
+        device: The device.
+        material: Its silicone, or the name of one.
+        sheet, obstacle, formulation, parts, solver: As of a `Case`.
+
+    Raises:
+        CaseError: What cannot be meant.
+        RunError: The equations cannot be made or solved.
+        MeshingError, MeshFileError: The device cannot be meshed.
+    """
+    from softmodels.mechanics.body import BodyError
+    from softmodels.mechanics.compiling import CompilingError
+
+    # What no case may be, no limit is asked of; its load is not looked at.
+    around = {"sheet": sheet, "obstacle": obstacle, "parts": parts}
+    how = {"formulation": formulation, "solver": solver}
+    case = Case("limit", device, material, pressures_cm=(1.0,), **around, **how)  # type: ignore[arg-type]
+    comm = start()
+    try:
+        with sentences():
+            return find_limit(case, [case.material], comm)[0]
+    except (BodyError, CompilingError) as error:
+        raise RunError(str(error)) from error
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The call of a notebook for a deck: a case written for CalculiX or FEBio.
+
+
+WRITERS = {".inp": (check, calculix), ".feb": (check_without_springs, febio)}
+"""By the ending of a deck's file: what refuses a case before it is meshed, and what writes it."""
+
+
+@checked
+@one_at_a_time
+def export(case: Case | str | Path, file: str | Path) -> Deck:
+    """Write a case for another program: the same mesh, silicones, supports, rigid parts, contact, dead loads and pressures.
+
+    Args:
+        case: The case, or its file.
+        file: Where to: ``.inp`` for CalculiX, ``.feb`` for FEBio. An earlier deck is replaced, any other file is not.
+
+    Returns:
+        What was written.
+
+    Raises:
+        CaseError: A case that decks have no words for, another ending, or a file that is no deck.
+        MeshingError: The device cannot be meshed.
+        ComponentError, ObstacleError, BodyError, CompilingError: What is added to the device cannot be on its mesh, or its
+            equations cannot be made.
+        OSError: The file cannot be written.
+    """
+    whole = case if isinstance(case, Case) else Case.from_file(place("case", case, "a case file, or a Case"))
+    path = place("file", file, "a file")
+    suffix = path.suffix.lower()
+    if suffix not in WRITERS:
+        raise CaseError(
+            f"{path} ends in {path.suffix or 'nothing'}; decks are {' for CalculiX and '.join(WRITERS)} for FEBio"
+        )
+    if path.exists() and WRITTEN.encode() not in read_file(path, GEOMETRY)[:500]:
+        raise CaseError(f"{path} is there already and is no deck of this program; give another name")
+    refuse, writer = WRITERS[suffix]
+    refuse(whole)
+    with tempfile.TemporaryDirectory() as folder:
+        mesh = whole.actuator.write(Path(folder) / "device.msh")
+        deck = deck_of(whole, mesh, _system(whole, mesh))
+    text = writer(deck)
+    partial = path.with_name(f".{path.name}.part")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(path)
+    return deck
+
+
+def _system(case: Case, mesh: Path) -> System | None:
+    """The equations of a device with displacements alone; None where its deck needs none.
+
+    Raises:
+        ComponentError, ObstacleError: What is added to it cannot be on this mesh.
+        BodyError, CompilingError: The equations cannot be made.
+    """
+    if not needs_equations(case):
+        return None
+    from softmodels.mechanics.mpi import start
+
+    start()
+    from mpi4py import MPI
+
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.compiling import compiling
+    from softmodels.mechanics.system import System
+
+    with compiling():
+        body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
+        return System(body, case.material, "displacement", obstacle=case.obstacle, parts=without_walls(case.parts))

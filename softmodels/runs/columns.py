@@ -1,0 +1,469 @@
+"""The columns of ``path.csv``, each listed once: its name with the unit, what it is in words, and how it is computed.
+
+A column of your own is one more entry, also from outside: ``COLUMNS.append(Column(...))``, or one that comes with an output
+field (`OutputField.extremes`) or with a figure that all ranks compute together (`Measure`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator
+from softmodels.case.case import Case
+from softmodels.materials.silicones import stretch_at_break
+from softmodels.mechanics.component import COMPONENTS
+from softmodels.path.points import Supply
+from softmodels.runs.fields import (
+    FIELDS,
+    MEASURES,
+    Extreme,
+    OutputField,
+)
+from softmodels.runs.row import (
+    Cell,
+    ColumnText,
+    Row,
+    at_rise,
+    described,
+    split,
+)
+from softmodels.runs.self_contact import OVERLAP
+
+if TYPE_CHECKING:
+    from softmodels.path.points import Point
+    from softmodels.runs.fields import Fields, Figures
+    from softmodels.runs.self_contact import Gap
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a column of ``path.csv`` is made of: its name, its words, and how it is computed from a state.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Solved:
+    """A state of a path with all that its row is made of, on rank 0.
+
+    Attributes:
+        case: What is run.
+        fields: The device's nodal fields and figures.
+        point: The point of the path.
+        figures: Its figures.
+        nodal: Its nodal fields by name, SI units.
+        number: How many rows come before.
+        load_step: How many steps a program has come.
+        band: Half widths of 95 % intervals by column, where the material's errors are known; see `results.band`.
+    """
+
+    case: Case
+    fields: Fields
+    point: Point
+    figures: Figures
+    nodal: Mapping[str, npt.NDArray[np.float64]]
+    number: int
+    load_step: float
+    band: Mapping[str, Cell] = dataclasses.field(default_factory=dict)
+
+    @property
+    def pressure(self) -> float:
+        """In Pa; of a program's pressures the highest stands for all."""
+        return max(self.figures.cavity_pressures, default=0.0) if self.case.program else self.figures.pressure
+
+    @functools.cached_property
+    def gap(self) -> Gap | None:
+        """The least gap between the device's walls."""
+        return self.fields.walls.least(self.nodal["displacement"])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PathColumn:
+    """One column.
+
+    Attributes:
+        name: In the file; its end is the unit, see `UNITS`.
+        title: Short name.
+        text: What it is, a sentence without its stop.
+        value: Its value, in its unit; None if it is not known.
+        present: Whether a case has it.
+    """
+
+    name: str
+    title: str
+    text: str
+    value: Callable[[Solved], Cell]
+    present: Callable[[Case], bool] = lambda case: True
+
+    def cells(self, solved: Solved) -> dict[str, Cell]:
+        return {self.name: self.value(solved)} if self.present(solved.case) else {}
+
+    def term(self, column: str, device: Actuator | None) -> ColumnText | None:
+        return described(column, (self.title, self.text)) if column == self.name else None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Columns:
+    """Several columns whose names depend on the device or the case.
+
+    Attributes:
+        cells: Values by column.
+        term: What a column is; None for one that is not of these.
+    """
+
+    cells: Callable[[Solved], Mapping[str, Cell]]
+    term: Callable[[str, Actuator | None], ColumnText | None]
+
+
+def row_of(solved: Solved) -> Row:
+    """The row of a state, on rank 0."""
+    cells: dict[str, Cell] = {}
+    for entry in every_column():
+        cells |= entry.cells(solved)
+    return Row(cells)
+
+
+def every_column() -> Iterator[PathColumn | Columns]:
+    """All entries: `COLUMNS`, then those that output fields bring along."""
+    yield from COLUMNS
+    listed = {entry.name for entry in COLUMNS if isinstance(entry, PathColumn)}
+    for field in FIELDS:
+        yield from (column for column in _extremes(field.name) if column.name not in listed)
+
+
+def term(column: str, device: Actuator | None = None, supply: str = "supply") -> ColumnText:
+    """What a column of ``path.csv`` is. One that nobody knows of here is still shown, under its own name.
+
+    Args:
+        column: Its name.
+        device: The device, for the columns that are its own.
+        supply: What drives the air, in a word.
+    """
+    found = (entry.term(column, device) for entry in (DEVICE, *every_column(), NAMED))
+    known = next((one for one in found if one is not None), described(column, (split(column)[0].replace("_", " "), "")))
+    return known.told_of(supply)
+
+
+def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
+    """The columns that tell of each cavity, such as ``pressure_1_cm`` and ``pressure_2_cm``; of one alone ``pressure_cm``.
+
+    They are counted from 1 on: ``pressure_95_cm`` is half the 95 % band of the pressure, and of no cavity.
+    """
+    numbered = (f"{what}_{k}_{unit}" for k in itertools.count(1))
+    return list(itertools.takewhile(row.__contains__, numbered)) or [f"{what}_{unit}"]
+
+
+def loads_words(row: Row) -> list[str]:
+    """The weights, forces and moments of a state in words, such as ``"force tip 2 N"``."""
+    found = []
+    for name in load_columns(row):
+        words, unit = split(name)
+        found.append(f"{words.replace('_', ' ')} {row[name]:.4g} {unit}")
+    return found
+
+
+def load_columns(row: Row) -> list[str]:
+    """The columns with weights, forces and moments."""
+    return [name for name in row if re.fullmatch(r"weight_N|force(_\w+)?_N|moment(_\w+)?_Nmm", name)]
+
+
+def _height(solved: Solved) -> float:
+    """Of the water column in cm."""
+    height = solved.pressure / solved.case.cm
+    asked = solved.case.pressures_cm if solved.point.requested else ()
+    # As it was typed, without the rounding of two conversions.
+    return next((typed for typed in asked if math.isclose(typed, height, rel_tol=1e-9)), height)
+
+
+def _stroke(solved: Solved) -> float:
+    """Of the supply in m3."""
+    V, P, curve = _on_supply(solved)
+    return float(curve.value(V, P) * solved.fields.system.volume_unit)
+
+
+def _on_supply(solved: Solved) -> tuple[float, float, Supply]:
+    """Dimensionless volume and pressure of a state, and the supply's curves."""
+    eq, supply = solved.fields.system, solved.case.supply
+    assert supply is not None
+    cavity = solved.fields.rest_volume * eq.volume_unit
+    curve = supply.control(cavity, eq.stress_unit, eq.volume_unit)
+    return (cavity + solved.figures.added_volume) / eq.volume_unit, solved.figures.pressure / eq.stress_unit, curve
+
+
+def _gas_energy(solved: Solved) -> float:
+    supply, figures = solved.case.supply, solved.figures
+    assert supply is not None
+    cavity = solved.fields.rest_volume * solved.fields.system.volume_unit
+    return supply.gas_energy(_stroke(solved), figures.added_volume, figures.pressure, cavity) * 1e3
+
+
+def _held(solved: Solved) -> int:
+    V, P, curve = _on_supply(solved)
+    return int(solved.point.stable_under(curve.line(V, P)))
+
+
+def _cavity_cells(solved: Solved) -> dict[str, Cell]:
+    """Pressure and added volume of each cavity, where there are several."""
+    figures = solved.figures
+    if len(figures.cavity_volumes) < 2:
+        return {}
+    pressures = {f"pressure_{i}_cm": value / solved.case.cm for i, value in enumerate(figures.cavity_pressures, 1)}
+    return {**pressures, **{f"added_volume_{i}_ml": value * 1e6 for i, value in enumerate(figures.cavity_volumes, 1)}}
+
+
+def _cavity_term(column: str, device: Actuator | None) -> ColumnText | None:
+    found = re.fullmatch(r"(pressure|added_volume)_(\d+)_(cm|ml)", column)
+    if not found or found[2] == "95":  # the 95 % band's, see `cavity_columns`
+        return None
+    words = found[1].replace("_", " ")
+    return described(column, (f"{words} of cavity{found[2]}", f"of the device's cavity{found[2]} alone"))
+
+
+def _rise_term(column: str, device: Actuator | None) -> ColumnText | None:
+    probe, unit = split(column)
+    if device is None or unit != "mm" or probe not in device.probes:
+        return None
+    return described(
+        column, (f"rise of the {probe.replace('_', ' ')}", "displacement of that point along the device's lift")
+    )
+
+
+def _device_term(column: str, device: Actuator | None) -> ColumnText | None:
+    if device is not None and column in device.figure_texts:
+        return described(column, device.figure_texts[column])
+    for texts in (*(measure.texts for measure in MEASURES), *(kind.figure_texts for kind in COMPONENTS.values())):
+        for pattern, (title, text) in texts.items():
+            if found := re.fullmatch(pattern, column):
+                return described(column, (title.format(*found.groups()), text.format(*found.groups())))
+    return None
+
+
+def _named_term(column: str, device: Actuator | None) -> ColumnText | None:
+    """Of a point, an angle or a rigid part that the user has named."""
+    name, unit = split(column)
+    if unit == "mm" and (found := re.fullmatch(r"(\w+)_([xyz])", name)):
+        text = "of a named point its place in this state, of a rigid part how far its centre has moved"
+        return described(column, (f"{found[1].replace('_', ' ')}, {found[2]}", text))
+    if unit == "mm" and name.endswith("_off"):
+        text = "how far from where that point was named the place on the surface lies that is followed, undeformed"
+        return described(column, (f"{name.removesuffix('_off').replace('_', ' ')}, off the surface", text))
+    if unit == "°":
+        return described(
+            column, (name.replace("_", " "), "named angle: by how much its line has turned, or between its two lines")
+        )
+    return None
+
+
+def _band_term(column: str, device: Actuator | None) -> ColumnText | None:
+    name, unit = split(column)
+    if not name.endswith("_95") or not unit:
+        return None
+    if device is not None and column == at_rise(device.gauge):
+        text = f"half the 95 % interval that the material's errors make, at the same rise of the {device.gauge}"
+        return described(column, ("band of the pressure at equal rise", text))
+    whole = term(f"{name.removesuffix('_95')}{column.removeprefix(name)}", device)
+    kept = "at the same added volume" if name == "pressure_95" else "at the same requested value"
+    return described(
+        column, (f"band of the {whole.name}", f"half the 95 % interval that the material's errors make, {kept}")
+    )
+
+
+def _extremes(name: str) -> list[PathColumn]:
+    """The columns of an output field's least and largest values."""
+    field = next(field for field in FIELDS if field.name == name)
+    return [_extreme(field, one) for one in field.extremes]
+
+
+def _extreme(field: OutputField, one: Extreme) -> PathColumn:
+    def value(solved: Solved) -> float:
+        if one.peak:
+            return solved.figures.peaks[field.name] / one.unit
+        return solved.figures.extremes[field.name][0 if one.least else 1] / one.unit
+
+    return PathColumn(one.column, one.title, one.text, value)
+
+
+def _place_of_largest(axis: str) -> PathColumn:
+    i = "xyz".index(axis)
+    return PathColumn(
+        f"max_stretch_{axis}_mm", f"place of the largest stretch, {axis}", "in the undeformed device",
+        lambda s: s.figures.max_stretch_at[i] * 1e3,
+    )  # fmt: skip
+
+
+def _break_margin(solved: Solved) -> float | None:
+    limit = stretch_at_break(solved.case.material)
+    return None if limit is None else limit / solved.figures.max_stretch
+
+
+def _eigenvalue(solved: Solved) -> float | None:
+    """In Pa/mm2; nothing where it was not found to within its tolerance."""
+    eq, lowest = solved.fields.system, solved.point.signature.lowest
+    return None if math.isnan(lowest) else float(lowest * eq.stress_unit / (eq.length_unit * 1e3) ** 2)
+
+
+def _supplied(case: Case) -> bool:
+    return case.supply is not None
+
+
+def _gas(case: Case) -> bool:
+    return case.supply is not None and case.supply.stores_energy
+
+
+DEVICE = Columns(lambda s: s.figures.device, _device_term)
+NAMED = Columns(lambda s: {}, _named_term)
+"""Named points and angles: their values are among the device's."""
+
+BAND = Columns(lambda s: s.band, _band_term)
+"""Last in the file."""
+
+COLUMNS: list[PathColumn | Columns] = [
+    PathColumn("step", "step", "number of the state along the path, from rest", lambda s: s.number),
+    PathColumn("pressure_cm", "pressure",
+           "of the air in the cavity, as the height of the water column that balances it", _height),
+    PathColumn("pressure_Pa", "pressure", "the same in pascal, above the pressure around", lambda s: s.pressure),
+    PathColumn("added_volume_ml", "added volume", "volume of the whole device's cavities less that at rest; with pressure ratios, "
+           "what the common pressure works on", lambda s: s.figures.added_volume * 1e6),
+    PathColumn("stroke_ml", "stroke", "volume that the {supply} has displaced or let in",
+           lambda s: _stroke(s) * 1e6, _supplied),
+    PathColumn("gas_energy_mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy, _gas),
+    PathColumn("stroke_limit", "stroke limit",
+           "1 where the stroke has a limit point of its own: beyond it the device jumps",
+           lambda s: int(s.point.turn), _supplied),
+    PathColumn("stable_under_supply", "stable under the {supply}",
+           "1 if the gas behind this state holds it, 0 if the device jumps", _held, _supplied),
+    PathColumn("load_step", "load step", "how many steps a program of several cavities has come",
+           lambda s: s.load_step, lambda case: bool(case.program)),
+    Columns(_cavity_cells, _cavity_term),
+    Columns(lambda s: {f"{name}_mm": rise * 1e3 for name, rise in s.figures.rises.items()}, _rise_term),
+    DEVICE,
+    PathColumn("max_displacement_mm", "largest displacement", "longest displacement of any node",
+           lambda s: s.figures.max_displacement * 1e3),
+    *_extremes("largest_stretch"),
+    PathColumn("break_margin", "break margin",
+           "stretch at which the silicone broke when pulled over the largest one; below 1 it tears",
+           _break_margin, lambda case: stretch_at_break(case.material) is not None),
+    *(_place_of_largest(axis) for axis in "xyz"),
+    *_extremes("von_mises"),
+    *_extremes("J"),
+    PathColumn("newton_iterations", "Newton iterations", "that the equilibrium of this state took",
+           lambda s: s.point.state.iterations),
+    PathColumn("stored_energy_mJ", "stored energy", "elastic energy of the whole device",
+           lambda s: s.figures.stored_energy * 1e3),
+    PathColumn("least_gap_mm", "least gap",
+           "smallest distance between walls that face each other across air, below zero where they overlap; where none are "
+           "near, the distance up to which it is looked for",
+           lambda s: (s.fields.walls.reach if s.gap is None else s.gap.value) * 1e3),
+    PathColumn("walls_touch", "walls overlap",
+           f"1 where walls pass through each other by more than {OVERLAP:.0%} of their thickness: the state is not real",
+           lambda s: int(s.gap is not None and s.gap.overlaps)),
+    PathColumn("requested", "requested", "1 for a state that was asked for", lambda s: int(s.point.requested)),
+    PathColumn("limit", "limit point",
+           "1 where the pressure has a maximum or minimum: under a pressure alone the device jumps",
+           lambda s: int(s.point.limit)),
+    PathColumn("jump", "jump", "1 for the state of rest in which a jump landed", lambda s: int(s.point.jump)),
+    PathColumn("bifurcation", "bifurcation", "1 where another branch of equilibria leaves the path, for another shape",
+           lambda s: int(s.point.bifurcation)),
+    PathColumn("stable_under_pressure", "stable under a pressure", "1 if the state stands while the pressure is kept",
+           lambda s: int(s.point.stable_under_pressure)),
+    PathColumn("stable_under_volume", "stable under a volume",
+           "1 if the state stands while the amount of liquid in the cavity is kept",
+           lambda s: int(s.point.stable_under_volume)),
+    PathColumn("negative_eigenvalues", "negative eigenvalues",
+           "in how many independent directions the energy at this pressure falls: 0 is stable, each more is one way out",
+           lambda s: s.point.signature.negative_eigenvalues),
+    PathColumn("lowest_eigenvalue_Pa_per_mm2", "lowest eigenvalue",
+           "of the tangent at this pressure; zero where stability is lost", _eigenvalue),
+    PathColumn("following", "following", "what the step followed: pressure, volume, a supply's line or the arc length",
+           lambda s: s.point.line),
+    BAND,
+]  # fmt: skip
+"""In the order of the file."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Which figures of a state a run has to show, and its load in words: messages, pictures and reports take them from here.
+#
+# A device without a cavity has neither a pressure nor a volume. Where weights and forces alone load one with a cavity, its
+# pressure stays zero and is not shown; the volume that its cavity gains is.
+
+
+PRESSURE_AND_VOLUME = ("pressure_Pa", "added_volume_ml")
+OF_PRESSURE = re.compile(r"pressure(_\d+|_95|_at_\w+_95)*_(cm|Pa)")
+OF_VOLUME = re.compile(r"added_volume(_\d+|_95)*_ml")
+
+
+OVERLAP_MARK = "WALLS OVERLAP"
+
+
+def overlap_text(row: Row) -> str:
+    """That walls pass through each other in a state, for its line, its title and its picture; empty where they do not."""
+    return f"{OVERLAP_MARK} by {-row['least_gap_mm']:.3g} mm, not a real state" if row.get("walls_touch") else ""
+
+
+@dataclasses.dataclass(frozen=True)
+class StateLabels:
+    """What a run shows of its states.
+
+    Attributes:
+        gauge: The probe whose rise stands for the device's motion.
+        pressure: Whether air presses in it.
+        volume: Whether it has a cavity.
+        driver: What drives the air, in a word.
+        along: Columns of what the path raises and of what that works on, which place a state on it.
+    """
+
+    gauge: str
+    pressure: bool = True
+    volume: bool = True
+    driver: str = "supply"
+    along: tuple[str, str] = PRESSURE_AND_VOLUME
+
+    def under(self, row: Row, pressure: str) -> str:
+        """What a state is under: the words of its pressure where air presses, then its weights, forces and moments."""
+        return ", ".join([*([pressure] if self.pressure else []), *loads_words(row)]) or "no load"
+
+    def place(self, row: Row) -> str:
+        """What a state is under, short: ``"34.81 cm"``, ``"12 cm, force tip 2 N"``."""
+        return self.under(row, f"{row['pressure_cm']:.4g} cm" if self.pressure else "")
+
+    def loaded(self, row: Row) -> bool:
+        """Whether anything acts on a state."""
+        return any(row.get(column) for column in (*self.along, *PRESSURE_AND_VOLUME, *load_columns(row)))
+
+    def pressures(self, row: Row) -> list[str]:
+        """The columns with pressures that are shown: one for each cavity, or none."""
+        return cavity_columns(row, "pressure", "cm") if self.pressure else []
+
+    def volumes(self, row: Row) -> list[str]:
+        """The columns with added volumes that are shown: one for each cavity, or none."""
+        return cavity_columns(row, "added_volume", "ml") if self.volume else []
+
+    def hides(self, column: str) -> bool:
+        """Whether a column of ``path.csv`` tells of air that is not there."""
+        no_pressure, no_volume = (
+            not self.pressure and OF_PRESSURE.fullmatch(column),
+            not self.volume and OF_VOLUME.fullmatch(column),
+        )
+        return bool(no_pressure or no_volume)
+
+    @property
+    def kept(self) -> tuple[str, str]:
+        """What a state is stable or unstable under: a given load, and a given measure of what it moves."""
+        raised = self.pressure and self.along == PRESSURE_AND_VOLUME
+        return ("pressure", "volume") if raised else ("load", "travel")
+
+
+def state_labels(case: Case) -> StateLabels:
+    """What the states of a case have to show."""
+    words = StateLabels(case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver)
+    if case.driven is None:
+        return words
+    load = case.driven.of(case.parts)
+    return dataclasses.replace(words, along=(load.column, load.moved_column))

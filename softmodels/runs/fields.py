@@ -1,0 +1,825 @@
+"""Nodal fields and key figures of an equilibrium's states: what is worth looking at in them."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries.actuator import Vector, reflected
+from softmodels.case.requests import (
+    NONE,
+    ProbeError,
+    Probes,
+    followed_text,
+)
+from softmodels.common.arrays import Array
+from softmodels.mechanics.body import in_section, in_space
+from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.component import ComponentError
+from softmodels.mechanics.controls import Tangent
+from softmodels.mechanics.mpi import largest, summed, total
+from softmodels.mechanics.rigid import RigidMotion, rotation_vector, symmetric_motions
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import State, System, held_force
+from softmodels.runs.grid import Grid
+from softmodels.runs.row import AT_POINTS
+from softmodels.runs.self_contact import FacingWalls
+from softmodels.runs.state_values import (
+    WORDS,
+    Sampling,
+    StateValues,
+    volume_peak,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# One state of a device in numbers.
+
+
+@dataclasses.dataclass(frozen=True)
+class Figures:
+    """One state in numbers, of the whole device, SI units.
+
+    Extremes of stretch and stress are over the integration points. Those of J are over the vertices, as `VolumeRatio` has
+    it: that is where the elements keep the volume, and cells and points scatter around it by an error of the mesh.
+
+    ``cavity_pressures`` and ``cavity_volumes`` (added ones) are of each cavity. ``added_volume`` is what a pressure common to
+    all works on: their sum, or the sum of their products with the device's pressure ratios.
+    ``rises`` are the probes' displacements along the lift, ``device`` is what `Actuator.device_figures` makes of their
+    places, ``max_stretch_at`` the undeformed place of the largest stretch in device coordinates. ``extremes`` has the
+    least and the largest value of every output field that is sampled, SI units, by name; ``peaks`` the `results.peak` of those
+    that have one.
+    """
+
+    pressure: float
+    added_volume: float
+    cavity_pressures: tuple[float, ...]
+    cavity_volumes: tuple[float, ...]
+    rises: dict[str, float]
+    device: dict[str, float]
+    max_displacement: float
+    max_stretch_at: tuple[float, float, float]
+    extremes: Mapping[str, tuple[float, float]]
+    peaks: Mapping[str, float]
+    stored_energy: float
+
+    @property
+    def max_stretch(self) -> float:
+        return self.extremes["largest_stretch"][1]
+
+    @property
+    def max_von_mises(self) -> float:
+        """In Pa."""
+        return self.extremes["von_mises"][1]
+
+    @property
+    def J_min(self) -> float:
+        return self.extremes["J"][0]
+
+    @property
+    def J_max(self) -> float:
+        return self.extremes["J"][1]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The places of the surface that named points are followed at, and the faces whose rotation is, on any number of ranks.
+
+
+Nodes = npt.NDArray[np.int64]
+
+SAME = 1e-9
+"""Lengths below this share of the device's size are none."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TrackedPoint:
+    """A place of the surface, in a facet.
+
+    Attributes:
+        nodes: Local nodes of the facet, ghosts too, shape (k,); empty on ranks that do not have it.
+        weights: What their values count there, shape (k,), so that the sum over all ranks is the value.
+        place: Undeformed, in device coordinates, m.
+        away: Distance in m from the point that was named.
+    """
+
+    nodes: Nodes
+    weights: Array
+    place: Vector
+    away: float
+
+
+def tracked_points(system: System, grid: Grid, gauges: Probes) -> dict[str, TrackedPoint]:
+    """The places of the surface, the cavities' walls too, that are nearest to the named points.
+
+    Raises:
+        ProbeError: One is farther from the surface than a cell is large.
+    """
+    if not gauges.points:
+        return {}
+    facets = _surface(system, grid)
+    here = grid.space.tabulate_dof_coordinates()[facets.ravel()] * system.length_unit
+    places = system.body.actuator.device_points(here) if len(here) else np.empty((0, 3))
+    corners = places.reshape(*facets.shape, 3)
+    return {name: _nearest(system, name, np.asarray(wanted), facets, corners) for name, wanted in gauges.places.items()}
+
+
+class TurningFace:
+    """A face whose mean rotation is followed: the rotation that fits its motion best, facets weighed by their area.
+
+    Args:
+        system: The device.
+        nodes: Local nodes of the corners of the face's facets on this rank, shape (m, 3).
+        places: Their undeformed places in device coordinates, m, shape (m, 3, 3).
+        middle: Middle of the device's whole surface, from which the face's normal points away.
+    """
+
+    def __init__(self, system: System, nodes: Nodes, places: Array, middle: Array):
+        self.nodes, self._comm = nodes, system.comm
+        self._images = [
+            np.asarray(image) for image in reflected([plane.normal for plane in system.body.actuator.cut_planes])
+        ]
+        sides = places[:, 1:] - places[:, :1]
+        areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        self._areas, self._places = np.repeat(areas, 3), places.reshape(-1, 3)
+        self._area, self._centre, second = self._moments(self._places)
+        self.normal: Array = np.linalg.eigh(second)[1][:, 0]
+        if self.normal @ (self._centre - middle) < 0.0:
+            self.normal = -self.normal
+
+    def _moments(self, now: Array) -> tuple[float, Array, Array]:
+        """Area of the face and its images, its centre at places ``now``, and the moments of these with the undeformed ones."""
+        weighed = self._areas[:, None] * self._places
+        sums = summed(
+            self._comm,
+            np.concatenate([[self._areas.sum()], weighed.sum(axis=0), self._areas @ now, (weighed.T @ now).ravel()]),
+        )
+        count = len(self._images)
+        area, rest, there, both = count * sums[0], sums[1:4], sums[4:7], sums[7:].reshape(3, 3)
+        rest, there = (np.sum([image @ side for image in self._images], axis=0) for side in (rest, there))
+        both = np.sum([image @ both @ image.T for image in self._images], axis=0)
+        return float(area), there / area, both / area - np.outer(rest, there) / area**2
+
+    def turned(self, moved: Array) -> Array:
+        """The normal turned by the mean rotation, from displacements of the corners in device coordinates, shape (m, 3, 3).
+
+        The rotation is that of Kabsch 1976 (doi 10.1107/S0567739476001873).
+        """
+        _, _, both = self._moments(self._places + moved.reshape(-1, 3))
+        U, _, Vt = np.linalg.svd(both)
+        U[:, 2] *= np.linalg.det(U)
+        Vt[2] *= np.linalg.det(Vt)
+        return np.asarray(Vt.T @ (U.T @ self.normal))
+
+
+def turning_faces(system: System, grid: Grid, gauges: Probes) -> dict[str, TurningFace]:
+    """The faces whose mean rotation is an angle.
+
+    Raises:
+        ProbeError: The device has no such face.
+    """
+    if not gauges.faces:
+        return {}
+    facets = _surface(system, grid)[:, :3]
+    here = grid.space.tabulate_dof_coordinates()[facets.ravel()] * system.length_unit
+    places = system.body.actuator.device_points(here).reshape(-1, 3, 3) if len(here) else np.empty((0, 3, 3))
+    sums = summed(system.comm, np.append(places.reshape(-1, 3).sum(axis=0), 3.0 * len(places)))
+    near = 1e-5 * system.length_unit
+    found = {}
+    for name, face in gauges.turning.items():
+        if face.normal is not None:
+            chosen = (np.abs(places @ np.asarray(face.normal) - face.at) < near).all(axis=1)
+        else:
+            low, high = (np.asarray(end) for end in face.box or ((), ()))
+            chosen = ((places > low - near) & (places < high + near)).all(axis=(1, 2))
+        if not total(system.comm, float(chosen.sum())):
+            raise ProbeError(f"angle {name}: the device has no face 'face {face.text}'")
+        found[name] = TurningFace(system, facets[chosen], places[chosen], sums[:3] / sums[3])
+    return found
+
+
+def _surface(system: System, grid: Grid) -> Nodes:
+    """Local nodes of the facets that bound the silicone but for cut planes, shape (m, 6), or (m, 3) of a section.
+
+    The corners come first, then the middles of the edges, each opposite to its corner.
+    """
+    from dolfinx.mesh import compute_midpoints, exterior_facet_indices
+
+    body = system.body
+    topology = body.mesh.topology
+    dim = topology.dim
+    topology.create_connectivity(dim - 1, dim)
+    topology.create_connectivity(dim, dim - 1)
+    planes = {plane.name for plane in body.actuator.cut_planes}
+    cut = [facets for role, (_, facets) in body.entities.items() if role in planes]
+    outer = np.setdiff1d(exterior_facet_indices(topology), np.concatenate(cut) if cut else np.empty(0, dtype=np.int32))
+    if dim == 2:  # a section's axis is no surface
+        outer = outer[compute_midpoints(body.mesh, 1, outer.astype(np.int32))[:, 0] > SAME]
+    cells_of, facets_of = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
+    layout = grid.space.dofmap.dof_layout
+    found = np.empty((len(outer), 3 * (dim - 1)), dtype=np.int64)
+    for row, facet in enumerate(outer):
+        cell = cells_of.links(facet)[0]
+        number = int(np.flatnonzero(facets_of.links(cell) == facet)[0])
+        found[row] = grid.space.dofmap.cell_dofs(cell)[sorted(layout.entity_closure_dofs(dim - 1, number))]
+    return found
+
+
+def _nearest(system: System, name: str, wanted: Array, facets: Nodes, places: Array) -> TrackedPoint:
+    """The nearest place of facets whose nodes are at places (m, k, 3)."""
+    comm, unit = system.comm, system.length_unit
+    share = _weights(_barycentric(places, wanted)) if len(places) else np.empty((0, 1))
+    found = np.einsum("mk,mki->mi", share, places)
+    distance = np.linalg.norm(found - wanted, axis=1)
+    away = -largest(comm, -float(distance.min()) if len(distance) else -math.inf)
+    # Of equally near ones the first in order of x, y, z: no rank decides.
+    near = np.flatnonzero(distance <= away + SAME * unit)
+    place = []
+    for axis in range(3):
+        least = -largest(comm, -float(found[near, axis].min()) if len(near) else -math.inf)
+        near = near[found[near, axis] <= least + SAME * unit]
+        place.append(least if abs(least) > SAME * unit else 0.0)
+    holders = total(comm, float(bool(len(near))))  # a place on an edge between ranks is known to several
+    edge = places[near, 0] - places[near, 1] if len(near) else np.zeros((0, 3))
+    size = largest(comm, float(np.linalg.norm(edge, axis=1).max()) if len(near) else -math.inf)
+    if away > size:
+        told = ", ".join(f"{1e3 * value:.5g}" for value in place)
+        raise ProbeError(
+            f"point {name} lies {away * 1e3:.4g} mm off the surface, whose nearest place is {told} mm, and cells are "
+            f"{size * 1e3:.3g} mm large there; name a place on the surface of the part as it is modelled"
+        )
+    first = near[:1]
+    return TrackedPoint(facets[first].ravel(), share[first].ravel() / holders, (place[0], place[1], place[2]), away)
+
+
+def _weights(barycentric: Array) -> Array:
+    """Second-order shape functions at barycentric coordinates (m, c): corners, then the edges opposite to them."""
+    corners = barycentric * (2 * barycentric - 1)
+    if barycentric.shape[1] == 2:
+        return np.column_stack([corners, 4 * barycentric.prod(axis=1)])
+    a, b, c = barycentric.T
+    return np.column_stack([corners, 4 * b * c, 4 * a * c, 4 * a * b])
+
+
+def _barycentric(places: Array, wanted: Array) -> Array:
+    """Barycentric coordinates (m, c) of the places in straight facets that are nearest to a point.
+
+    Args:
+        places: Nodes of the facets, corners first, shape (m, 6, 3) or (m, 3, 3).
+        wanted: The point, shape (3,).
+    """
+    if places.shape[1] == 3:
+        return _on_edge(places[:, 0], places[:, 1], wanted)
+    a, b, c = (places[:, i] for i in range(3))
+    E = np.stack([b - a, c - a], axis=2)
+    inner = np.einsum("mij,mi->mj", np.linalg.pinv(E).transpose(0, 2, 1), wanted - a)
+    found = np.column_stack([1 - inner.sum(axis=1), inner])
+    for i, (j, k) in enumerate(((1, 2), (0, 2), (0, 1))):
+        outside = found[:, i] < 0.0
+        if outside.any():  # the nearest edge of all three is the nearest place
+            edge = np.zeros((int(outside.sum()), 3))
+            edge[:, [j, k]] = _on_edge(places[outside, j], places[outside, k], wanted)
+            found[outside] = np.where(
+                _closer(places[outside], edge, found[outside], wanted)[:, None], edge, found[outside]
+            )
+    return found
+
+
+def _closer(places: Array, one: Array, two: Array, wanted: Array) -> npt.NDArray[np.bool_]:
+    """Whether the first barycentric coordinates are inside and nearer than the second, or those are outside."""
+    away = [np.linalg.norm(np.einsum("mi,mij->mj", at, places[:, :3]) - wanted, axis=1) for at in (one, two)]
+    return (two.min(axis=1) < 0.0) | (away[0] < away[1])
+
+
+def _on_edge(a: Array, b: Array, wanted: Array) -> Array:
+    """Barycentric coordinates (m, 2) of the places on straight edges that are nearest to a point."""
+    along = b - a
+    t = np.clip(((wanted - a) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    return np.column_stack([1 - t, t])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A state's dofs over the grid's nodes and back, to the last bit: what a restart needs.
+
+
+RAW = (("restart_state_u", "restart_state_p"), ("restart_rate_u", "restart_rate_p"))
+"""Names of a state's dofs, and of the path's direction there, among a step's fields: dimensionless, for a restart alone."""
+
+
+class StateDofs:
+    """Takes a state's dofs apart over the grid's nodes, and makes states of such arrays again.
+
+    Args:
+        sampling: The mesh and the numbering of its nodes.
+    """
+
+    def __init__(self, sampling: Sampling):
+        self._sampling, self._grid, self._eq = sampling, sampling.grid, sampling.system
+
+    def raw(self, state: State, tangent: Tangent) -> dict[str, Array] | None:
+        """Dofs of a state and of the path's direction there over the grid's nodes; on rank 0, None elsewhere.
+
+        A path magnifies what its states differ by, three to five times in a step, as far as Newton's tolerance lets it: at a
+        sharp corner a rounded last digit of a state would be 1e-6 of the largest stress after 15 steps.
+        """
+        found: dict[str, Array | None] = {}
+        for (u, p), w in zip(RAW, (state.w, tangent.w), strict=True):
+            found[u] = self._grid.collect(w[self._sampling.skew[: self._grid.owned]])
+            found[p] = self._grid.collect(self._vertex_values(w))
+        whole = {name: values for name, values in found.items() if values is not None}
+        return whole if len(whole) == len(found) else None
+
+    def dofs(self, u: Array | None, p: Array | None) -> Array:
+        """The dofs that `raw` took apart, from its two arrays on rank 0, None elsewhere."""
+        if self._sampling.pressures is None:
+            return self._filled(self._grid.distribute(u), None)
+        here = self._grid.distribute(p)
+        return self._filled(self._grid.distribute(u), here if here.ndim == 2 else here[:, None])
+
+    def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
+        """The state that nodal fields were made of.
+
+        Args:
+            nodal: At least ``displacement`` and ``p`` on rank 0; None elsewhere.
+            P: Its cavity pressure, dimensionless.
+            V: Its cavity volume, dimensionless.
+        """
+        eq, grid = self._eq, self._grid
+        u = grid.distribute(None if nodal is None else nodal["displacement"]) / eq.length_unit
+        p = grid.distribute(None if nodal is None else nodal["p"])[:, None] / eq.stress_unit
+        u = u if grid.dimension == 3 else u[:, [0, 2]]
+        return State(self._filled(u @ eq.body.skew.T, p), P, V)
+
+    def _filled(self, skew: Array, p: Array | None) -> Array:
+        """Dofs from skew components and p at owned nodes, where one value of p may stand for those of all regions."""
+        from dolfinx import fem
+
+        function = fem.Function(self._eq.space)
+        function.x.array[self._sampling.skew[: self._grid.owned]] = skew
+        if self._sampling.pressures is not None and p is not None:
+            at = self._sampling.pressures[: self._grid.owned]
+            function.x.array[at[at >= 0]] = np.broadcast_to(p, at.shape)[at >= 0]
+        function.x.scatter_forward()
+        return function.x.array.copy()
+
+    def _vertex_values(self, w: Array) -> Array:
+        """The unknown p at owned nodes that have one, 0 elsewhere; one for each region where there are several."""
+        if self._sampling.pressures is None:
+            return np.zeros(self._grid.owned)
+        at = self._sampling.pressures[: self._grid.owned]
+        found = np.where(at >= 0, w[at], 0.0)
+        return found if found.shape[1] > 1 else found[:, 0]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The fields that every step is written with: each is listed here once, and files, columns and pictures follow.
+#
+# A field of your own is one more entry, also from outside: ``FIELDS.append(OutputField(...))`` before the run.
+
+
+@dataclasses.dataclass(frozen=True)
+class Colours:
+    """How pictures colour a field.
+
+    Attributes:
+        unit: Of the colour bar.
+        factor: From SI to it.
+        rest: Value at rest in it, where the colours begin.
+        power: Colours follow this power of the value: stress by its square root, or all but a few corners and the last
+            state would be dark.
+    """
+
+    unit: str
+    factor: float
+    rest: float
+    power: float = 1.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Extreme:
+    """A column of ``path.csv`` with the least or the largest value of a field over the whole device.
+
+    Attributes:
+        column: Its name, which ends in the unit.
+        title: Short name.
+        text: What it is, a sentence without its stop.
+        unit: SI value of the column's unit.
+        least: Whether it is the least value, not the largest.
+        peak: Whether it is the field's `softmodels.runs.state_values`, which no single point decides.
+    """
+
+    column: str
+    title: str
+    text: str
+    unit: float = 1.0
+    least: bool = False
+    peak: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class OutputField:
+    """A field over the nodes, in HDF5, XDMF and VTKHDF.
+
+    Attributes:
+        name: In the files.
+        unit: SI; "" for a number.
+        title: In words.
+        nodal: Its values at owned nodes, shape (owned,), or (owned, 3) of a vector; asked on all ranks.
+        sampled: Its values where they are exact: at integration points or corners, shape (cells, k). `Figures.extremes` has
+            the least and the largest of them over the whole device.
+        extremes: Columns of ``path.csv`` with these.
+        colours: How pictures show it; None if they do not.
+    """
+
+    name: str
+    unit: str
+    title: str
+    nodal: Callable[[StateValues], Array]
+    sampled: Callable[[StateValues], Array] | None = None
+    extremes: tuple[Extreme, ...] = ()
+    colours: Colours | None = None
+
+    @property
+    def largest(self) -> Extreme | None:
+        """The column of its largest value, if it has one."""
+        return next((one for one in self.extremes if not (one.least or one.peak)), None)
+
+
+FIELDS: list[OutputField] = [
+    OutputField("displacement", "m", "displacement", lambda at: at.displacement),
+    OutputField("p", "Pa", "pressure-like unknown", lambda at: at.p),
+    OutputField(
+        "von_mises", "Pa", "von Mises stress", lambda at: at.at_nodes(at.von_mises, positive=True),
+        lambda at: at.von_mises,
+        (Extreme("max_von_mises_kPa", "largest von Mises stress", f"Cauchy stress that changes the shape; {AT_POINTS}", 1e3),
+         Extreme("peak_von_mises_kPa", "peak von Mises stress", f"{WORDS}; what designs are judged by", 1e3, peak=True)),
+        Colours("kPa", 1e-3, 0.0, 0.5),
+    ),
+    OutputField(
+        "largest_stretch", "", "largest stretch", lambda at: at.at_nodes(at.stretches[..., -1], positive=True),
+        lambda at: at.stretches[..., -1],
+        (Extreme("max_stretch", "largest stretch",
+                 f"length over length at rest, in the direction where it is most; {AT_POINTS}, so at sharp corners and clamped "
+                 "edges it grows with every refinement of the mesh"),
+         Extreme("peak_stretch", "peak stretch", f"of the largest stretch the {WORDS}, which does not depend on the mesh; what "
+                 "designs are judged by", peak=True)),
+        Colours("", 1.0, 1.0),
+    ),
+    OutputField(
+        "J", "", "volume ratio", lambda at: at.from_corners(at.J), lambda at: at.J,
+        (Extreme("J_min", "smallest J", "J is the silicone's own volume over that at rest; rubber keeps it at 1; over the "
+                 "cells' vertices", least=True),
+         Extreme("J_max", "largest J", "of the same, over the cells' vertices")),
+    ),
+]  # fmt: skip
+"""In the order in which they are computed."""
+
+
+def coloured() -> dict[str, tuple[OutputField, Colours]]:
+    """The fields that pictures show, by name."""
+    return {field.name: (field, field.colours) for field in FIELDS if field.colours is not None}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What rigid parts tell of a state: how they have moved, and what the device pushes on them with.
+
+
+def rigid_parts(sampling: Sampling, state: State) -> dict[str, float]:
+    """Columns of the rigid parts in the state that is loaded, of the whole device, on all ranks."""
+    eq = sampling.system
+    moving = eq.unknowns.moving
+    if not moving:
+        return {}
+    surplus = eq.surplus()
+    drives = eq.drives_at(state)[len(eq.body.actuator.ratios) :]
+    found: dict[str, float] = {}
+    for name, motion in moving.items():
+        # All that acts on the part's nodes pushes on it, the silicone's weight there too, but what the part itself bears.
+        forces = -surplus - eq.dead.borne(motion.dofs.ravel(), drives)
+        found |= {f"{name}_{key}": value for key, value in _figures(eq, motion, forces)}
+    return found
+
+
+def _figures(eq: System, motion: RigidMotion, forces: Array) -> Iterator[tuple[str, float]]:
+    """Columns of one part, without its name, and their values."""
+    actuator, free = eq.body.actuator, motion.freedom
+    length, unit = eq.length_unit, eq.stress_unit * eq.length_unit**2 * actuator.copies
+    directions, axes = symmetric_motions(actuator)
+    for axis in _axes(in_space(free.directions)):
+        yield f"{'xyz'[axis]}_mm", float(in_space(motion.translation)[axis]) * length * 1e3
+    for axis in _axes(free.axes):
+        yield f"turn_{'xyz'[axis]}_deg", float(np.degrees(rotation_vector(motion.rotation)[axis]))
+    force, moment = motion.wrench(forces)
+    force = in_space(force @ directions.T @ directions) * unit  # the rest, the device's other slices push back
+    along = free.directions[0] if len(free.directions) == 1 else None
+    yield "force_N", float(force @ (np.asarray(actuator.lift) if along is None else in_space(along)))
+    if len(directions) > 1:
+        for axis in _axes(in_space(directions)):
+            yield f"force_{'xyz'[axis]}_N", float(force[axis])
+    for axis in _axes(axes):
+        yield f"moment_{'xyz'[axis]}_Nmm", float((moment @ axes.T @ axes)[axis]) * unit * length * 1e3
+
+
+def _axes(vectors: Array) -> list[int]:
+    """The device's axes along which vectors have a part."""
+    return [axis for axis in range(3) if np.abs(vectors[:, axis]).max(initial=0.0) > 1e-9]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Forces and stiffness of the whole device: figures that all ranks compute together, with the columns they fill.
+#
+# One more is a `Measure` in `MEASURES`, also from outside.
+
+
+@dataclasses.dataclass(frozen=True)
+class ForceMeasure:
+    """A figure of a state that needs all ranks.
+
+    Attributes:
+        compute: Columns of ``path.csv`` and their values, on all ranks, while the state is loaded; none where it says nothing
+            of a device.
+        texts: Short name and meaning by column; a pattern of `re` may stand for several columns, whose group ``{0}`` is then.
+    """
+
+    compute: Callable[[Sampling, State], dict[str, float]]
+    texts: Mapping[str, tuple[str, str]]
+
+
+def _force_unit(eq: System) -> float:
+    """N of the whole device for a dimensionless force on the modelled slice."""
+    return eq.stress_unit * eq.length_unit**2 * eq.body.actuator.copies
+
+
+def blocked_force(sampling: Sampling, state: State) -> dict[str, float]:
+    """Force in N of the whole device on what blocks it, if something does."""
+    eq = sampling.system
+    role = eq.body.actuator.blocked
+    if role is None:
+        return {}
+    # Held along the lift, so one row of the skew basis is the lift.
+    along = in_section(eq.body.actuator.lift, eq.body.actuator.dimension)
+    component = int(np.argmax(eq.body.skew @ along))
+    return {"blocked_force_N": held_force(eq, role, component) * _force_unit(eq)}
+
+
+def contact_force(sampling: Sampling, state: State) -> dict[str, float]:
+    """Force in N of the whole device on the plane that stops it, and how deep it has sunk in; nothing without one.
+
+    Planes that a cut-out slice's copies bring along count with theirs.
+    """
+    from dolfinx import fem
+
+    eq, grid = sampling.system, sampling.grid
+    contact = eq.contact
+    if contact is None:
+        return {}
+    nodes = fem.locate_dofs_topological(grid.space, eq.body.mesh.topology.dim - 1, contact.facets)
+    nodes = nodes[nodes < grid.owned]
+    places = grid.space.tabulate_dof_coordinates()[nodes, : grid.dimension]
+    gaps = contact.gaps(places + state.w[sampling.skew[nodes]] @ eq.body.skew_inverse.T)
+    deepest = largest(eq.comm, float(-gaps.min()) if gaps.size else -np.inf)
+    return {
+        "contact_force_N": eq.contact_force() * _force_unit(eq),
+        "contact_depth_mm": max(deepest, 0.0) * eq.length_unit * 1e3,
+    }
+
+
+def part_figures(sampling: Sampling, state: State) -> dict[str, float]:
+    """What the parts added to the device tell of a state."""
+    eq = sampling.system
+    return {name: value for term in eq.potential.terms.values() for name, value in term.figures(eq).items()}
+
+
+def dead_loads(sampling: Sampling, state: State) -> dict[str, float]:
+    """Weights, forces and moments on the device, and what they move."""
+    eq = sampling.system
+    return eq.dead.figures(eq.drives_at(state)[len(eq.body.actuator.ratios) :])
+
+
+def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
+    """Stiffness in N/m of the whole device along the lift at a state, if it tells of one: a tangent, no difference.
+
+    The load is spread over the `Actuator.pushed` face, and the motion is that face's mean; the pressure is kept.
+    """
+    eq = sampling.system
+    actuator = eq.body.actuator
+    if actuator.pushed is None:
+        return {}
+    compliance = sampling.solver.dead_load_compliance(state, sampling.push)  # of a unit load on each slice
+    unit = eq.stress_unit * eq.length_unit * actuator.copies
+    return {f"{actuator.pushed}_stiffness_N_per_m": unit / compliance if compliance else np.inf}  # held
+
+
+MEASURES: list[ForceMeasure] = [
+    ForceMeasure(part_figures, {}),  # their texts stand on the kinds of parts
+    ForceMeasure(dead_loads, {}),
+    ForceMeasure(rigid_parts, {}),
+    ForceMeasure(
+        blocked_force,
+        {"blocked_force_N": ("blocked force", "with which the whole device pushes along its lift on what holds its tip")},
+    ),
+    ForceMeasure(
+        contact_force,
+        {
+            "contact_force_N": ("contact force", "of the whole device on the rigid plane, along the plane's normal"),
+            "contact_depth_mm": ("contact depth", "how deep the stopped faces have sunk into the rigid plane"),
+        },
+    ),
+    ForceMeasure(
+        stiffness,
+        {
+            r"(\w+)_stiffness_N_per_m": (
+                "{0} stiffness", "force along the lift, spread over the {0}, per rise of it at this pressure",
+            ),
+        },
+    ),
+]  # fmt: skip
+"""In the order of their columns."""
+
+
+class Fields:
+    """Nodal fields and key figures of an equilibrium's states.
+
+    Args:
+        solver: The device.
+        gauges: Points and angles that the user has named.
+
+    Attributes:
+        grid: The nodes that results are written on.
+        rest_volume: Of the cavity, dimensionless.
+    """
+
+    def __init__(self, solver: Solver, gauges: Probes = NONE):
+        import ufl
+        from dolfinx import fem
+
+        self.solver, self.system = solver, solver.system
+        system = self.system
+        self.grid = Grid(system)
+        self.sampling = Sampling(solver, self.grid)
+        self._dofs = StateDofs(self.sampling)
+        self.rest_volume = system.rest().V
+        self._rest_volumes = system.volumes()
+        places = ufl.SpatialCoordinate(system.body.mesh)
+        self._places = fem.Expression(places, system.points, jit_options=JIT)
+        self._probes = {name: self._owner(point) for name, point in system.body.actuator.probes.items()}
+        self._gauges, self._followed = gauges, tracked_points(system, self.grid, gauges)
+        self._turning = turning_faces(system, self.grid, gauges)
+
+    @functools.cached_property
+    def walls(self) -> FacingWalls:
+        """The device's surface, on rank 0."""
+        planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
+        return FacingWalls(self.grid.points, self.grid.cells, self.grid.cell_name, planes)
+
+    @property
+    def followed(self) -> list[str]:
+        """Where the named points are followed: a sentence on each."""
+        return [followed_text(name, one.away, one.place) for name, one in self._followed.items()]
+
+    def values(self, state: State) -> StateValues:
+        """A state's values; the state is loaded into the equations."""
+        self.system.load(state)
+        return StateValues(self.sampling, state)
+
+    def shape(self, w: Array) -> Array | None:
+        """Displacement of dofs such as a mode's over the grid's nodes in device coordinates, (n, 3) in m, on rank 0."""
+        return self.grid.collect(self.sampling.displacement(w))
+
+    def nodal(self, state: State) -> dict[str, Array] | None:
+        """All of `FIELDS` over the grid's nodes by name, SI units, shape (n,) or (n, 3), on rank 0; None elsewhere."""
+        values = self.values(state)
+        found = {field.name: self.grid.collect(field.nodal(values)) for field in FIELDS}
+        whole = {name: field for name, field in found.items() if field is not None}
+        return whole if len(whole) == len(found) else None
+
+    def raw(self, state: State, tangent: Tangent) -> dict[str, Array] | None:
+        """What a restart needs of a state and of the path's direction there; see `StateDofs.raw`."""
+        return self._dofs.raw(state, tangent)
+
+    def dofs(self, u: Array | None, p: Array | None) -> Array:
+        """The dofs that `raw` took apart; see `StateDofs.dofs`."""
+        return self._dofs.dofs(u, p)
+
+    def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
+        """The state that `nodal` was made of; see `StateDofs.state`."""
+        return self._dofs.state(nodal, P, V)
+
+    def figures(self, state: State) -> Figures:
+        """Key figures of a state."""
+        eq, values = self.system, self.values(state)
+        actuator, u = eq.body.actuator, values.displacement
+        lift = np.asarray(actuator.lift)
+        moved = self.probes_moved(state.w)
+        named = {name: self._moved(state, one) for name, one in self._followed.items()}
+        places = {name: one.place for name, one in self._followed.items()}
+        extremes = {field.name: self._extremes(field.sampled(values)) for field in FIELDS if field.sampled is not None}
+        added = (eq.volumes() - self._rest_volumes) * eq.volume_unit
+        pressures = eq.pressures_at(state) * eq.stress_unit
+        device = together(
+            actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
+            self._gauges.figures(places, named, actuator.lift, self._normals(state.w)),
+            *(measure.compute(self.sampling, state) for measure in MEASURES),
+        )
+        return Figures(
+            pressure=state.P * eq.stress_unit if eq.drives_cavities else float(pressures.max(initial=0.0)),
+            added_volume=float(actuator.ratios @ added),
+            cavity_pressures=tuple(pressures.tolist()),
+            cavity_volumes=tuple(added.tolist()),
+            rises={name: float(shift @ lift) for name, shift in moved.items()},
+            device=device,
+            max_displacement=self._extremes(np.linalg.norm(u, axis=1))[1],
+            max_stretch_at=self._place_of(values.stretches[..., -1], extremes["largest_stretch"][1]),
+            extremes=extremes,
+            peaks={
+                field.name: volume_peak(eq.comm, field.sampled(values), eq.point_volumes())[0]
+                for field in FIELDS
+                if field.sampled is not None and any(one.peak for one in field.extremes)
+            },
+            stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
+        )
+
+    def _extremes(self, values: Array) -> tuple[float, float]:
+        """The least and the largest value over all ranks."""
+        comm = self.system.comm
+        least = -largest(comm, float((-values).max()) if values.size else -math.inf)
+        return least, largest(comm, float(values.max()) if values.size else -math.inf)
+
+    def _owner(self, point: Vector) -> int:
+        """Local owned node at a device point, or -1 on the ranks that do not own it."""
+        eq = self.system
+        here = self.grid.space.tabulate_dof_coordinates()[: self.grid.owned] * eq.length_unit
+        distance = np.linalg.norm(eq.body.actuator.device_points(here) - np.asarray(point), axis=1)
+        node = int(np.argmin(distance)) if len(distance) else -1
+        near = float(distance[node]) if node >= 0 else math.inf
+        closest = -largest(eq.comm, -near)
+        return node if near == closest and closest < 1e-6 * eq.length_unit else -1
+
+    def probes_moved(self, w: Array) -> dict[str, Array]:
+        """Displacement (3,) in m of each probe in device coordinates, of dofs or of a change of them, on all ranks."""
+        u = self.sampling.displacement(w)
+        return {name: self._at(u, node) for name, node in self._probes.items()}
+
+    def _at(self, u: Array, node: int) -> Array:
+        """Displacement (3,) of a node that one rank owns, on all ranks; ``node`` is -1 on the others."""
+        return np.array([total(self.system.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
+
+    def _normals(self, w: Array) -> dict[str, tuple[Array, Array]]:
+        """Normals of the faces whose rotation is followed, undeformed and turned."""
+        eq, skew = self.system, self.sampling.skew
+        found = {}
+        for name, face in self._turning.items():
+            moved = in_space(w[skew[face.nodes]] @ eq.body.skew_inverse.T * eq.length_unit)
+            found[name] = face.normal, face.turned(moved)
+        return found
+
+    def _moved(self, state: State, one: TrackedPoint) -> Array:
+        """Displacement (3,) in m of a followed place, on all ranks."""
+        eq = self.system
+        u = one.weights @ state.w[self.sampling.skew[one.nodes]] @ eq.body.skew_inverse.T * eq.length_unit
+        u = u if self.grid.dimension == 3 else np.array([u[0], 0.0, u[1]])
+        return np.array([total(eq.comm, float(value)) for value in u])
+
+    def _place_of(self, values: Array, peak: float) -> tuple[float, float, float]:
+        """Where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""
+        eq = self.system
+        found = np.empty((0, 3))
+        near = values >= peak * (1 - 1e-9)
+        cells = np.flatnonzero(near.any(axis=1))
+        if cells.size:
+            places = self._places.eval(eq.body.mesh, eq.cells[cells])
+            places = places.reshape(*near[cells].shape, -1)[near[cells]]
+            flat = np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))]) * eq.length_unit
+            found = eq.body.actuator.device_points(flat)
+        # Of equal ones, as at rest, the first in order of x, y, z: no rounding and no rank decides.
+        place = []
+        for axis in range(3):
+            least = -largest(eq.comm, -float(found[:, axis].min()) if len(found) else -math.inf)
+            found = found[found[:, axis] <= least + 1e-9 * eq.length_unit]
+            place.append(least)
+        return place[0], place[1], place[2]
+
+
+def together(*groups: Mapping[str, float]) -> dict[str, float]:
+    """Columns of ``path.csv`` in one.
+
+    Raises:
+        ComponentError: Two of them bear one name, as a rigid part ``tip`` and a device whose tip has a column of its own.
+    """
+    found: dict[str, float] = {}
+    for group in groups:
+        if twice := sorted(found.keys() & group.keys()):
+            raise ComponentError(
+                f"two figures of this device and its parts would be the column {twice[0]} of path.csv; give the part, point or "
+                "angle that is named in it another name"
+            )
+        found |= group
+    return found
+
+
+def _place(start: Vector, shift: Array) -> Vector:
+    x, y, z = np.asarray(start) + shift
+    return float(x), float(y), float(z)

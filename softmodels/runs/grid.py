@@ -1,0 +1,542 @@
+"""The nodes and cells that results are written on: the second-order grid, whole, on rank 0.
+
+Nodes are sorted by position and cells by their number in the mesh file, so that files do not depend on the number of ranks.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator
+from geometries.actuator import joined, reflected
+from softmodels.common.arrays import Array
+from softmodels.mechanics.mpi import gathered
+from softmodels.mechanics.system import System
+
+if TYPE_CHECKING:
+    from dolfinx import fem
+    from scipy.spatial import KDTree
+
+
+CELL_NAMES = {2: "Triangle_6", 3: "Tetrahedron_10"}
+
+
+class Grid:
+    """Nodes and cells of an equilibrium's displacement.
+
+    Attributes:
+        points: Device coordinates in m, shape (n, 3); on rank 0, elsewhere empty.
+        cells: Node numbers in VTK's order, shape (c, 6 or 10); on rank 0, elsewhere empty.
+        cell_name: XDMF's name of the cells.
+    """
+
+    def __init__(self, system: System):
+        from dolfinx import fem, plot
+
+        body = system.body
+        self.comm, self.mixed = system.comm, system.mixed
+        self.dimension = body.actuator.dimension
+        self.cell_name = CELL_NAMES[self.dimension]
+        self.space = fem.functionspace(body.mesh, ("P", 2))
+        index_map = self.space.dofmap.index_map
+        self.owned = index_map.size_local
+        here = self.space.tabulate_dof_coordinates()[: self.owned] * system.length_unit
+        everywhere = gathered(self.comm, body.actuator.device_points(here))
+        local_cells = plot.vtk_mesh(self.space)[0].reshape(len(system.cells), -1)[:, 1:]
+        cells = gathered(
+            self.comm, index_map.local_to_global(local_cells.ravel().astype(np.int32)).reshape(local_cells.shape)
+        )
+        numbers = gathered(self.comm, body.mesh.topology.original_cell_index[: len(system.cells)])
+        if everywhere is None or cells is None or numbers is None:
+            self.points, self.cells, self.order = (
+                np.empty((0, 3)),
+                np.empty((0, 0), dtype=np.int64),
+                np.empty(0, dtype=int),
+            )
+            return
+        # Rounded, so that two ranks' last digits cannot swap neighbours; off the round numbers that meshes like.
+        rounded = np.floor(everywhere / system.length_unit * 1e8 + 0.4142)
+        self.order = np.lexsort(rounded.T[::-1])
+        self.points = everywhere[self.order]
+        rank_of = np.empty(len(self.order), dtype=np.int64)
+        rank_of[self.order] = np.arange(len(self.order))
+        self.cells = rank_of[cells][np.argsort(numbers)]
+
+    def collect(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
+        """Nodal values of owned nodes, shape (owned, ...), as one array in the grid's order on rank 0; None elsewhere."""
+        everywhere = gathered(self.comm, values)
+        return None if everywhere is None else everywhere[self.order]
+
+    def distribute(self, values: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+        """The reverse of `collect`: owned nodes' values from the whole array on rank 0."""
+        from softmodels.mechanics.mpi import scattered
+
+        back = None
+        if values is not None:
+            back = np.empty_like(values)
+            back[self.order] = values
+        return scattered(self.comm, back, self.owned)
+
+
+def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32] | None]:
+    """Where a state's entries sit on the grid.
+
+    Returns:
+        Indices into ``State.w`` of the skew components at each local node, shape (local nodes, d); and indices of p at
+        each local node, one for each region of the body, -1 where p has no dof (mid-edge nodes, and vertices that a region
+        does not reach), shape (local nodes, regions), or None in the displacement formulation.
+    """
+    d = grid.dimension
+    space = system.space
+    if not system.mixed:
+        nodes = _matched(grid, space)
+        found = np.empty((len(nodes), d), dtype=np.int32)
+        found[nodes] = d * np.arange(len(nodes))[:, None] + np.arange(d)
+        return found, None
+    columns = []
+    for component in range(d):
+        sub, blocks = space.sub(0).sub(component).collapse()
+        parents = np.concatenate(blocks)
+        column = np.empty(len(parents), dtype=np.int32)
+        column[_matched(grid, sub)] = parents
+        columns.append(column)
+    corners = system.potential.pressure_dofs
+    pressures = np.full((len(columns[0]), corners.shape[2]), -1, dtype=np.int32)
+    pressures[np.array(grid.space.dofmap.list)[:, : corners.shape[1]]] = corners  # vertices come first in a cell
+    return np.column_stack(columns), pressures
+
+
+def _matched(grid: Grid, space: fem.FunctionSpace) -> npt.NDArray[np.int64]:
+    """For each node of a space of the grid's degree, the local node of the grid at the same place: cells number both alike."""
+    places = space.tabulate_dof_coordinates()
+    nodes = np.empty(len(places), dtype=np.int64)
+    nodes[np.ravel(space.dofmap.list)] = np.ravel(grid.space.dofmap.list)
+    distance = np.abs(grid.space.tabulate_dof_coordinates()[nodes] - places)
+    if distance.max(initial=0.0) > 1e-9:
+        raise RuntimeError("the results' nodes are not where the unknowns are")
+    return nodes
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Second-order triangles and the faces of second-order tetrahedra, as curves and small flat triangles to draw.
+
+
+Cells = npt.NDArray[np.int64]
+
+EDGES = np.array([(0, 1, 3), (1, 2, 4), (2, 0, 5)])
+"""Edges of a six-node triangle: both ends and the node between them."""
+
+FACES = {
+    "Triangle_6": ((0, 1, 2, 3, 4, 5),),
+    "Tetrahedron_10": ((0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (2, 0, 3, 6, 7, 9), (0, 2, 1, 6, 5, 4)),
+}
+"""Faces of a cell, in VTK's order of nodes, as triangles of six nodes."""
+
+
+def outer_faces(cells: Cells, cell_name: str) -> Cells:
+    """Faces that belong to one cell alone, shape (f, 6); of a flat mesh, all its triangles."""
+    faces = cells[:, np.array(FACES[cell_name])].reshape(-1, 6)
+    _, first, count = np.unique(np.sort(faces[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
+    return faces[np.sort(first[count == 1])]
+
+
+def edge_curves(points: Array, faces: Cells, parts: int = 8) -> Array:
+    """Curves along the edges of six-node triangles, each once.
+
+    Args:
+        points: Shape (n, d).
+        faces: Shape (f, 6).
+        parts: Straight pieces per edge.
+
+    Returns:
+        Shape (edges, parts + 1, d).
+    """
+    edges = faces[:, EDGES].reshape(-1, 3)
+    edges = edges[np.unique(edges[:, 2], return_index=True)[1]]
+    return parabolas(points[edges], parts)
+
+
+def parabolas(nodes: Array, parts: int) -> Array:
+    """Parabolas through (begin, end, middle) nodes, shape (n, 3, d) to (n, parts + 1, d)."""
+    s = np.linspace(0.0, 1.0, parts + 1)
+    weights = np.column_stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
+    return np.einsum("sk,nkd->nsd", weights, nodes)
+
+
+def small_triangles(parts: int) -> tuple[Array, Cells]:
+    """How a six-node triangle is cut into small flat ones.
+
+    Args:
+        parts: Pieces per edge.
+
+    Returns:
+        Weights of the six nodes at the small triangles' corners, shape (m, 6), and the triangles, shape (parts^2, 3).
+    """
+    places = [(i, j) for j in range(parts + 1) for i in range(parts + 1 - j)]
+    number_of = {place: n for n, place in enumerate(places)}
+    r, s = np.array(places).T / parts
+    t = 1 - r - s
+    weights = np.column_stack([t * (2 * t - 1), r * (2 * r - 1), s * (2 * s - 1), 4 * t * r, 4 * r * s, 4 * s * t])
+    small = [[number_of[i, j], number_of[i + 1, j], number_of[i, j + 1]] for i, j in places if i + j < parts]
+    small += [[number_of[i, j], number_of[i - 1, j], number_of[i, j - 1]] for i, j in places if i > 0 and j > 0]
+    return weights, np.array(small)
+
+
+def fine_triangles(values: Array, faces: Cells, parts: int = 4) -> tuple[Array, Cells]:
+    """Six-node triangles as small flat ones.
+
+    Args:
+        values: Nodal values such as points, shape (n, k).
+        faces: Shape (f, 6).
+        parts: Pieces per edge.
+
+    Returns:
+        Values at the corners of the small triangles, shape (m, k), and the triangles, shape (f parts^2, 3).
+    """
+    weights, small = small_triangles(parts)
+    fine = np.einsum("pk,fkd->fpd", weights, values[faces]).reshape(-1, values.shape[1])
+    return fine, (np.arange(len(faces))[:, None, None] * len(weights) + small).reshape(-1, 3)
+
+
+def outline(points: Array, cells: Cells) -> Array:
+    """Curves along the edges that belong to one triangle alone, shape (n, d) to (edges, 9, d)."""
+    return parabolas(points[border(cells)], 8)
+
+
+def border(cells: Cells) -> Cells:
+    """Edges that belong to one triangle alone, turned as in it: begin, end and middle nodes, shape (edges, 3)."""
+    edges = cells[:, EDGES].reshape(-1, 3)
+    _, first, count = np.unique(edges[:, 2], return_index=True, return_counts=True)
+    return edges[first[count == 1]]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A curve of quadratic pieces, as second-order elements have on their edges: its signed distance from points.
+#
+# The closest point of a piece is found by Newton's method on the piece itself, so that the distance is that of the curve and
+# not of a polygon. Its derivative needs no derivative of the closest point: the distance moves with the curve along the line
+# between the two (envelope theorem).
+
+
+Indices = npt.NDArray[np.int64]
+
+SAMPLES = 9  # places per piece from which the closest point is looked for
+NEAREST = 8  # samples whose pieces are tried for each point
+ITERATIONS = 30
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Closest:
+    """For each point its closest one on the curve.
+
+    Attributes:
+        distance: Signed distance, positive on the left of the curve's direction, shape (k,).
+        piece: Index of the piece, shape (k,).
+        weights: Shape functions of the piece's three nodes there, shape (k, 3).
+        normal: Unit vector along which the distance grows as the point moves, shape (k, 2).
+    """
+
+    distance: Array
+    piece: Indices
+    weights: Array
+    normal: Array
+
+    def moved(self, rate: Array) -> Array:
+        """Derivative of the distance as the curve's nodes move, shape (k,).
+
+        Args:
+            rate: Derivative of the nodes, shape (n, 3, 2).
+        """
+        return -np.einsum("ka,kai,ki->k", self.weights, rate[self.piece], self.normal)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class QuadraticCurve:
+    """Pieces in order, each from its first node to its second, over its third at the middle of the parameter.
+
+    Attributes:
+        nodes: Shape (n, 3, 2).
+    """
+
+    nodes: Array
+
+    def at(self, piece: Indices | int, s: Array | float) -> tuple[Array, Array, Array]:
+        """Place, first and second derivative at the parameters s in -1...1 of pieces; shapes (..., 2)."""
+        s = np.asarray(s, dtype=float)
+        nodes = self.nodes[piece]
+        place = np.einsum("...a,...ai->...i", shapes(s), nodes)
+        slope = np.einsum("...a,...ai->...i", np.stack([s - 0.5, s + 0.5, -2 * s], axis=-1), nodes)
+        bend = nodes[..., 0, :] + nodes[..., 1, :] - 2 * nodes[..., 2, :]
+        return place, slope, bend
+
+    @functools.cached_property
+    def _samples(self) -> tuple[KDTree, Indices, Array]:
+        from scipy.spatial import KDTree
+
+        s = np.linspace(-1.0, 1.0, SAMPLES)
+        piece = np.repeat(np.arange(len(self.nodes)), SAMPLES)
+        at = np.tile(s, len(self.nodes))
+        return KDTree(self.at(piece, at)[0]), piece, at
+
+    def closest(self, points: Array) -> Closest:
+        """The closest point of the curve to each of the points, shape (k, 2)."""
+        tree, pieces, places = self._samples
+        points = np.asarray(points, dtype=float)
+        _, near = tree.query(points, k=min(NEAREST, len(pieces)))
+        near = near.reshape(len(points), -1)
+        piece, s, target = pieces[near], places[near], points[:, None, :]
+        for _ in range(ITERATIONS):
+            place, slope, bend = self.at(piece, s)
+            gap = place - target
+            square = (slope * slope).sum(-1)
+            curvature = square + (gap * bend).sum(-1)
+            # Where the distance has no minimum near, the step of a straight piece still leads towards it.
+            step = -(gap * slope).sum(-1) / np.where(curvature > 0.1 * square, curvature, square)
+            moved = np.clip(s + step, -1.0, 1.0)
+            done = np.abs(moved - s).max() < 1e-15
+            s = moved
+            if done:
+                break
+        place, slope, _ = self.at(piece, s)
+        best = np.argmin(((place - target) ** 2).sum(-1), axis=1)
+        pick = np.arange(len(points)), best
+        return self._signed(points, piece[pick], s[pick], place[pick], slope[pick])
+
+    def _signed(self, points: Array, piece: Indices, s: Array, place: Array, slope: Array) -> Closest:
+        slope = slope / np.linalg.norm(slope, axis=1)[:, None]
+        left = np.column_stack([-slope[:, 1], slope[:, 0]])
+        gap = points - place
+        inside = np.abs(s) < 1.0
+        along = (gap * left).sum(-1)
+        # At a joint the nearest line is no normal of the piece; the side is that of both pieces' mean direction.
+        size = np.linalg.norm(gap, axis=1)
+        side = np.where(self._sides(piece, s, left, gap) < 0.0, -1.0, 1.0)
+        joint = ~inside & (size > 1e-9 * np.linalg.norm(np.ptp(self.nodes.reshape(-1, 2), axis=0)))
+        normal = left.copy()
+        normal[joint] = side[joint, None] * gap[joint] / size[joint, None]
+        return Closest(np.where(joint, side * size, along), np.asarray(piece), shapes(s), normal)
+
+    def _sides(self, piece: Indices, s: Array, left: Array, gap: Array) -> Array:
+        other = np.clip(piece + np.where(s >= 1.0, 1, np.where(s <= -1.0, -1, 0)), 0, len(self.nodes) - 1)
+        slope = self.at(other, np.where(other == piece, s, -s))[1]
+        slope = slope / np.linalg.norm(slope, axis=1)[:, None]
+        both = left + np.column_stack([-slope[:, 1], slope[:, 0]])
+        return (both * gap).sum(-1)
+
+
+def shapes(s: Array | float) -> Array:
+    """Shape functions of a piece's nodes at parameters s, shape (..., 3)."""
+    s = np.asarray(s, dtype=float)
+    return np.stack([s * (s - 1) / 2, s * (s + 1) / 2, 1 - s * s], axis=-1)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The surface of a device in small triangles: the modelled slice once, and the images of it that make the whole.
+#
+# Nothing is known of the mesh's roles: what bounds the slice on a symmetry plane is a cut; the largest of the connected rest
+# is the outside, and the others are the walls of cavities. Made once for a mesh; a state only moves its vertices.
+
+
+SHARP = 40.0
+"""Angle in degrees from which on a bend of the surface is an edge."""
+SECTOR = 6.0
+"""Angle in degrees of the wedge that an axisymmetric section is drawn as; divides the circle."""
+CUT, OUTSIDE = -1, 0
+"""What a triangle belongs to, beside 1, 2, ... for the walls of cavities."""
+QUARTERS = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
+"""A six-node triangle as four flat ones."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Surface:
+    """Surface of a slice.
+
+    Attributes:
+        nodes: Grid node of each vertex, shape (v,); nodes on sharp edges have several vertices.
+        turned: Vertices that are turned by `SECTOR` around z after they have moved, shape (v,).
+        triangles: Vertices, outwards from the silicone by the right hand, shape (t, 3).
+        part: What each triangle belongs to, shape (t,).
+        edges: Vertices along sharp edges, shape (e, 2).
+        rims: Vertices along the edges of the cuts, shape (r, 2).
+        planes: Unit normals of the slice's symmetry planes, shape (k, 3).
+        on_plane: Vertices that lie in each plane and are not of a cut, shape (k, v).
+        images: Matrices that take the slice to its places in the device, shape (m, 3, 3); the first is the identity.
+    """
+
+    nodes: Cells
+    turned: npt.NDArray[np.bool_]
+    triangles: Cells
+    part: Cells
+    edges: Cells
+    rims: Cells
+    planes: Array
+    on_plane: npt.NDArray[np.bool_]
+    images: Array
+
+    @property
+    def cavities(self) -> int:
+        """How many cavities were found."""
+        return int(self.part.max(initial=0))
+
+    def points(self, nodal: Array) -> Array:
+        """Vectors at the vertices, shape (v, 3), from vectors at the nodes, shape (n, 3)."""
+        found = nodal[self.nodes]
+        found[self.turned] = found[self.turned] @ turn(SECTOR).T
+        return found
+
+    def normals(self, points: Array) -> Array:
+        """Unit normals at the vertices of a state, shapes (v, 3); smooth over symmetry planes too."""
+        a, b, c = (points[self.triangles[:, k]] for k in range(3))
+        faces = np.cross(b - a, c - a)
+        corners = self.triangles.T.ravel()
+        found = np.column_stack([np.bincount(corners, np.tile(faces[:, i], 3), len(points)) for i in range(3)])
+        which = 2 ** np.arange(len(self.planes)) @ self.on_plane
+        for these in np.unique(which[which > 0]):  # an edge between two planes that are not square lies in both at once
+            here = which == these
+            across = self.planes[self.on_plane[:, np.argmax(here)]]
+            found[here] -= found[here] @ np.linalg.pinv(across) @ across
+        return found / np.maximum(np.linalg.norm(found, axis=1), 1e-300)[:, None]
+
+    def device(self, vectors: Array, kept: npt.NDArray[np.intp] | None = None) -> Array:
+        """Vectors at the vertices of the images, one image after the other: (v, 3) to (m v, 3)."""
+        images = self.images if kept is None else self.images[kept]
+        return np.einsum("mij,vj->mvi", images, vectors).reshape(-1, 3)
+
+    def device_triangles(
+        self, chosen: npt.NDArray[np.bool_] | None = None, kept: npt.NDArray[np.intp] | None = None
+    ) -> Cells:
+        """Triangles over the vertices of `device`; those of mirrored images turned over, so that all point outwards."""
+        images = self.images if kept is None else self.images[kept]
+        triangles = self.triangles if chosen is None else self.triangles[chosen]
+        mirrored = np.linalg.det(images) < 0
+        sides = np.where(mirrored[:, None, None], triangles[:, ::-1], triangles)
+        return (sides + len(self.nodes) * np.arange(len(images))[:, None, None]).reshape(-1, 3)
+
+    def device_lines(self, lines: Cells, kept: npt.NDArray[np.intp] | None = None) -> Cells:
+        """Lines, shape (e, 2), over the vertices of `device`."""
+        count = len(self.images if kept is None else kept)
+        return (lines + len(self.nodes) * np.arange(count)[:, None, None]).reshape(-1, 2)
+
+
+def turn(degrees: float) -> Array:
+    """Matrix of a turn around z."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) -> Surface:
+    """The surface of a mesh.
+
+    Args:
+        points: Undeformed nodes in device coordinates, m, shape (n, 3).
+        cells: Node numbers in VTK's order, shape (c, 10), or (c, 6) of an axisymmetric section.
+        cell_name: XDMF's name of the cells.
+        actuator: The device, for its symmetry.
+    """
+    near_zero = 1e-7 * actuator.size
+    if cell_name.startswith("Tri"):
+        planes = np.array([(0.0, -1.0, 0.0), turn(SECTOR) @ (0.0, 1.0, 0.0)])
+        shell, part, cut = _swept(points, cells)
+        count = round(360.0 / SECTOR)
+    else:
+        planes = np.array([plane.normal for plane in actuator.cut_planes]).reshape(-1, 3)
+        faces = outer_faces(cells, cell_name)
+        near = np.abs(points[faces] @ planes.T) < near_zero
+        sliced = near.all(axis=1).any(axis=1)
+        whole = faces[~sliced]
+        part = np.repeat(_parts(points, whole[:, :3]), len(QUARTERS))
+        shell, cut = (found[:, QUARTERS].reshape(-1, 3) for found in (whole, faces[sliced]))
+        count = actuator.copies
+    both = np.concatenate([points, points @ turn(SECTOR).T])  # the numbers that `_swept` counts with
+    nodes, triangles, edges = _creased(both, shell)
+    cut_nodes, cut_triangles, rims = _creased(both, cut, border_only=True)
+    every = np.concatenate([nodes, cut_nodes])
+    on_plane = np.abs(planes @ both[every].T) < near_zero
+    on_plane[:, len(nodes) :] = False
+    return Surface(
+        nodes=every % len(points),
+        turned=every >= len(points),
+        triangles=np.concatenate([triangles, cut_triangles + len(nodes)]),
+        part=np.concatenate([part, np.full(len(cut), CUT)]),
+        edges=edges,
+        rims=rims + len(nodes),
+        planes=planes,
+        on_plane=on_plane,
+        images=reflected(planes, count),
+    )
+
+
+def _parts(points: Array, corners: Cells) -> Cells:
+    """`OUTSIDE` or the number of the cavity for each face, from what hangs together; shape (f, corners) to (f,)."""
+    pairs = np.concatenate([corners[:, [0, k]] for k in range(1, corners.shape[1])])
+    label = joined(pairs, len(points))[corners[:, 0]]
+    names = np.unique(label)
+    size = [np.linalg.norm(np.ptp(points[corners[label == name].ravel()], axis=0)) for name in names]
+    numbers = {name: number for number, name in enumerate(names[np.argsort(size)[::-1]])}
+    return np.array([numbers[name] for name in label], dtype=np.int64)
+
+
+def _swept(points: Array, cells: Cells) -> tuple[Cells, Cells, Cells]:
+    """Triangles of the wedge that a half section sweeps, what they belong to, and its two cuts.
+
+    Node k of the section is k where the wedge begins and n + k where it ends.
+    """
+    cells = _turned_alike(points, cells)
+    n, edges = len(points), border(cells)
+    edges = edges[points[edges[:, :2], 0].max(axis=1) > 1e-9 * points[:, 0].max()]  # those on the axis sweep nothing
+    part = np.repeat(_parts(points, edges[:, :2]), 4)
+    # The silicone lies left of its border, y pointing away.
+    begin, end = np.stack([edges[:, [0, 2]], edges[:, [2, 1]]], axis=1).reshape(-1, 2).T
+    walls = np.stack([[begin, begin + n, end], [end, begin + n, end + n]], axis=0).transpose(2, 0, 1).reshape(-1, 3)
+    shape = np.concatenate([points, points @ turn(SECTOR).T])[walls]
+    area = np.linalg.norm(np.cross(shape[:, 1] - shape[:, 0], shape[:, 2] - shape[:, 0]), axis=1)
+    solid = area > 1e-12 * points[:, 0].max() ** 2
+    section = cells[:, QUARTERS].reshape(-1, 3)
+    return walls[solid], part[solid], np.concatenate([section, section[:, ::-1] + n])
+
+
+def _turned_alike(points: Array, cells: Cells) -> Cells:
+    """The six-node triangles of a section, all in one sense: those of a part that is bonded on may be in the other."""
+    a, b, c = points[cells[:, :3]].transpose(1, 0, 2)
+    against = np.cross(b - a, c - a)[:, 1] > 0.0
+    return np.where(against[:, None], cells[:, [0, 2, 1, 5, 4, 3]], cells)
+
+
+def _creased(points: Array, triangles: Cells, border_only: bool = False) -> tuple[Cells, Cells, Cells]:
+    """Vertices that are shared where the surface is smooth and doubled along its sharp edges.
+
+    Args:
+        points: Shape (n, 3).
+        triangles: Nodes, shape (t, 3).
+        border_only: Give the surface's border as its edges, in place of the sharp ones inside.
+
+    Returns:
+        The node of each vertex, shape (v,); the triangles' vertices, shape (t, 3); vertices along the edges, shape (e, 2).
+    """
+    if not len(triangles):
+        return np.empty(0, dtype=np.int64), np.empty((0, 3), dtype=np.int64), np.empty((0, 2), dtype=np.int64)
+    corner = np.arange(triangles.size).reshape(-1, 3)
+    ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
+    corners = np.stack([corner, np.roll(corner, -1, axis=1)], axis=-1).reshape(-1, 2)
+    swapped = ends[:, 0] > ends[:, 1]
+    ends[swapped], corners[swapped] = ends[swapped, ::-1], corners[swapped, ::-1]
+    order = np.lexsort(ends.T)
+    same = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
+    one, other = order[:-1][same], order[1:][same]
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    smooth = (normals[one // 3] * normals[other // 3]).sum(axis=1) > np.cos(np.radians(SHARP))
+    pairs = np.concatenate([np.column_stack([corners[one[smooth], k], corners[other[smooth], k]]) for k in (0, 1)])
+    vertex = joined(pairs, triangles.size)
+    nodes = np.empty(vertex.max() + 1, dtype=np.int64)
+    nodes[vertex] = triangles.ravel()
+    alone = np.ones(len(ends), dtype=bool)
+    alone[one] = alone[other] = False
+    lines = corners[alone] if border_only else corners[one[~smooth]]
+    return nodes, vertex[corner], vertex[lines].reshape(-1, 2)

@@ -1,0 +1,403 @@
+"""The limit of a design: the first pressure at which it loses its stability, and where it is strained most there.
+
+Asked of many designs at once, for a list of materials or for the scatter of a workshop, so nothing is written on the way.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator, GeometryError
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.load import STIFFNESS_RANGE
+from softmodels.common.options import flag
+from softmodels.common.schema import (
+    Length,
+    Quantity,
+    about,
+    shown,
+)
+from softmodels.common.units import (
+    UnitError,
+    brief,
+    number,
+    quantity,
+)
+from softmodels.materials.laws import Material
+from softmodels.materials.silicones import (
+    PRODUCTS,
+    SILICONES,
+    full_name,
+    named,
+    product_of,
+    spanning,
+    spread_sentence,
+)
+from softmodels.mechanics.compiling import compiling
+from softmodels.mechanics.component import Component, ComponentError
+from softmodels.mechanics.loads import weighed
+from softmodels.mechanics.mpi import on_root
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import State
+    from softmodels.path.continuation import Continuation
+    from softmodels.path.points import Point
+    from softmodels.runs.fields import Fields
+
+
+LONGEST_TEXT = 300
+"""Characters of the longest tolerance: patterns take long over texts without end."""
+LARGEST_STRETCH = 5.0
+"""Stretch at which the search ends if nothing is met: silicones fail at 3 to 10, and their laws are mostly fitted to less."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Limit:
+    """How far a design can be inflated; SI units.
+
+    Attributes:
+        kind: ``"limit"`` (the pressure has a maximum, or the device another end, see ``why``), ``"bifurcation"`` (it leaves its
+            shape before that), ``"none"`` (the stretch of `LARGEST_STRETCH` came first), or ``"lost"`` (the path could not be
+            followed so far).
+        pressure: Pressure in Pa there; for ``"none"`` at that stretch, for ``"lost"`` the last one known to be stable.
+        added_volume: Volume in m3 taken by then.
+        rises: Rise of the probes in m.
+        stretch: Largest principal stretch.
+        place: Undeformed device coordinates in m of the integration point with the largest stretch.
+        why: What ended a lost path, or a limit that is no maximum of the pressure alone; else empty.
+    """
+
+    kind: str
+    pressure: float
+    added_volume: float
+    rises: dict[str, float]
+    stretch: float
+    place: tuple[float, float, float]
+    why: str = ""
+
+    @property
+    def found(self) -> bool:
+        return self.kind in ("limit", "bifurcation")
+
+
+def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm) -> list[Limit]:
+    """Limits of one device in several materials; it is meshed once.
+
+    Args:
+        case: The device, what is around it, and how its equations are solved; its load and material are not looked at.
+        materials: The silicones.
+        comm: MPI communicator.
+
+    Raises:
+        MeshingError, BodyError, MaterialError, ObstacleError, ComponentError: As for a run.
+    """
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
+    from softmodels.runs.fields import Fields
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(comm.bcast(folder)) / "device.msh"
+        on_root(comm, lambda: case.actuator.write(path))
+        body = Body.from_file(case.actuator, path, comm)
+        comm.barrier()
+    known: dict[tuple[type[Material], int, tuple[Component, ...]], tuple[Solver, Fields]] = {}
+    found = []
+    try:
+        for material in materials:
+            own = weighed(case.parts, material)
+            key = (type(material), len(getattr(material, "mu", ())), own)
+            if key not in known:
+                with compiling():
+                    system = System(body, material, case.formulation, case.sheet, case.obstacle, own)
+                    solver = Solver(system, case.solver)
+                    known[key] = solver, Fields(solver)
+            solver, fields = known[key]
+            solver.system.set_material(material)
+            found.append(_search(solver, fields))
+    finally:
+        for solver, _ in known.values():
+            solver.release()
+    return found
+
+
+def _search(solver: Solver, fields: Fields) -> Limit:
+    from softmodels.mechanics.newton import NoConvergence
+    from softmodels.path.continuation import Continuation, trace
+    from softmodels.path.points import PathEnd
+
+    path = Continuation(solver, start=_hanging(solver))
+    kind, why, last = "none", "", None
+    try:
+        for point in trace(path, [STIFFNESS_RANGE]):
+            before, last = last, point
+            if point.limit or point.bifurcation:
+                kind = "limit" if point.limit else "bifurcation"
+                break
+            if before is not None and fields.figures(point.state).max_stretch > LARGEST_STRETCH:
+                last = _stretched(path, fields, before, point)
+                break
+    except (PathEnd, NoConvergence) as end:
+        kind, why = "lost", str(end)
+        if isinstance(end, PathEnd) and end.cause:
+            kind, why = "lost" if end.cause.of_mesh else "limit", end.cause.clause
+    assert last is not None  # the state at rest is always there
+    figures = fields.figures(last.state)
+    return Limit(
+        kind, figures.pressure, figures.added_volume, dict(figures.rises), figures.max_stretch,
+        figures.max_stretch_at, why,
+    )  # fmt: skip
+
+
+def _hanging(solver: Solver) -> State | None:
+    """The state in which a device hangs under its dead loads, all of which are kept; None without any.
+
+    Raises:
+        ComponentError: There is none.
+    """
+    from softmodels.path.schedule import HangingEnd, hang, inflate_from
+
+    system = solver.system
+    if not system.dead.loads:
+        return None
+    cavities = np.zeros(len(system.body.actuator.ratios))
+    try:
+        hung = hang(solver, [("its dead loads", np.concatenate([cavities, system.dead.amounts / system.dead.units]))])
+    except HangingEnd as end:
+        raise ComponentError(
+            f"the device does not bear {end.what} ({end}): they could be applied to {end.share:.3g} of themselves"
+        ) from end
+    return inflate_from(solver, hung)
+
+
+def _stretched(path: Continuation, fields: Fields, before: Point, after: Point) -> Point:
+    """The point between two where the largest stretch is `LARGEST_STRETCH`, to a part in a thousand or so."""
+    for _ in range(2):  # each time from the end that is nearer
+        low, high = (fields.figures(point.state).max_stretch for point in (before, after))
+        between = path.corrector.on_the_way(before, after, (LARGEST_STRETCH - low) / (high - low))
+        before, after = (
+            (between, after) if fields.figures(between.state).max_stretch < LARGEST_STRETCH else (before, between)
+        )
+    return between
+
+
+# -- the scatter of a workshop ----------------------------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True)
+class Tolerance:
+    """A parameter or deviation of the device and how far it may be off: ``middle`` plus or minus ``half``.
+
+    Attributes:
+        name: A field of the device, or one of its `Actuator.deviations`.
+        middle, half: In ``unit``.
+        unit: ``"m"``, ``"degree"`` or ``""``.
+        signed: Whether it may be zero or below, so that its effect is told per half width and not per percent.
+    """
+
+    name: str
+    middle: float
+    half: float
+    unit: str = "m"
+    signed: bool = False
+
+    @classmethod
+    def parse(cls, text: str, device: type[Actuator]) -> Tolerance:
+        """Read ``"membrane=2mm+-0.2mm"``; also ``+/-`` and the sign itself, and ``%`` of the middle.
+
+        Raises:
+            CaseError: Not of this form, an unknown parameter, or a wrong unit.
+        """
+        match = len(text) < LONGEST_TEXT and re.fullmatch(r"\s*([\w-]+)\s*=\s*(.+?)\s*(?:\+/?-|±)\s*(.+?)\s*", text)
+        if not match:
+            raise CaseError(f"--vary {brief(text)} is not of the form membrane=2mm+-0.2mm")
+        name, middle, half = match[1].replace("-", "_"), match[2], match[3]
+        kinds = {name: field.kind for name, field in about(device).items()}
+        known = {
+            name: (kind.unit, isinstance(kind, Length) and kind.signed)
+            for name, kind in kinds.items()
+            if isinstance(kind, Quantity)
+        }
+        known |= dict.fromkeys(device.deviations, ("m", True))
+        if name not in known:
+            listed = ", ".join(key.replace("_", "-") for key in known)
+            raise CaseError(
+                f"--vary {text!r}: {device.__name__} has no parameter {match[1]!r} to vary; it has {listed}"
+            )
+        unit, signed = known[name]
+        try:
+            value = quantity(middle, unit)
+            width = abs(value) * number(half[:-1]) / 100 if half.endswith("%") else quantity(half, unit)
+        except UnitError as error:
+            raise CaseError(f"--vary {text!r}: {error}") from None
+        if not width > 0.0 or (not signed and width >= value):
+            between = "above zero" if signed else "between zero and the value"
+            raise CaseError(f"--vary {text!r}: the tolerance must lie {between}")
+        return cls(name, value, width, unit, signed)
+
+
+def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -> npt.NDArray[np.float64]:
+    """Quasi-random values of the parameters: Halton's sequence, scrambled with a fixed seed, so that a run repeats itself.
+
+    Args:
+        tolerances: The parameters.
+        count: How many devices.
+        normal: Take the half width as two standard deviations of a normal scatter; else all values in it are as likely.
+
+    Returns:
+        Shape (count, parameters).
+    """
+    from scipy.stats import norm, qmc
+
+    unit = qmc.Halton(len(tolerances), seed=2013).random(count)
+    spread = norm.ppf(unit) / 2 if normal else 2 * unit - 1
+    return np.array([t.middle for t in tolerances]) + spread * np.array([t.half for t in tolerances])
+
+
+def scatter(
+    case: Case, material: Material, tolerances: Sequence[Tolerance], values: npt.NDArray[np.float64], comm: MPI.Comm
+) -> list[tuple[Mapping[str, float], Limit]]:
+    """The limit of each sampled device, with its parameters.
+
+    Args:
+        case: See `find_limit`; the device as drawn.
+        material: The silicone.
+        tolerances: The parameters that are sampled.
+        values: See `samples`, shape (count, parameters).
+        comm: MPI communicator.
+
+    Raises:
+        CaseError: Tolerances that make no device.
+    """
+    found: list[tuple[Mapping[str, float], Limit]] = []
+    for row in values:
+        changes = {t.name: float(value) for t, value in zip(tolerances, row, strict=True)}
+        try:
+            device = case.actuator.made(changes)
+        except GeometryError as error:
+            raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
+        found.append((changes, find_limit(dataclasses.replace(case, actuator=device), [material], comm)[0]))
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The limit of a named silicone over all its sources.
+
+
+def with_sources(materials: Mapping[str, Material]) -> tuple[dict[str, Material], dict[str, tuple[str, ...]]]:
+    """Materials with every source in tension of each silicone that stands for its product.
+
+    Args:
+        materials: By name as asked for; silicones that are named with their source stay alone.
+
+    Returns:
+        All materials by name, and by product the names that its band is made of; empty for a product of one source.
+    """
+    every: dict[str, Material] = dict(materials)
+    bands: dict[str, tuple[str, ...]] = {}
+    for name, material in materials.items():
+        known = named(material)
+        if known is None or known not in PRODUCTS or "/" in name:
+            continue
+        product, band = product_of(known), []
+        for one in spanning(product):
+            label = name if one is SILICONES[product] else full_name(product, one)
+            every.setdefault(label, _like(one.material, material))
+            band.append(label)
+        bands[product] = tuple(band)
+    return every, bands
+
+
+def _like(source: Material, asked: Material) -> Material:
+    """A source with the Poisson's ratio that was asked for."""
+    return dataclasses.replace(source, poisson=asked.poisson)  # type: ignore[call-arg]
+
+
+def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit], cm: float) -> list[str]:
+    """Between which pressures the limits of each silicone's sources lie, as sentences; how far other products scatter, where it
+    has one source."""
+    texts = []
+    for product, names in bands.items():
+        if not names:
+            texts.append(f"note: {spread_sentence(product)}")
+            continue
+        found = sorted(((limits[name], name) for name in names), key=lambda pair: pair[0].pressure)
+        low, high = (
+            f"{one.pressure / cm:.4g} cm ({one.pressure / 1e3:.4g} kPa, {_what(one, name)})"
+            for one, name in (found[0], found[-1])
+        )
+        texts.append(f"{product} over its {len(names)} sources: {low} to {high}; see softmodels silicones {product}")
+    return texts
+
+
+def _what(found: Limit, name: str) -> str:
+    return name if found.found else f"{name}, no limit met up to there"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Whether a parameter that is varied changes anything of a device: one that does not would scatter nothing, in silence.
+
+
+def check_varied(actuator: Actuator, tolerances: Sequence[Tolerance], comm: MPI.Comm) -> None:
+    """Refuse a tolerance within which the device stays the same, before anything is solved.
+
+    Args:
+        actuator: The device as drawn.
+        tolerances: Of its parameters and deviations.
+        comm: MPI communicator.
+
+    Raises:
+        CaseError: The first such tolerance, or one that makes no device.
+        MeshingError, OSError: Only the mesh tells, and it cannot be made.
+    """
+    for one in tolerances:
+        try:
+            devices = [actuator.made({one.name: one.middle + way * one.half}) for way in (-1, 1, 0)]
+        except GeometryError as error:
+            raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
+        if len({_figures(device) for device in devices}) == 1 and _of_one_mesh(devices, comm):
+            low, high = (shown(one.middle + way * one.half, one.unit) for way in (-1, 1))
+            raise CaseError(
+                f"--vary {one.name.replace('_', '-')}: this {type(actuator).__name__} is the same at {low} and at {high}"
+                f"{_because(actuator, one.name)}, so that nothing scatters; leave it out"
+            )
+
+
+def _figures(device: Actuator) -> str:
+    """What a device tells of itself without a mesh; not equal where it has changed, and mostly only there."""
+    told = (
+        device.cavity_volume, device.solid_volume, device.chamber_volume, device.ratios, dict(device.probes),
+        device.cut_planes, device.holds, device.copies, device.size,
+    )  # fmt: skip
+    return repr(told)
+
+
+def _of_one_mesh(devices: Sequence[Actuator], comm: MPI.Comm) -> bool:
+    """Whether the meshes of all devices are the same to the last digit, on all ranks."""
+
+    def on_rank_0() -> bool:
+        with tempfile.TemporaryDirectory() as folder:
+            meshes = (device.write(Path(folder) / "device.msh").read_bytes() for device in devices)
+            first = next(meshes)
+            return all(mesh == first for mesh in meshes)
+
+    return on_root(comm, on_rank_0)
+
+
+def _because(actuator: Actuator, name: str) -> str:
+    """The parameter with which this one means nothing, as far as the device tells; a clause begun with a blank."""
+    field = about(actuator).get(name)
+    other = field.idle(actuator) if field else ""
+    return f" ({flag(name)} means nothing with {flag(other)} {getattr(actuator, other)})" if other else ""

@@ -1,0 +1,397 @@
+"""Going on from an interrupted run: may this case continue those results, and from which states."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import math
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from softmodels.case.case import Case, difference, identity
+from softmodels.common.arrays import Array
+from softmodels.common.commands import FULL
+from softmodels.common.files import (
+    file_digest,
+    is_same,
+    read_text,
+    write_text,
+)
+from softmodels.common.folders import OwnFolder, numbered, take_default
+from softmodels.mechanics.mpi import is_root, largest, on_root
+from softmodels.path.program import goes_on
+from softmodels.path.schedule import StageEnd
+from softmodels.runs.columns import cavity_columns
+from softmodels.runs.outcomes import BAD_INPUT, FAILED, RunError
+from softmodels.runs.store import (
+    RUN,
+    Results,
+    ResultsError,
+    picture_files,
+    picture_folder,
+)
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from softmodels.mechanics.system import State
+    from softmodels.path.points import Point
+    from softmodels.runs.fields import Fields
+    from softmodels.runs.store import Restart
+
+
+def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[str, str], folder: Path) -> None:
+    """Refuse to go on from a run whose numbers would not be this case's.
+
+    Args:
+        case: What is run.
+        old: What the folder's case file says.
+        known: `identity` of the case that the stored states are of.
+        wanted: `identity` of this case.
+        folder: For the message.
+
+    Raises:
+        RunError: They differ in more than the requested values, with the first that differs.
+    """
+    if (name := difference(known, wanted)) is not None:
+        raise RunError(
+            f"{folder} holds a run with another {name.split('.')[0]} ({name} is {known.get(name, 'not given')} there, "
+            f"{wanted.get(name, 'not given')} here); resume with its options, or run without --resume",
+            BAD_INPUT,
+        )
+    if case.cycle and case.values != old.values:
+        raise RunError(f"{folder} holds a run with --cycle through other pressures; resume with those", BAD_INPUT)
+    if not goes_on(case.program, old.program):
+        raise RunError(
+            f"{folder} holds a run of other steps; resume with those, more after them if need be, or run without --resume",
+            BAD_INPUT,
+        )
+    if old.quantity != case.quantity:
+        raise RunError(
+            f"{folder} holds a run to requested {old.quantity}s; resume with those, or run without --resume", BAD_INPUT
+        )
+
+
+def drop_between(case: Case, results: Results) -> None:
+    """Forget the last states if they were solved for between two steps of which the second is missing.
+
+    They are found again, with that step. Going on from one of them would cut the path into other steps.
+    """
+    quantity = case.quantity
+    if case.program:  # a step of a program is gone on with from its beginning
+        while results.stored and not results.stored[-1].row["requested"]:
+            results.stored.pop()
+        return
+    while results.stored:
+        row = results.stored[-1].row
+        if not (
+            row["limit"]
+            or row["bifurcation"]
+            or row.get("stroke_limit")
+            or row["jump"]
+            or (row["requested"] and row["step"] and row["following"] != quantity)
+        ):
+            return
+        results.stored.pop()
+
+
+def check_values(case: Case, results: Results) -> None:
+    """Refuse requested values that the stored states have passed without stopping there."""
+    key, unit = case.column, case.unit
+    reached = max((row[key] for row in results.rows), default=0.0)
+    for value in case.values:
+        if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(results, key, value):
+            raise RunError(
+                f"{results.folder} holds a run that has passed {value:g} {unit} without stopping there; "
+                "resume with its values, or run without --resume",
+                BAD_INPUT,
+            )
+
+
+def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> StageEnd:
+    """The end of a program's step that the stored states end with."""
+    row, record = on_root(comm, lambda: (results.rows[-1], results.stored[-1].restart))
+    last = on_root(comm, lambda: len(results.stored) - 1)
+    state, _ = stored_state(results, fields, comm, last, record["P"], record["V"])
+    system = fields.system
+    pressures = [row[name] * case.cm / system.stress_unit for name in cavity_columns(row, "pressure", "cm")]
+    dead = [row[load.column] * load.column_unit for load in system.dead.loads] / system.dead.units
+    system.load(state)
+    drives = np.concatenate([pressures[: len(system.body.actuator.ratios)], dead])
+    return StageEnd(round(row["load_step"]), state, drives, system.driven())
+
+
+def stopped_at(results: Results, key: str, value: float) -> bool:
+    """Whether a requested value, by its column of ``path.csv``, is among the stored states."""
+    return any(row["requested"] and math.isclose(row[key], value, rel_tol=1e-6) for row in results.rows)
+
+
+def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Point]:
+    """The points a trace goes on from: bifurcations, the first limit point, the last one factorised at, and the last two."""
+    records = on_root(comm, lambda: [stored.restart for stored in results.stored])
+    # A bifurcation is interpolated: the path did not go on from it.
+    branching = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if row["bifurcation"]])
+    solved = [i for i in range(len(records)) if i not in branching]
+    factorised = max(i for i in solved if records[i]["factorised"])
+    limits = [i for i, record in enumerate(records) if record["limit"]][:1]
+    turns = [i for i, record in enumerate(records) if record["turn"]][-1:]
+    chosen = sorted({*limits, *turns, factorised, *solved[-2:], *branching})
+    return [stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
+
+
+def recall(results: StoredRun, fields: Fields, comm: MPI.Comm, steps: Sequence[int]) -> None:
+    """Let what parts remember, such as where friction holds their faces, be as after stored steps, through which it goes."""
+    potential = fields.system.potential
+    for step in steps if fields.system.assembled.remembers else ():
+        potential.keep(stored_state(results, fields, comm, step, 0.0, 0.0)[0].w)
+
+
+class StoredRun(Protocol):
+    """Where the fields of stored steps are, such as a `Results`."""
+
+    def has(self, step: int, names: Sequence[str]) -> bool: ...
+    def fields(self, step: int, names: tuple[str, ...]) -> Mapping[str, Array]: ...
+
+
+def stored_point(
+    results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, restart: Restart, branching: bool
+) -> Point:
+    """The point of a stored step; its tangent is zero where none was stored, and none is needed at a bifurcation."""
+    from softmodels.mechanics.controls import Tangent
+    from softmodels.path.points import Point
+    from softmodels.path.stability import Signature
+
+    state, rate = stored_state(results, fields, comm, step, restart["P"], restart["V"])
+    state = dataclasses.replace(state, iterations=restart["iterations"])
+    dP, dV = restart.get("tangent", (0.0, 0.0))
+    mode = None
+    if branching:
+        nodal = results.fields(step, ("mode",)) if is_root(comm) else None
+        shape = None if nodal is None else {"displacement": nodal["mode"], "p": np.zeros(len(nodal["mode"]))}
+        mode = fields.state(shape, 0.0, 0.0).w
+        mode /= largest(comm, float(np.abs(mode).max()))
+    return Point(
+        state, Tangent(rate, dP, dV), signature=Signature(**restart["signature"]), mode=mode,
+        requested=restart["requested"], limit=restart["limit"], jump=restart["jump"], turn=restart["turn"],
+        step=restart["step"], line=restart["line"], factorised=restart["factorised"], age=restart["age"],
+        stiffest=restart["stiffest"], worn=restart["worn"], largest=restart["largest"],
+    )  # fmt: skip
+
+
+def stored_state(
+    results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float
+) -> tuple[State, Array]:
+    """A stored step's state, and the dofs of the path's direction there; zeros where they were not stored."""
+    from softmodels.mechanics.system import State
+    from softmodels.runs.fields import RAW
+
+    names = [name for pair in RAW for name in pair]
+    if on_root(comm, lambda: results.has(step, names)):
+        raw: Mapping[str, Array | None] = results.fields(step, tuple(names)) if is_root(comm) else dict.fromkeys(names)
+        w, rate = (fields.dofs(raw[u], raw[p]) for u, p in RAW)
+        return State(w, P, V), rate
+    nodal = results.fields(step, ("displacement", "p")) if is_root(comm) else None
+    state = fields.state(nodal, P, V)
+    return state, np.zeros_like(state.w)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where a run's results go, and whether it begins anew or goes on: all that is checked before anything is solved.
+
+
+MOST_GAPS = 20
+"""Numbered folders that may be missing in a row where an earlier run is looked for."""
+
+
+def begin(
+    case: Case, output: Path | None, resume: bool, draw: bool, inputs: Sequence[Path] = ()
+) -> tuple[Results, bool]:
+    """Take a folder for a run and prepare it.
+
+    Args:
+        case: What is run.
+        output: The folder; None for ``results/NAME``, or the next number where that holds another run.
+        resume: Go on from what an interrupted run of this case has left.
+        draw: Whether pictures are to be drawn there too.
+        inputs: Files that the user has given, such as the case file: they are never written.
+
+    Returns:
+        The results, their folder locked; and whether there are states in it to go on from.
+
+    Raises:
+        RunError, OwnFolderError, InUseError, ResultsError, CaseError: The folder, or what is in it, cannot be used.
+    """
+    try:
+        return _begin(case, output, resume, draw, inputs)
+    except OSError as error:
+        status = FAILED if error.errno in FULL else BAD_INPUT
+        folder = output or Path("results") / case.name
+        raise RunError(f"the folder {folder} cannot be written ({error.strerror})", status) from None
+
+
+def begin_together(
+    case: Case, output: Path | None, resume: bool, comm: MPI.Comm, *, draw: bool, inputs: Sequence[Path] = ()
+) -> tuple[Results, bool]:
+    """The same on all ranks, where rank 0 alone takes the folder and writes there; see `begin`."""
+    begun: list[Results] = []
+
+    def on_rank_0() -> tuple[Path, Path, bool]:
+        results, resumed = begin(case, output, resume, draw, inputs)
+        begun.append(results)
+        return results.own.path, results.folder, resumed
+
+    home, at, resumed = on_root(comm, on_rank_0)
+    results = begun[0] if begun else Results(home, case.name, case.actuator.gauge)
+    results.folder = at
+    return results, resumed
+
+
+def _begin(case: Case, output: Path | None, resume: bool, draw: bool, inputs: Sequence[Path]) -> tuple[Results, bool]:
+    wanted = identity(case)
+    if output is None:
+        base = Path("results") / case.name
+        output = _found(base, case, wanted) if resume else None
+        own = take_default(base, RUN, wanted) if output is None else OwnFolder(output, RUN)
+    else:
+        own = OwnFolder(output, RUN)
+        _check_earlier(output)
+    results = Results(own.path, case.name, case.actuator.gauge)
+    results.own = own
+    own.take()
+    try:
+        if draw:
+            picture_folder(own.path).check_names(picture_files(case.actuator.gauge))
+        resumed = resume and _go_on(case, wanted, results)
+        if not resumed:
+            _begin_anew(case, wanted, results, inputs)
+    except BaseException:
+        own.leave()
+        raise
+    return results, resumed
+
+
+def _found(base: Path, case: Case, wanted: Mapping[str, str]) -> Path:
+    """The numbered folder that holds a run which this case can go on from.
+
+    Raises:
+        RunError: There is none, or several.
+    """
+    fitting, exact, gaps = [], [], 0
+    for path in numbered(base):
+        gaps = 0 if path.exists() else gaps + 1
+        if gaps > MOST_GAPS:
+            break
+        old = OwnFolder(path, RUN).about.get("inputs")
+        if isinstance(old, dict) and difference(old, wanted) is None:
+            fitting.append(path)
+            exact += [path] if old == dict(wanted) else []
+    chosen = exact if len(exact) == 1 else fitting
+    if len(chosen) > 1:
+        raise RunError(
+            f"{' and '.join(map(str, chosen))} hold runs that this case fits; say which to go on with (--output)",
+            BAD_INPUT,
+        )
+    if not chosen:
+        first = f"; {base} holds another one" if base.exists() else ""
+        raise RunError(
+            f"no folder {base}, {base.name}-2 and so on holds a run of this case to go on with{first}; name its folder "
+            "(--output), or run without --resume",
+            BAD_INPUT,
+        )
+    return chosen[0]
+
+
+def _check_earlier(folder: Path) -> None:
+    """Name the results of a version that kept no record of its files.
+
+    Raises:
+        RunError: The folder holds such results.
+    """
+    if OwnFolder(folder, RUN).record is not None or not (folder / "case.toml").is_file():
+        return
+    if (folder / "path.csv").is_file() and any(folder.glob("*.h5")):
+        raise RunError(
+            f"{folder} holds results of an earlier version of softmodels, which kept no record of its files: they can be drawn "
+            f"(softmodels draw {folder}), but not be gone on with or replaced; take another folder (--output), or move it away",
+            BAD_INPUT,
+        )
+
+
+def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
+    """Take up the states of an earlier run; returns whether there are any.
+
+    Raises:
+        RunError, ResultsError: They are of another case, or cannot be gone on with.
+    """
+    folder, about = results.own.path, results.own.about
+    stored = [file for file in results.own.files if file.endswith(".h5") and (folder / file).exists()]
+    if not stored:
+        return False
+    file = folder / "case.toml"
+    if not file.exists():
+        raise RunError(
+            f"{folder} holds states of an earlier run but no case.toml that says what they are of; put it back, or run "
+            "without --resume, which replaces them",
+            BAD_INPUT,
+        )
+    if not isinstance(about.get("inputs"), dict):
+        raise ResultsError(f"{folder} does not record which case its states are of; run without --resume")
+    _check_unchanged(results)
+    check_same(case, Case.from_file(file), about["inputs"], wanted, folder)
+    results.load(go_on=True)
+    if not case.cycle:
+        drop_between(case, results)
+        check_values(case, results)
+    there = {file: name for file, name in results.inputs_of(case.files).items() if (folder / name).is_file()}
+    text = case.to_toml(there)
+    results.renew(text, {"inputs": dict(wanted), "case_file": _digest(text)})
+    return bool(results.stored)
+
+
+def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs: Sequence[Path]) -> None:
+    """Prepare a folder aside of the earlier results."""
+    copies = results.inputs_of(case.files)
+    text, folder = case.to_toml(copies), results.own.path
+    for name, file in itertools.product(results.own.files, inputs):
+        # A case file that lies among its own run's results may repeat it: what is written then is what is there.
+        if is_same(folder / name, file) and not (name == "case.toml" and read_text(file) == text):
+            raise RunError(
+                f"{file} is read, and would be replaced by the results of this run; take another folder (--output)",
+                BAD_INPUT,
+            )
+    _check_unchanged(results)
+    results.prepare({"inputs": dict(wanted), "case_file": _digest(text)})
+    for source, copy in copies.items():
+        (results.folder / copy).parent.mkdir(exist_ok=True)
+        shutil.copyfile(source, results.folder / copy)
+    write_text(results.folder / "case.toml", text)
+
+
+def _check_unchanged(results: Results) -> None:
+    """Refuse to replace a case.toml that the user has changed since it was written.
+
+    Raises:
+        RunError: It was changed.
+    """
+    file, known = results.own.path / "case.toml", results.own.about.get("case_file")
+    if known is not None and file.exists() and file_digest(file) != known:
+        raise RunError(
+            f"{file} was changed since its run wrote it; move it out of its results and run it from there, or take another "
+            "folder (--output)",
+            BAD_INPUT,
+        )
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def mesh_is_known(results: Results, mesh: Path) -> bool:
+    """Whether a mesh file is the one that the run has written: it may have been changed or damaged since."""
+    known = results.own.about.get("mesh")
+    return mesh.is_file() and known == file_digest(mesh)
