@@ -105,7 +105,6 @@ if TYPE_CHECKING:
     from softmodels.materials.silicones import silicone as silicone
     from softmodels.mechanics.component import ComponentError as ComponentError
     from softmodels.mechanics.contact import Obstacle as Obstacle
-    from softmodels.mechanics.contact import ObstacleError as ObstacleError
     from softmodels.mechanics.contact import RigidShape as RigidShape
     from softmodels.mechanics.fibres import Fabric as Fabric
     from softmodels.mechanics.fibres import Fibres as Fibres
@@ -173,7 +172,7 @@ _PLACES = {
     ),
     "softmodels.materials.laws": ("NeoHookean", "MooneyRivlin", "Yeoh", "Ogden", "Gent", "Material", "MaterialError"),
     "softmodels.materials.silicones": ("silicone",),
-    "softmodels.mechanics.contact": ("Obstacle", "ObstacleError", "RigidShape"),
+    "softmodels.mechanics.contact": ("Obstacle", "RigidShape"),
     "softmodels.mechanics.fibres": ("Fabric", "Fibres"),
     "softmodels.mechanics.holds": ("Clamp",),
     "softmodels.mechanics.loads": ("Gravity", "Mass", "Force", "Moment"),

@@ -45,9 +45,6 @@ from softmodels.case.entries import (
     series,
     table_of,
 )
-from softmodels.case.entries import (
-    ComponentEntry as PartEntry,
-)
 from softmodels.case.load import (
     STIFFNESS_RANGE,
     Load,
@@ -86,9 +83,7 @@ from softmodels.materials.laws import SOFTEST, Material
 from softmodels.materials.silicones import material_of
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.regions import RegionPart
-from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import METHODS
 from softmodels.path import program as programs
 from softmodels.path.program import LOAD_KEYS, Program, Series
@@ -309,12 +304,10 @@ class Case:
         water_density: Density in kg/m3 of the column's liquid.
         control: What the path follows.
         formulation: ``mixed`` or ``displacement``.
-        sheet: A thin sheet bonded to a face of the device.
         strokes_ml: Requested strokes of the supply in ml, rising; empty unless there is one.
         supply: What drives the air, such as a syringe, or None where pressure or volume are imposed.
         cycle: Whether the pressure is lowered again through the same values, and the device jumps at limit points.
         program: What each of several cavities goes through by itself, in place of one requested quantity; else empty.
-        obstacle: A rigid plane that faces of the device come to rest on.
         gauges: Named points and angles that are told in every state, and a plane whose cut is drawn.
         parts: What else is added to the device; see `softmodels.mechanics.component`.
         band: Errors of the material, whose 95 % band is computed at every state; or the sources of a silicone, each of which is
@@ -343,7 +336,6 @@ class Case:
         "solver", "formulation", Choice(FORMULATIONS),
         "displacement and pressure, or displacement alone (compressible studies)", "mixed",
     )  # fmt: skip
-    sheet: Sheet | None = dataclasses.field(default=None, metadata=_written(PartEntry(Sheet)))
     strokes_ml: tuple[float, ...] = _series(
         "stroke_ml",
         "stroke",
@@ -356,7 +348,6 @@ class Case:
         False, hidden=True,
     )  # fmt: skip
     program: Program = dataclasses.field(default=(), metadata=_written(ProgramEntry()))
-    obstacle: Obstacle | None = dataclasses.field(default=None, metadata=_written(PartEntry(Obstacle)))
     gauges: Probes = dataclasses.field(default=gauge_tables.NONE, metadata=_written(GaugesEntry()))
     parts: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
     band: AnyBand | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
@@ -374,9 +365,6 @@ class Case:
         try:
             self._settle()
             self.load.check(self.actuator)
-            for part in (self.sheet, self.obstacle):
-                if part is not None:
-                    part.check_on(self.actuator)
             self.gauges.check(self.actuator)
             object.__setattr__(self, "parts", with_walls(self.parts, self.actuator))
             check_parts(self.parts, self.actuator)
@@ -530,8 +518,6 @@ def _check_case_file(path: Path) -> None:
 
 
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
-    "sheet": ((Sheet,), "a sheet, such as sm.Sheet('top', '20 kN/m')"),
-    "obstacle": ((Obstacle,), "an obstacle, such as sm.Obstacle('top', 'z = 9 mm')"),
     "supply": ((AirSupply,), "a supply of air, such as sm.Syringe()"),
     "gauges": ((Probes,), "gauges"),
     "band": ((MaterialErrors, SourceBand), "errors of the material as a fit gives them, or the name of a silicone"),

@@ -25,7 +25,7 @@ from softmodels.case.materials import Region
 from softmodels.common.errors import FieldError
 from softmodels.common.schema import Text, Words, about
 from softmodels.mechanics.component import COMPONENTS, Component, ComponentError
-from softmodels.mechanics.contact import RigidShape
+from softmodels.mechanics.contact import Obstacle, RigidShape
 from softmodels.mechanics.fibres import Fabric, Fibres
 from softmodels.mechanics.holds import Clamp
 from softmodels.mechanics.loads import (
@@ -36,12 +36,13 @@ from softmodels.mechanics.loads import (
     gravity_of,
 )
 from softmodels.mechanics.rigid import Rigid
+from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.walls import Walls
 
 Parts = tuple[Component, ...]
 
 OWN_KINDS: tuple[type[Component], ...] = (
-    RigidShape, Walls, Rigid, Region, Clamp, Fabric, Fibres, Gravity, Mass, Force, Moment,
+    Sheet, Obstacle, RigidShape, Walls, Rigid, Region, Clamp, Fabric, Fibres, Gravity, Mass, Force, Moment,
 )  # fmt: skip
 """Kinds of the library's own: their import here registers them."""
 
@@ -51,10 +52,10 @@ class PartsEntry(Entry[Parts]):
 
     @property
     def tables(self) -> tuple[str, ...]:  # type: ignore[override]
-        return tuple(COMPONENTS)
+        return tuple(dict.fromkeys(kind.table for kind in COMPONENTS.values()))
 
     def read(self, tables: Tables) -> Parts | Missing:
-        found = [part for name, kind in COMPONENTS.items() if name in tables for part in _of_table(kind, tables)]
+        found = [part for kind in COMPONENTS.values() if kind.table in tables for part in _of_table(kind, tables)]
         return tuple(found) or MISSING
 
     def write(self, value: Parts, text: Text) -> Written:
@@ -102,6 +103,9 @@ def _of_table(kind: type[Component], tables: Tables) -> list[Component]:
     if kind.always_named:
         table = {name: value for name, value in table.items() if isinstance(value, Mapping)}
         return [kind.read_table(name, table_of(table, name)) for name in table]
+    if f"{kind.table}." in COMPONENTS:  # tables with a name are of another kind
+        own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
+        return [kind.read_table("", own)] if own or not table else []
     named = [isinstance(value, Mapping) for value in table.values()]
     if not any(named):
         return [kind.read_table("", table)]

@@ -19,9 +19,8 @@ from collections.abc import (
     MutableMapping,
     Sequence,
 )
-from typing import ClassVar, Final, Protocol
+from typing import Final
 
-from geometries import Actuator
 from softmodels.case.requests import ProbeError
 from softmodels.common import schema
 from softmodels.common.errors import (
@@ -37,7 +36,6 @@ from softmodels.common.schema import (
     Flag,
     Kind,
     Text,
-    Words,
     about,
 )
 from softmodels.common.units import (
@@ -51,7 +49,6 @@ from softmodels.common.units import (
 )
 from softmodels.materials.laws import MaterialError
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.contact import ObstacleError
 from softmodels.path.program import ProgramError
 from softmodels.path.supply import (
     SUPPLIES,
@@ -413,70 +410,6 @@ class Value(Entry[object]):
         return self.about.kind.read(self.what, value) if isinstance(self.about.kind, SeriesKind) else value
 
 
-class PartClass(Protocol):
-    """A dataclass of something added to a device, such as a sheet.
-
-    Attributes:
-        table: Its table in a case file. On a command line its first field has this name, the others have it in front.
-        needs: What is missing where not all fields without a default are given, a sentence.
-    """
-
-    table: ClassVar[str]
-    needs: ClassVar[str]
-
-    def check_on(self, actuator: Actuator) -> None: ...
-
-
-@dataclasses.dataclass(frozen=True)
-class ComponentEntry[P: PartClass](Entry[P | None]):
-    """Something added to a device, with a table of its own."""
-
-    part: type[P]
-
-    @property
-    def tables(self) -> tuple[str, ...]:  # type: ignore[override]
-        return (self.part.table,)
-
-    def read(self, tables: Tables) -> P | Missing:
-        table = self.part.table
-        if table not in tables:
-            return MISSING
-        found = table_of(tables, table)
-        own = {key: value for key, value in found.items() if not isinstance(value, Mapping)}
-        if found and not own:  # [table.name] alone, which are parts
-            return MISSING
-        return self._made(schema.from_table(self.part, own, f"[{table}]", f"{table} "))
-
-    def write(self, value: P | None, text: Text) -> Written:
-        return {} if value is None else {self.part.table: schema.to_table(value, text)}
-
-    def options(self) -> Iterator[Option]:
-        defaults = {field.name: field.default for field in dataclasses.fields(self.part)}  # type: ignore[arg-type]
-        for name, option in self._names().items():
-            field = about(self.part)[name]
-            default = None if defaults[name] is dataclasses.MISSING else defaults[name]
-            yield Option(option, field, default, name.upper() if isinstance(field.kind, Words) else None)
-
-    def take(self, options: MutableMapping[str, object]) -> P | Missing:
-        given = {name: options.pop(option, None) for name, option in self._names().items()}
-        given = {name: value for name, value in given.items() if value is not None}
-        return self._made(given) if given else MISSING
-
-    def arguments(self, field: str) -> dict[str, str]:
-        return {option: f"{self.part.__name__}.{name}" for name, option in self._names().items()}
-
-    def _names(self) -> dict[str, str]:
-        """Options by field."""
-        first, *others = about(self.part)
-        return {first: self.part.table, **{name: f"{self.part.table}_{name}" for name in others}}
-
-    def _made(self, values: Mapping[str, object]) -> P:
-        required = [field.name for field in dataclasses.fields(self.part) if field.default is dataclasses.MISSING]  # type: ignore[arg-type]
-        if any(values.get(name, "") == "" for name in required):
-            raise FieldError(self.part.needs)
-        return self.part(**values)
-
-
 class SupplyEntry(Entry[AirSupply | None]):
     """What drives the air: a table with the supply's name as its ``kind``, and its fields."""
 
@@ -538,7 +471,7 @@ class CaseError(Spoken, ValueError):
 
 
 PART_ERRORS = (
-    FieldError, ProbeError, GeometryError, MaterialError, ObstacleError, ComponentError, ProgramError, SeriesError,
+    FieldError, ProbeError, GeometryError, MaterialError, ComponentError, ProgramError, SeriesError,
     SupplyError,
 )  # fmt: skip
 """What the parts of a case raise."""

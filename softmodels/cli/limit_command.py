@@ -56,7 +56,6 @@ from softmodels.materials.stability import check_rest, weakest, weakness
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.compiling import CompilingError
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.mpi import (
     abort_on_error,
     is_root,
@@ -357,7 +356,7 @@ def _answered(
             values = samples(question.tolerances, question.count, question.normal)
             first = next(iter(materials.values()))
             sampled = scatter(case, first, question.tolerances, values, comm)
-    except (CaseError, GeometryError, ObstacleError, ComponentError) as error:
+    except (CaseError, GeometryError, ComponentError) as error:
         fail(str(error))
     except (MeshingError, BodyError, CompilingError) as error:
         fail(str(error), FAILED)

@@ -24,7 +24,6 @@ from softmodels.materials.laws import MaterialError
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.mpi import (
     abort_on_error,
     is_root,
@@ -253,7 +252,7 @@ def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str]
         case MeshingError():
             return FAILED, str(error)
         case (
-            ProbeError() | GeometryError() | MeshFileError() | CaseError() | MaterialError() | ObstacleError()
+            ProbeError() | GeometryError() | MeshFileError() | CaseError() | MaterialError()
             | ComponentError() | ResultsError() | OwnFolderError() | InUseError()
         ):  # fmt: skip
             return BAD_INPUT, str(error)

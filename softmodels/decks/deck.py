@@ -38,10 +38,11 @@ from softmodels.mechanics.contact import (
     HARDER,
     ONSET,
     ONSET_PRESSURE,
-    Contact,
     Obstacle,
+    PlaneTerm,
     RigidShape,
     copies_around,
+    obstacle_of,
 )
 from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.mechanics.fibres import (
@@ -54,6 +55,7 @@ from softmodels.mechanics.holds import Clamp, held_with
 from softmodels.mechanics.loads import FaceLoad, Mass, gravity_of
 from softmodels.mechanics.pressing import HardeningPenalty, Penalty, Stand
 from softmodels.mechanics.rigid import Freedom, Rigid
+from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.system import System, nodal_forces
 from softmodels.mechanics.walls import Walls
 from softmodels.path.program import begins_at_rest
@@ -442,27 +444,27 @@ class ContactStop:
     slide: Slide | None = None
 
 
-def pressing(obstacle: Obstacle | None, system: System, mesh: MeshArrays, parts: Sequence[Component]) -> list[Springs]:
+def pressing(system: System, mesh: MeshArrays, parts: Sequence[Component]) -> list[Springs]:
     """The springs of a device's contact.
 
     Args:
-        obstacle: A plane; None for none.
         system: The device's equations.
         mesh: The mesh of its slice.
         parts: What else is added to the device.
     """
     size = system.body.actuator.size
-    stops = [_plane(obstacle, system.contact)] if obstacle is not None and system.contact is not None else []
+    plane = system.potential.terms.get(Obstacle.table)
+    stops = [_plane(plane)] if isinstance(plane, PlaneTerm) else []
     stops += [_shape(part, system.body.actuator, gravity_of(parts)) for part in parts if isinstance(part, RigidShape)]
     return [_contact_springs(stop, mesh, size, system.stress_unit) for stop in stops]
 
 
-def _plane(obstacle: Obstacle, contact: Contact) -> ContactStop:
+def _plane(term: PlaneTerm) -> ContactStop:
     depths = np.append(np.linspace(0.0, ONSET, ENTRIES + 1), 0.5)
-    normal = contact.normal
-    ground = (contact.level - 1.0) * normal  # a spring that touches is one size long
-    penalty = Penalty(obstacle.stiffness, ONSET)
-    return ContactStop("the plane", contact.roles, ground, np.outer(normal, normal), 1.0, 1.0, penalty, depths)
+    at, normal = term.numbers[:2]
+    ground = (at @ normal - 1.0) * normal  # a spring that touches is one size long
+    penalty = Penalty(term.shape.stiffness, ONSET)
+    return ContactStop("the plane", term.shape.roles, ground, np.outer(normal, normal), 1.0, 1.0, penalty, depths)
 
 
 def _shape(shape: RigidShape, actuator: Actuator, gravity: Array) -> ContactStop:
@@ -787,7 +789,7 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
     forces, springs, freedoms = None, tuple[Springs, ...](), dict[str, Freedom]()
     if system is not None:
         forces = _by_node(arrays, *nodal_forces(system)) if acting(case) else None
-        pressed = pressing(case.obstacle, system, arrays, case.parts)
+        pressed = pressing(system, arrays, case.parts)
         springs = (*pressed, *threads(arrays, case.parts, system.length_unit))
         freedoms = {
             name: dataclasses.replace(motion.freedom, centre=motion.freedom.centre * system.length_unit)
@@ -820,7 +822,9 @@ def _check_apart(supports: Supports, springs: tuple[Springs, ...]) -> None:
 def needs_equations(case: Case) -> bool:
     """Whether a deck says what the device's equations know: dead loads, what is held or rigid, or what presses."""
     kinds = (Clamp, Rigid, RigidShape, Fibres, Fabric)
-    return bool(acting(case)) or case.obstacle is not None or any(isinstance(part, kinds) for part in case.parts)
+    return (
+        bool(acting(case)) or obstacle_of(case.parts) is not None or any(isinstance(part, kinds) for part in case.parts)
+    )
 
 
 def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
@@ -866,7 +870,7 @@ def check(case: Case) -> None:
 
 def _unknown(case: Case) -> Iterator[str]:
     """What decks have no words for, by its name."""
-    if case.sheet:
+    if any(isinstance(part, Sheet) for part in case.parts):
         yield "a sheet"
     for part in case.parts:
         if isinstance(part, RigidShape):

@@ -754,8 +754,6 @@ def _check_load(case: Case) -> None:
     for part in case.parts:
         if why := part.undesigned(case.actuator):
             raise DesignError(f"the case has a {part.where}, {why}; leave it out")
-    if case.obstacle is not None:
-        raise DesignError("the case has a rigid plane to rest on, and gradients do not know contact; leave it out")
 
 
 def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:

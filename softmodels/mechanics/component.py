@@ -349,7 +349,7 @@ class EnergyTerm:
 
 
 COMPONENTS: dict[str, type[Component]] = {}
-"""Every kind of part by its table."""
+"""Every kind by its table; those that always have a name by ``table.``: ``[contact.ball]`` is none of ``[contact]``."""
 
 
 def register_component[P: type[Component]](kind: P) -> P:
@@ -360,10 +360,11 @@ def register_component[P: type[Component]](kind: P) -> P:
     Raises:
         ValueError: Another kind has this table.
     """
-    known = COMPONENTS.get(kind.table, kind)
+    key = f"{kind.table}." if kind.always_named else kind.table
+    known = COMPONENTS.get(key, kind)
     if (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
         raise ValueError(f"there is a part with the table {kind.table!r} already, in {known.__module__}")
-    COMPONENTS[kind.table] = checked(kind)
+    COMPONENTS[key] = checked(kind)
     return kind
 
 

@@ -29,8 +29,7 @@ from geometries.actuator import Vector
 from geometries.imported.mesh import UNITS, read_surfaces
 from geometries.imported.part import faces as plane_faces
 from softmodels.common.arrays import Array
-from softmodels.common.calls import checked
-from softmodels.common.errors import Spoken, whole_path
+from softmodels.common.errors import whole_path
 from softmodels.common.schema import (
     Flag,
     Length,
@@ -41,12 +40,12 @@ from softmodels.common.schema import (
     field_of,
     length_field,
     list_field,
-    settle,
 )
 from softmodels.mechanics.assembly import FaceNodes, check_mesh_faces
 from softmodels.mechanics.body import Body, in_section, in_space
 from softmodels.mechanics.component import (
     ALONG,
+    Component,
     ComponentError,
     EnergyComponent,
     EnergyTerm,
@@ -94,188 +93,11 @@ NEAR = 1e-6
 """Distance in sizes up to which a point lies in the plane."""
 
 
-class ObstacleError(Spoken, ValueError):
-    """A plane or face that makes no contact; the message is a sentence for the user."""
-
-
-@checked
-@dataclasses.dataclass(frozen=True)
-class Obstacle:
-    """A rigid plane without friction, and the faces that it stops.
-
-    Attributes:
-        faces: Roles of the facets that it stops, such as ``"top"`` or ``"bottom, outer"``; others pass through it.
-        plane: ``"z = 9 mm"``, ``"normal 0.6, 0, 0.8 at 9 mm"``, or a cut plane's name. The device keeps to the side
-            on which the faces lie at rest.
-        stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`; see `STIFFNESS`.
-
-    Raises:
-        ObstacleError: No such plane, or a stiffness out of `SOFTEST` to `STIFFEST`.
-    """
-
-    faces: str = field_of(
-        Words(), "faces that a rigid plane without friction stops, such as top; its force is in path.csv"
-    )
-    plane: str = field_of(
-        Words(),
-        "the rigid plane: 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm', or a cut plane's name for walls that meet their mirror "
-        "image",
-    )
-    stiffness: float = field_of(
-        Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
-    )
-
-    table: ClassVar[str] = "contact"
-    needs: ClassVar[str] = (
-        "contact needs the faces that are stopped and a plane (--contact top --contact-plane 'z = 9mm')"
-    )
-
-    def __post_init__(self) -> None:
-        if not (isinstance(self.faces, str) and self.roles and isinstance(self.plane, str) and self.plane):
-            raise ObstacleError(self.needs)
-        settle(self, ObstacleError)
-        if not SOFTEST <= self.stiffness <= STIFFEST:
-            raise ObstacleError(
-                f"the contact's stiffness is {self.stiffness:g}; it is a number of shear moduli per size of the device, "
-                f"{SOFTEST:g} to {STIFFEST:g}, and {STIFFNESS:g} is usual"
-            )
-        if not self.on_cut:
-            self._written()
-
-    def check_on(self, actuator: Actuator) -> None:
-        """Raise `ObstacleError` where there is no such plane beside a device."""
-        try:
-            check_on_mesh("contact", actuator, self.roles)
-        except ComponentError as error:
-            raise ObstacleError(str(error)) from None
-        self.place(actuator)
-
-    @property
-    def roles(self) -> list[str]:
-        return names_in(self.faces)
-
-    @property
-    def on_cut(self) -> bool:
-        """Whether the plane is one of the device's cut planes, named, on which walls meet their mirror image."""
-        return re.fullmatch(r"\w+", self.plane) is not None
-
-    def _written(self) -> tuple[Vector, Vector]:
-        """Point (m) and unit normal of a plane given by its place."""
-        try:
-            chosen = plane_faces("contact plane", self.plane)
-            if chosen.normal is not None:
-                x, y, z = chosen.normal
-                return (x * chosen.at, y * chosen.at, z * chosen.at), chosen.normal
-        except GeometryError as error:
-            if str(error).startswith("contact plane: "):  # the form is right, and a number in it is not
-                raise ObstacleError(str(error)) from None
-        raise ObstacleError(
-            f"contact plane {self.plane!r} is no plane; write 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm' or a cut "
-            "plane's name"
-        )
-
-    def place(self, actuator: Actuator) -> tuple[Vector, Vector]:
-        """Point (m) and unit normal of the plane, its side not yet chosen.
-
-        Raises:
-            ObstacleError: An unknown cut plane, or a plane that is none of revolution beside an axisymmetric section.
-        """
-        if self.on_cut:
-            cuts = {plane.name: plane.normal for plane in actuator.cut_planes}
-            if self.plane not in cuts:
-                known = f"its cut planes are {', '.join(cuts)}" if cuts else "it has no cut planes"
-                raise ObstacleError(f"contact plane {self.plane!r}: {known}; or write its place, such as 'z = 9mm'")
-            return (0.0, 0.0, 0.0), cuts[self.plane]
-        point, normal = self._written()
-        if actuator.dimension == 2 and abs(normal[2]) < 1 - 1e-12:
-            raise ObstacleError(f"contact plane {self.plane!r}: a section takes planes square to its axis, 'z = 9mm'")
-        return point, normal
-
-
 def penalty(d: Expr, onset: fem.Constant) -> Expr:
     """phi(d) / k in UFL, of a d that is not below zero."""
     import ufl
 
     return ufl.conditional(ufl.lt(d, onset), d**3 / (6 * onset), d**2 / 2 - onset * d / 2 + onset**2 / 6)
-
-
-class Contact:
-    """An obstacle's terms in the equations of a body; dimensionless inside.
-
-    Args:
-        obstacle: The plane.
-        body: The mesh.
-        y: The unknown skew displacement in UFL.
-
-    Attributes:
-        energies: UFL integrals, one per face.
-        forces: UFL integrals, one per face: the slice's force on the plane, along the normal.
-
-    Raises:
-        ObstacleError: A face that the mesh lacks, or that lies on both sides of the plane.
-    """
-
-    def __init__(self, obstacle: Obstacle, body: Body, y: Expr):
-        import ufl
-        from dolfinx import fem
-
-        actuator, mesh = body.actuator, body.mesh
-        point, normal = obstacle.place(actuator)
-        self.body, self.roles = body, obstacle.roles
-        facets = mesh.topology.dim - 1
-        for role in self.roles:
-            if body.entities.get(role, (-1,))[0] != facets:
-                known = ", ".join(name for name, (dimension, _) in body.entities.items() if dimension == facets)
-                raise ObstacleError(
-                    f"contact: the mesh of {type(actuator).__name__} has no face {role!r}; it has {known}"
-                )
-        self.normal = in_section(normal, actuator.dimension)
-        self.level = float(np.dot(point, normal)) / actuator.size
-        self.normal, self.level = self._towards_the_device()
-        along, level = fem.Constant(mesh, self.normal), fem.Constant(mesh, self.level)
-        stiffness, onset = fem.Constant(mesh, float(obstacle.stiffness)), fem.Constant(mesh, ONSET)
-        d = ufl.max_value(level - ufl.dot(along, ufl.SpatialCoordinate(mesh) + body.displacement(y)), 0.0)
-        energy = penalty(d, onset)
-        pressure = ufl.conditional(ufl.lt(d, onset), d**2 / (2 * onset), d - onset / 2)
-        areas = [body.sheet_face(role)[0] for role in self.roles]
-        self.energies = [stiffness * energy * body.hoop * dA for dA in areas]
-        self.forces = [stiffness * pressure * body.hoop * dA for dA in areas]
-
-    def _towards_the_device(self) -> tuple[npt.NDArray[np.float64], float]:
-        """Normal and place along it, turned to the side of the faces at rest; of the body, if they lie in the plane."""
-        x, comm = self.body.mesh.geometry.x[:, : len(self.normal)], self.body.mesh.comm
-
-        def span(nodes: npt.NDArray[np.int32] | slice) -> list[float]:
-            gaps = self.gaps(x[nodes])
-            return [largest(comm, float(values.max()) if values.size else -math.inf) for values in (gaps, -gaps)]
-
-        above, below = span(self._nodes())
-        if min(above, below) > NEAR:
-            size = self.body.actuator.size * 1e3
-            raise ObstacleError(
-                f"contact: at rest the faces {', '.join(self.roles)} lie on both sides of the plane, {below * size:.4g} mm on "
-                f"the one and {above * size:.4g} mm on the other; move the plane, or name only the faces that it stops"
-            )
-        if max(above, below) <= NEAR:
-            above, below = span(slice(None))
-        sign = 1.0 if above > below else -1.0
-        return sign * self.normal, sign * self.level
-
-    def gaps(self, places: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Distances to the plane of places of the mesh, shape (n, d) to (n,); below zero where they have sunk in."""
-        return places @ self.normal - self.level
-
-    @property
-    def facets(self) -> npt.NDArray[np.int32]:
-        """Local facets that the plane stops."""
-        return np.unique(np.concatenate([self.body.entities[role][1] for role in self.roles])).astype(np.int32)
-
-    def _nodes(self) -> npt.NDArray[np.int32]:
-        from dolfinx import mesh as meshes
-
-        mesh = self.body.mesh
-        mesh.topology.create_connectivity(mesh.topology.dim - 1, mesh.topology.dim)
-        return np.unique(meshes.entities_to_geometry(mesh, mesh.topology.dim - 1, self.facets))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -669,6 +491,8 @@ class RoundShape(StoppingShape, Protocol):
 
     @property
     def shape(self) -> str: ...
+    @property
+    def onset(self) -> float: ...
     def numbers(self, size: float) -> Numbers: ...
     def deepest(self, size: float) -> float: ...
     def crossed(self, actuator: Actuator) -> Sequence[Array]: ...
@@ -715,12 +539,12 @@ class ShapeTerm(EnergyTerm):
 
         self.shape, self.body = shape, setting.body
         body, mesh, size = self.body, self.body.mesh, self.body.actuator.size
-        check_rest(shape, body)
+        self._check_rest(body)
         self.numbers = shape.numbers(size)
         self._place = fem.Constant(mesh, self.numbers[0])
         others = (None if value is None else fem.Constant(mesh, value) for value in self.numbers[1:])
         constants = (self._place, *others)
-        onset, soft = ONSET_PRESSURE / shape.stiffness, HARDENS * shape.deepest(size)
+        onset, soft = shape.onset, HARDENS * shape.deepest(size)
         stiffness, onset, soft = (fem.Constant(mesh, float(value)) for value in (shape.stiffness, onset, soft))
         place = ufl.variable(ufl.SpatialCoordinate(mesh) + body.displacement(setting.displacement))
         components = [place[0], place[1], place[2]] if mesh.topology.dim == 3 else [place[0], 0.0, place[1]]
@@ -734,6 +558,9 @@ class ShapeTerm(EnergyTerm):
             self._forces.append([push[c] * body.hoop * area for c in range(mesh.topology.dim)])
         self.nodes = FaceNodes(body, setting.w.function_space, shape.roles)
 
+    def _check_rest(self, body: Body) -> None:
+        check_rest(self.shape, body)
+
     def move_to(self, at: npt.ArrayLike) -> None:
         """Put the shape somewhere else, in m: an indenter that comes down from state to state."""
         place = np.asarray(at, dtype=float) / self.body.actuator.size
@@ -744,11 +571,17 @@ class ShapeTerm(EnergyTerm):
         self._compiled: list[list[fem.Form]] = [[equations.form(force) for force in forces] for forces in self._forces]
 
     def figures(self, equations: Equations) -> dict[str, float]:
+        actuator, depth = self.body.actuator, self.depth(equations) * equations.length_unit
+        return shape_figures(self.shape.label, actuator, self.shape.crossed(actuator), self.force(equations), depth)
+
+    def force(self, equations: Equations) -> Array:
+        """Force of the slice on the shape in N, in the mesh's coordinates, shape (d,)."""
         by_role = [[equations.integral(form) for form in forces] for forces in self._compiled]
-        force = equations.stress_unit * equations.length_unit**2 * np.sum(by_role, axis=0)
-        depth = -float(distances(self.nodes.moved(equations.w.x.array), self.numbers).min()) * equations.length_unit
-        actuator = self.body.actuator
-        return shape_figures(self.shape.label, actuator, self.shape.crossed(actuator), force, depth)
+        return np.asarray(equations.stress_unit * equations.length_unit**2 * np.sum(by_role, axis=0))
+
+    def depth(self, equations: Equations) -> float:
+        """How deep faces have sunk into it, in sizes of the device; below zero where none has."""
+        return -float(distances(self.nodes.moved(equations.w.x.array), self.numbers).min())
 
     def admits(self, before: Array, after: Array) -> bool:
         size = self.body.actuator.size
@@ -778,7 +611,7 @@ class SampledShapeTerm(PressingTerm[PressedByDistance]):
             shape.deepest(size),
             shape.crossed(body.actuator),
         )
-        onset, soft = ONSET_PRESSURE / shape.stiffness, HARDENS * self.deepest
+        onset, soft = shape.onset, HARDENS * self.deepest
         self.penalty = HardeningPenalty(shape.stiffness, onset, soft, HARDER)
         self.move(nodes.places)
 
@@ -1137,6 +970,11 @@ class RigidShape(ContactPart):
     def remembers(self) -> bool:
         return self.friction > 0.0
 
+    @property
+    def onset(self) -> float:
+        """Depth over which the contact sets in, in sizes of the device."""
+        return ONSET_PRESSURE / self.stiffness
+
     def half(self, size: float) -> float:
         """Half the length of the line in its middle, in sizes of the device."""
         return {"cylinder": ENDLESS, "capsule": self.length / 2 / size}.get(self.shape, 0.0)
@@ -1214,3 +1052,221 @@ class RigidShape(ContactPart):
             standing = FileShapeTerm(self, setting) if self.file else SampledShapeTerm(self, setting)
             return (GuidedShapeTerm if self.guide else RubbingShapeTerm)(self, standing, setting)
         return FileShapeTerm(self, setting) if self.file else ShapeTerm(self, setting)
+
+
+@register_component
+@dataclasses.dataclass(frozen=True)
+class Obstacle(ContactPart):
+    """A rigid plane without friction, and the faces that it stops: ``[contact]``, without a name.
+
+    Attributes:
+        faces: Roles of the facets that it stops, such as ``"top"`` or ``"bottom, outer"``; others pass through it.
+        plane: ``"z = 9 mm"``, ``"normal 0.6, 0, 0.8 at 9 mm"``, or a cut plane's name. The device keeps to the side
+            on which the faces lie at rest.
+        stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`; see `STIFFNESS`.
+
+    Raises:
+        ComponentError: No such plane, or a stiffness out of `SOFTEST` to `STIFFEST`.
+    """
+
+    faces: str = field_of(
+        Words(), "faces that a rigid plane without friction stops, such as top; its force is in path.csv"
+    )
+    plane: str = field_of(
+        Words(),
+        "the rigid plane: 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm', or a cut plane's name for walls that meet their mirror "
+        "image",
+    )
+    stiffness: float = field_of(
+        Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
+    )
+
+    table: ClassVar[str] = "contact"
+    optional: ClassVar[bool] = True
+    needs: ClassVar[str] = (
+        "contact needs the faces that are stopped and a plane (--contact top --contact-plane 'z = 9mm')"
+    )
+    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "contact_force_N": ("contact force", "of the whole device on the rigid plane, along the plane's normal"),
+        "contact_depth_mm": ("contact depth", "how deep the stopped faces have sunk into the rigid plane"),
+    }
+
+    def check(self) -> None:
+        if not (self.roles and self.plane):
+            raise ComponentError(self.needs)
+        if self.name:
+            raise ComponentError(f"{self.where}: a plane given by its place is written as [contact], without a name")
+        if not SOFTEST <= self.stiffness <= STIFFEST:
+            raise ComponentError(
+                f"the contact's stiffness is {self.stiffness:g}; it is a number of shear moduli per size of the device, "
+                f"{SOFTEST:g} to {STIFFEST:g}, and {STIFFNESS:g} is usual"
+            )
+        if not self.on_cut:
+            self._written()
+
+    def check_on(self, actuator: Actuator) -> None:
+        check_on_mesh("contact", actuator, self.roles)
+        self.place(actuator)
+
+    def undesigned(self, actuator: Actuator) -> str:
+        return "a rigid plane to rest on, and gradients do not know contact"
+
+    @property
+    def in_model(self) -> str:
+        return f"; the rigid plane {self.plane} stops {self.faces} alone"
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        if not figure("contact_force_N"):
+            return ""
+        return (
+            f"faces press on the contact's plane: try a --contact-stiffness below {self.stiffness:g}, and smaller cells where "
+            "they touch"
+        )
+
+    @property
+    def on_cut(self) -> bool:
+        """Whether the plane is one of the device's cut planes, named, on which walls meet their mirror image."""
+        return re.fullmatch(r"\w+", self.plane) is not None
+
+    def _written(self) -> tuple[Vector, Vector]:
+        """Point (m) and unit normal of a plane given by its place."""
+        try:
+            chosen = plane_faces("contact plane", self.plane)
+            if chosen.normal is not None:
+                x, y, z = chosen.normal
+                return (x * chosen.at, y * chosen.at, z * chosen.at), chosen.normal
+        except GeometryError as error:
+            if str(error).startswith("contact plane: "):  # the form is right, and a number in it is not
+                raise ComponentError(str(error)) from None
+        raise ComponentError(
+            f"contact plane {self.plane!r} is no plane; write 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm' or a cut "
+            "plane's name"
+        )
+
+    def place(self, actuator: Actuator) -> tuple[Vector, Vector]:
+        """Point (m) and unit normal of the plane, its side not yet chosen.
+
+        Raises:
+            ComponentError: An unknown cut plane, or a plane that is none of revolution beside an axisymmetric section.
+        """
+        if self.on_cut:
+            cuts = {plane.name: plane.normal for plane in actuator.cut_planes}
+            if self.plane not in cuts:
+                known = f"its cut planes are {', '.join(cuts)}" if cuts else "it has no cut planes"
+                raise ComponentError(f"contact plane {self.plane!r}: {known}; or write its place, such as 'z = 9mm'")
+            return (0.0, 0.0, 0.0), cuts[self.plane]
+        point, normal = self._written()
+        if actuator.dimension == 2 and abs(normal[2]) < 1 - 1e-12:
+            raise ComponentError(f"contact plane {self.plane!r}: a section takes planes square to its axis, 'z = 9mm'")
+        return point, normal
+
+    def term(self, setting: FormContext) -> PlaneTerm:
+        return PlaneTerm(self, setting)
+
+
+def obstacle_of(components: Sequence[Component]) -> Obstacle | None:
+    """The plane among what is added to a device, None where there is none."""
+    return next((part for part in components if isinstance(part, Obstacle)), None)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _StandingPlane:
+    """An obstacle beside a device as `ShapeTerm` takes shapes; its contact grows no harder with depth.
+
+    Attributes:
+        at, along: A point of the plane in sizes of the device, and its normal to the device's side, shape (3,).
+    """
+
+    obstacle: Obstacle
+    at: Array
+    along: Array
+
+    shape: ClassVar[str] = "plane"
+    hollow: ClassVar[bool] = False
+    onset: ClassVar[float] = ONSET
+
+    @property
+    def where(self) -> str:
+        return self.obstacle.where
+
+    @property
+    def label(self) -> str:
+        return self.obstacle.label
+
+    @property
+    def roles(self) -> list[str]:
+        return self.obstacle.roles
+
+    @property
+    def stiffness(self) -> float:
+        return self.obstacle.stiffness
+
+    def numbers(self, size: float) -> Numbers:
+        return self.at, self.along, None, 0.0, 1.0
+
+    def deepest(self, size: float) -> float:
+        return ENDLESS
+
+    def crossed(self, actuator: Actuator) -> list[Array]:
+        return [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
+
+
+class PlaneTerm(ShapeTerm):
+    """An obstacle's contact; only the faces it stops keep to their side of it.
+
+    Raises:
+        ComponentError: A face that the mesh lacks, or faces on both sides of the plane.
+    """
+
+    def __init__(self, obstacle: Obstacle, setting: FormContext):
+        body = setting.body
+        _check_facets(obstacle.roles, body)
+        point, normal = obstacle.place(body.actuator)
+        at, along = np.asarray(point) / body.actuator.size, np.asarray(normal, dtype=float)
+        nodes = FaceNodes(body, setting.w.function_space, obstacle.roles)
+        super().__init__(_StandingPlane(obstacle, at, _side(obstacle, body, nodes.places, at, along) * along), setting)
+
+    def _check_rest(self, body: Body) -> None:
+        """Other parts of the device may lie beyond the plane."""
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        d, size = self.body.actuator.dimension, self.body.actuator.size
+        along = in_section(self.numbers[1], d)
+        force = -float(self.force(equations) @ along) * self.body.actuator.copies
+        return {"contact_force_N": force, "contact_depth_mm": max(self.depth(equations), 0.0) * size * 1e3}
+
+
+def _check_facets(roles: Sequence[str], body: Body) -> None:
+    facets = body.mesh.topology.dim - 1
+    for role in roles:
+        if body.entities.get(role, (-1,))[0] != facets:
+            known = ", ".join(name for name, (dimension, _) in body.entities.items() if dimension == facets)
+            raise ComponentError(
+                f"contact: the mesh of {type(body.actuator).__name__} has no face {role!r}; it has {known}"
+            )
+
+
+def _side(obstacle: Obstacle, body: Body, places: Array, at: Array, along: Array) -> float:
+    """The side of a plane on which faces lie at rest, 1 or -1; that of the body, if they lie in the plane.
+
+    Args:
+        obstacle, body: Which faces of what.
+        places: Of the faces' nodes, shape (n, d), the same on all ranks.
+        at, along: The plane.
+    """
+    size, d = body.actuator.size, body.actuator.dimension
+
+    def span(x: Array) -> list[float]:
+        gaps = in_space(x) @ along - at @ along
+        return [largest(body.mesh.comm, float(values.max(initial=-math.inf))) for values in (gaps, -gaps)]
+
+    above, below = span(places)
+    if min(above, below) > NEAR:
+        size *= 1e3
+        raise ComponentError(
+            f"contact: at rest the faces {', '.join(obstacle.roles)} lie on both sides of the plane, {below * size:.4g} mm on "
+            f"the one and {above * size:.4g} mm on the other; move the plane, or name only the faces that it stops"
+        )
+    if max(above, below) <= NEAR:
+        above, below = span(body.mesh.geometry.x[:, :d])
+    return 1.0 if above > below else -1.0

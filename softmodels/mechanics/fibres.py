@@ -308,9 +308,9 @@ def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: fl
 # Along a change m n^T of the deformation gradient, m any direction and n the wave's normal in the undeformed body, the energy
 # has the second derivative m . Q(n) m, Q being the acoustic tensor. Waves that keep the volume (m square to F^-T n) feel
 # neither the bulk modulus nor p, as J is linear along m n^T. Where one of these second derivatives is negative, a state is no
-# minimum of the energy in any neighbourhood (Hadamard): the body falls into bands as thin as anything lets them be, the cells of a
-# mesh. Compressed fibres do that, which then kink: Merodio & Ogden 2002, Material instabilities in fiber-reinforced nonlinearly
-# elastic solids under plane deformation, Arch. Mech. 54; El Hamdaoui, Merodio & Ogden 2018, J. Eng. Math. 109.
+# minimum of the energy in any neighbourhood (Hadamard): the body falls into bands as thin as anything lets them be, the cells
+# of a mesh. Compressed fibres do that, which then kink: Merodio & Ogden 2002, Material instabilities in fiber-reinforced
+# nonlinearly elastic solids under plane deformation, Arch. Mech. 54; El Hamdaoui, Merodio & Ogden 2018, J. Eng. Math. 109.
 
 
 NORMALS = 300

@@ -3,7 +3,7 @@
 Pi(u, p; P) = int shape(F) + p (J - 1) - p^2 / (2 bulk) dX - P V(u)
 
 Regions in other materials (`mechanics.regions`) have integrals of their own, and p jumps between them (`region_space`).
-A bonded sheet, a plane that stops faces and further parts (`mechanics.parts`) are further terms. With several cavities V is
+Sheets, fibres, contact and whatever else is added (`mechanics.parts`) are further terms. With several cavities V is
 a sum of theirs, and others' pressures work on their own volumes (`mechanics.coupling`). Residual and tangent are its
 derivatives, so the follower pressure's stiffness and the symmetry come along. Lengths are in sizes of the device and stresses
 in shear moduli.
@@ -28,17 +28,9 @@ from softmodels.mechanics.component import (
     FormContext,
     MixedPointStress,
 )
-from softmodels.mechanics.contact import Contact, Obstacle
 from softmodels.mechanics.controls import Coupling
 from softmodels.mechanics.loads import gravity_of
 from softmodels.mechanics.regions import Regions, constants
-from softmodels.mechanics.sheet import (
-    Sheet,
-    membrane_energy,
-    membrane_stress,
-    membrane_tangent,
-    surface_metric,
-)
 
 if TYPE_CHECKING:
     import ufl
@@ -53,8 +45,6 @@ class Potential:
         body: Mesh and roles.
         material: Law and parameters of all but its regions in other materials.
         mixed: Whether p is an unknown, or displacements alone.
-        sheet: A thin sheet bonded to one of the body's faces.
-        obstacle: A rigid plane that stops some of the faces.
         parts: What else is added to it.
 
     Attributes:
@@ -73,7 +63,6 @@ class Potential:
         cavity_volume: What P works on.
         energies: Terms of the stored energy.
         internal: Their derivatives by w; ``forces`` has the pressures' too.
-        contact: The plane's terms, if there is one.
         terms: Those of further parts, by their labels.
     """
 
@@ -82,8 +71,6 @@ class Potential:
         body: Body,
         material: Material,
         mixed: bool,
-        sheet: Sheet | None,
-        obstacle: Obstacle | None,
         parts: Sequence[Component] = (),
     ):
         import basix.ufl
@@ -91,7 +78,7 @@ class Potential:
         from dolfinx import fem
 
         # The order in which functions and constants are made is part of a form's name in the cache of compiled ones.
-        self.body, self.mixed, self.sheet = body, mixed, sheet
+        self.body, self.mixed = body, mixed
         regions = Regions(body, material, parts)
         mesh, cell = body.mesh, body.mesh.basix_cell()
         vector = basix.ufl.element("P", cell, 2, shape=(mesh.geometry.dim,))
@@ -107,7 +94,6 @@ class Potential:
         self.displacement = self._vector_part(self.w)
         self.P = fem.Constant(mesh, 0.0)
         self.parameters = constants(mesh, material)
-        self.sheet_stiffness = fem.Constant(mesh, 0.0)
         self.bulk = fem.Constant(mesh, 0.0)
         self.volumes = body.volumes(self.displacement)
         self.loads = [ufl.derivative(volume, self.w, self._test) for volume in self.volumes]
@@ -115,14 +101,10 @@ class Potential:
         self.direction = fem.Function(self.space)
         self.regions = (regions.main(self.parameters, self.bulk), *regions.others())
         densities = [self.density(region.material, region.parameters, region.bulk) for region in self.regions]
-        self.energies = self.stored(densities, self.sheet_stiffness)
-        self.contact = None if obstacle is None else Contact(obstacle, body, self.displacement)
-        if self.contact is not None:
-            self.energies += self.contact.energies
+        self.energies = self.stored(densities)
         self.per_pascal = fem.Constant(mesh, 1.0)
         setting = FormContext(body, self.w, self.displacement, self.per_pascal, gravity_of(parts))
         self.terms = {part.label: part.term(setting) for part in parts if isinstance(part, EnergyComponent)}
-        self._before_terms = len(self.energies)
         self.energies += [energy for term in self.terms.values() for energy in term.energies]
         self.internal = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
         self.forces = [*self.internal, *([-pressures] if self.volumes else [])]
@@ -163,15 +145,10 @@ class Potential:
         p = ufl.split(self.w)[1]
         return shape + p * (strain.J - 1) - bulk / 2 * p**2
 
-    def stored(self, densities: Sequence[Expr], stiffness: Expr) -> list[ufl.Form]:
-        """Integrals of energy densities over the body's regions and, if one is bonded, of a sheet of this stiffness."""
+    def stored(self, densities: Sequence[Expr]) -> list[ufl.Form]:
+        """Integrals of energy densities over the body's regions."""
         regions = zip(densities, self.regions, strict=True)
-        inside = [density * self.body.hoop * region.dx for density, region in regions]
-        if self.sheet is None:
-            return inside
-        on_face, normal = self.body.sheet_face(self.sheet.face)
-        membrane = membrane_energy(self.body.deformation_gradient(self.displacement), normal)
-        return [*inside, stiffness * membrane * self.body.hoop * on_face]
+        return [density * self.body.hoop * region.dx for density, region in regions]
 
     def tangent(self, trial: Expr) -> list[ufl.Form]:
         """Derivatives of the forces along a trial function, one for each; of sheets and fibres with their stress foreseen."""
@@ -184,22 +161,14 @@ class Potential:
 
     def foreseen_tangents(self, trial: Expr) -> dict[int, ufl.Form]:
         """Those of `tangent` that are no second derivatives of their energies, by their numbers there."""
-        import ufl
 
         found: dict[int, ufl.Form] = {}
         y = self._vector_part(self._known)
-        at, foresight = self._before_terms, MixedPointStress(self._known, y, self._move, self._test, trial)
+        at, foresight = len(self.regions), MixedPointStress(self._known, y, self._move, self._test, trial)
         for term in self.terms.values():
             if (seconds := term.tangent(foresight)) is not None:
                 found |= dict(enumerate(seconds, at))
             at += len(term.energies)
-        if self.sheet is not None:
-            on_face, normal = self.body.sheet_face(self.sheet.face)
-            C, known = (surface_metric(self.body.deformation_gradient(u), normal) for u in (self.displacement, y))
-            stress = membrane_stress(known)
-            foreseen = stress + ufl.derivative(stress, self._known, self._move)
-            density = membrane_tangent(C, self.w, foreseen, self._test, trial)
-            found[len(self.regions)] = self.sheet_stiffness * density * self.body.hoop * on_face
         return found
 
     def admits(self, before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]) -> bool:
@@ -213,13 +182,11 @@ class Potential:
 
     # -- values -------------------------------------------------------------------------------------------------------
 
-    def set_material(self, material: Material, length_unit: float) -> None:
+    def set_material(self, material: Material) -> None:
         """Take other values of the same law."""
         mu = material.shear_modulus_0
         for region in self.regions:
             region.take(region.material if region.name else material, mu, self.mixed)
-        if self.sheet is not None:
-            self.sheet_stiffness.value = self.sheet.stiffness / (mu * length_unit)
         self.per_pascal.value = 1 / mu
 
     def set_pressures(self, P: float, coupling: Coupling, pressures: npt.NDArray[np.float64]) -> None:
@@ -234,8 +201,7 @@ class Potential:
     def foreseen(self) -> float:
         """Largest stiffness, in shear moduli, of what has its stress foreseen in Newton's matrix; 0 if nothing has."""
         per_pascal = float(self.per_pascal.value)
-        sheet = 0.0 if self.sheet is None else float(self.sheet_stiffness.value)
-        return max([sheet, *(term.stiffness * per_pascal for term in self.terms.values())])
+        return max([0.0, *(term.stiffness * per_pascal for term in self.terms.values())])
 
     def foresee(self, known: npt.NDArray[np.float64], ahead: bool = True) -> None:
         """Foresee the stress of sheets and fibres in the current state to first order from another state's dofs ``known``.

@@ -157,9 +157,8 @@ class _Directions:
 
         mesh = eq.body.mesh
         self.laws = [_LawDirection(eq, region) for region in eq.potential.regions]
-        self.mixed, self.sheet, self.stiffness = eq.mixed, eq.sheet, fem.Constant(mesh, 0.0)
-        self.length = eq.length_unit
-        self.energies = eq.potential.stored([law.slope for law in self.laws], self.stiffness)
+        self.mixed = eq.mixed
+        self.energies = eq.potential.stored([law.slope for law in self.laws])
         # Parts keep their stiffness in Pa, which in shear moduli falls; their energies are linear in one Pa's share.
         self.per_pascal = fem.Constant(mesh, 0.0)
         for term in eq.potential.terms.values():
@@ -180,8 +179,6 @@ class _Directions:
         for law in self.laws:
             own = law.region.material if law.region.name else moved
             law.turn(nudged(own, number, 1j * _STEP) if where and law.region.name == where else own, mu, self.mixed)
-        if self.sheet is not None:  # it keeps its stiffness, which in shear moduli falls
-            self.stiffness.value = np.imag(self.sheet.stiffness / (mu * self.length)) / _STEP
         self.per_pascal.value = np.imag(1 / mu) / _STEP
         return mu.imag / _STEP
 

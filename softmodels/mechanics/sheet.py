@@ -19,19 +19,26 @@ is the mean of the metric over each facet. Lines of an axisymmetric section do n
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 from geometries import Actuator
-from softmodels.common.calls import checked
 from softmodels.common.schema import (
     Quantity,
     Words,
     field_of,
-    settle,
 )
-from softmodels.materials.laws import MaterialError
+from softmodels.mechanics.component import (
+    ComponentError,
+    EnergyComponent,
+    EnergyTerm,
+    FormContext,
+    MixedPointStress,
+    register_component,
+)
 
 if TYPE_CHECKING:
+    import ufl
     from dolfinx import fem
     from ufl.core.expr import Expr
 
@@ -42,9 +49,9 @@ HARDLY_STRETCHES = 50e3
 """Stiffness in N/m with which the seminar actuator still reaches 177 cm."""
 
 
-@checked
+@register_component
 @dataclasses.dataclass(frozen=True)
-class Sheet:
+class Sheet(EnergyComponent):
     """A sheet on a face.
 
     Attributes:
@@ -52,7 +59,7 @@ class Sheet:
         stiffness: Young's modulus times thickness in N/m.
 
     Raises:
-        MaterialError: A stiffness that no sheet has.
+        ComponentError: A stiffness that no sheet has.
     """
 
     face: str = field_of(Words(), "bond a thin sheet to a face of the device, such as top")
@@ -62,24 +69,69 @@ class Sheet:
     )
 
     table: ClassVar[str] = "sheet"
+    optional: ClassVar[bool] = True
     needs: ClassVar[str] = "a sheet needs both its face and its stiffness (--sheet top --sheet-stiffness 50kN/m)"
 
-    def __post_init__(self) -> None:
-        settle(self, MaterialError)
+    def check(self) -> None:
+        if not self.face:
+            raise ComponentError(self.needs)
         if not SOFTEST <= self.stiffness <= STIFFEST:
-            raise MaterialError(
+            raise ComponentError(
                 f"the sheet's stiffness is {self.stiffness:.4g} N/m; it is Young's modulus times thickness, and "
                 f"{SOFTEST:g} to {STIFFEST:g} N/m are taken (0.1 mm of polyester: about "
                 "400 kN/m; 50 kN/m hardly stretch on silicone)"
             )
 
     def check_on(self, actuator: Actuator) -> None:
-        """Raise `MaterialError` where a device has no such face."""
+        """Raise `ComponentError` where a device has no such face."""
         if self.face not in actuator.faces:
-            raise MaterialError(
+            raise ComponentError(
                 f"sheet {self.face!r} is no face of {type(actuator).__name__}; a sheet goes on "
                 f"{' or '.join(actuator.faces) or 'none of its faces'}"
             )
+
+    def undesigned(self, actuator: Actuator) -> str:
+        return ""
+
+    def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
+        return (
+            f"a sheet of {self.stiffness / 1e3:.4g} kN/m is bonded to {self.face}: see whether the run goes on with a softer "
+            f"one (--sheet-stiffness){locking(self.stiffness, actuator)}"
+        )
+
+    def term(self, setting: FormContext) -> SheetTerm:
+        return SheetTerm(self, setting)
+
+
+class SheetTerm(EnergyTerm):
+    """A sheet's membrane energy; its stress in Newton's matrix is the one of `MixedPointStress`."""
+
+    def __init__(self, sheet: Sheet, setting: FormContext):
+        from dolfinx import fem
+
+        self._setting = setting
+        body = setting.body
+        self._on_face, self._normal = body.sheet_face(sheet.face)
+        self._pa = fem.Constant(body.mesh, sheet.stiffness / body.actuator.size)
+        density = membrane_energy(body.deformation_gradient(setting.displacement), self._normal)
+        super().__init__([self._integral(density)])
+
+    def _integral(self, density: Expr) -> ufl.Form:
+        return self._setting.per_pascal * self._pa * density * self._setting.body.hoop * self._on_face
+
+    @property
+    def stiffness(self) -> float:
+        return float(self._pa.value)
+
+    def tangent(self, foresight: MixedPointStress) -> list[ufl.Form]:
+        import ufl
+
+        body, w = self._setting.body, self._setting.w
+        displacements = self._setting.displacement, foresight.displacement
+        C, known = (surface_metric(body.deformation_gradient(u), self._normal) for u in displacements)
+        stress = membrane_stress(known)
+        foreseen = stress + ufl.derivative(stress, foresight.known, foresight.move)
+        return [self._integral(membrane_tangent(C, w, foreseen, foresight.test, foresight.trial))]
 
 
 def surface_metric(F: Expr, N: Expr) -> Expr:

@@ -33,7 +33,6 @@ from softmodels.mechanics.body import (
 )
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import Component, ComponentError
-from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.controls import Coupling
 from softmodels.mechanics.dead_loads import DeadLoads
 from softmodels.mechanics.holds import clamped, conditions
@@ -42,7 +41,6 @@ from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.products import TangentOperator
 from softmodels.mechanics.regions import MaterialRegion, check_compressible
 from softmodels.mechanics.rigid import STILL, Rigid, RigidMotion
-from softmodels.mechanics.sheet import Sheet
 
 if TYPE_CHECKING:
     import ufl
@@ -569,8 +567,6 @@ class System(Assembly):
         body: Mesh and roles.
         material: Law and parameters; regions among ``parts`` have their own.
         formulation: ``"mixed"`` (P2 displacement, P1 pressure) or ``"displacement"`` (P2).
-        sheet: A thin sheet bonded to one of the body's faces.
-        obstacle: A rigid plane that stops some of the faces.
         parts: What else is added to it; see `softmodels.mechanics.component`.
 
     Attributes:
@@ -588,7 +584,6 @@ class System(Assembly):
         BodyError: A cavity whose wall encloses another volume than the device's.
         GeometryError: A cavity that is open.
         MaterialError: An incompressible material in the displacement formulation.
-        ObstacleError: A plane that these faces cannot come to rest on.
         ComponentError: A part that cannot be on this mesh.
     """
 
@@ -599,8 +594,6 @@ class System(Assembly):
         body: Body,
         material: Material,
         formulation: str = "mixed",
-        sheet: Sheet | None = None,
-        obstacle: Obstacle | None = None,
         parts: Sequence[Component] = (),
     ):
         from dolfinx import fem
@@ -608,12 +601,12 @@ class System(Assembly):
         if formulation not in FORMULATIONS:
             raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
         check_compressible(material, parts, formulation == "mixed")
-        self.body, self.formulation, self.sheet, self.comm = clamped(body, parts), formulation, sheet, body.mesh.comm
+        self.body, self.formulation, self.comm = clamped(body, parts), formulation, body.mesh.comm
         if type(body).volume_integrand is Body.volume_integrand:  # one's own integral may close them in its own way
             check_closed(body.actuator, body.openings, self.body.holds)
         self.mixed = formulation == "mixed"
-        self.potential = self.potential_class(self.body, material, self.mixed, sheet, obstacle, parts)
-        self.space, self.w, self.contact = self.potential.space, self.potential.w, self.potential.contact
+        self.potential = self.potential_class(self.body, material, self.mixed, parts)
+        self.space, self.w = self.potential.space, self.potential.w
         self.set_material(material)
         self.form = functools.partial(fem.form, jit_options=JIT)
         self._compile()
@@ -642,7 +635,6 @@ class System(Assembly):
         potential, form = self.potential, self.form
         self._volumes = [form(own) for own in potential.volumes]
         self._loads = [[form(load)] for load in potential.loads]
-        self._contact_forces = [form(force) for force in potential.contact.forces] if potential.contact else []
         for term in potential.terms.values():
             term.compile(self)
         self._stored = [form(energy) for energy in potential.energies]
@@ -676,7 +668,7 @@ class System(Assembly):
 
     def set_material(self, material: Material) -> None:
         """Take other values of the same law; nothing is compiled again."""
-        self.potential.set_material(material, self.length_unit)
+        self.potential.set_material(material)
         self.material = material
 
     @property
@@ -751,10 +743,6 @@ class System(Assembly):
     def stored_energy(self) -> float:
         """Energy stored in the body in the current state."""
         return sum(self.integral(form) for form in self._stored) + self.assembled.energy(self.w.x.array)
-
-    def contact_force(self) -> float:
-        """Force of the current state on the obstacle, of the slice, dimensionless; 0 without one."""
-        return sum((self.integral(form) for form in self._contact_forces), 0.0)
 
     def smallest_J(self) -> float:
         """Smallest volume ratio at the integration points of the current state."""

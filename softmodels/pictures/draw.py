@@ -26,6 +26,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.commands import unswept
 from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError
 from softmodels.common.terminal import say
+from softmodels.mechanics.contact import obstacle_of
 from softmodels.pictures import (
     curves,
     offscreen,
@@ -241,7 +242,7 @@ def _cut_profile(states: States) -> Figure:
 
 def _plate(states: States) -> float | None:
     """Height in m of a rigid plane across the lift that stops the device; None if there is none or it stands otherwise."""
-    obstacle = states.case.obstacle
+    obstacle = obstacle_of(states.case.parts)
     if obstacle is None or obstacle.on_cut:
         return None
     point, normal = obstacle.place(states.actuator)

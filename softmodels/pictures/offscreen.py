@@ -17,7 +17,7 @@ import numpy.typing as npt
 from PIL import Image as Picture
 
 from softmodels.common.arrays import Array
-from softmodels.mechanics.contact import RigidShape, surface_of
+from softmodels.mechanics.contact import RigidShape, obstacle_of, surface_of
 from softmodels.pictures.style import (
     DPI,
     EDGE,
@@ -447,7 +447,7 @@ class Look:
 
         A cut plane on which walls meet their mirror image is the device's own middle, and is not drawn.
         """
-        obstacle, skin = self.states.case.obstacle, self.states.skin
+        obstacle, skin = obstacle_of(self.states.case.parts), self.states.skin
         if obstacle is None or obstacle.on_cut:
             return None
         point, normal = (np.asarray(vector) for vector in obstacle.place(self.states.actuator))

@@ -29,6 +29,7 @@ from softmodels.common.page import data_uri, image_uri, render
 from softmodels.common.schema import about
 from softmodels.common.units import readable
 from softmodels.materials.laws import parameter_fields
+from softmodels.mechanics.contact import obstacle_of
 from softmodels.path.program import named
 from softmodels.pictures import curves
 from softmodels.pictures.offscreen import Look
@@ -101,12 +102,6 @@ def _load(states: States) -> Table:
         ("control", case.control, "what the path follows"),
         ("formulation", case.formulation, "unknowns of the equations"),
     ]
-    if case.sheet is not None:
-        rows.append(("sheet", f"{case.sheet.face}, {case.sheet.stiffness:g} N/m", "bonded thin sheet"))
-    if case.obstacle is not None:
-        rows.append(("contact", f"{case.obstacle.faces} on {case.obstacle.plane}", "rigid plane without friction"))
-        unit = "shear moduli of pressure per sinking in by one size of the device"
-        rows.append(("contact stiffness", f"{case.obstacle.stiffness:g}", unit))
     for part in case.parts:
         words, texts = part.write_table(readable), part.explained
         rows += [(f"{part.where.strip('[]')} {name}", str(value), texts.get(name, "")) for name, value in words.items()]
@@ -386,7 +381,7 @@ def _svg(figure: Figure) -> Markup:
 
 def _contact(states: States) -> str:
     """The rigid plane of a run, and the force on it, in a sentence."""
-    obstacle = states.case.obstacle
+    obstacle = obstacle_of(states.case.parts)
     if obstacle is None:
         return ""
     text = f"The rigid plane {obstacle.plane} stops {obstacle.faces} without friction (red in the pictures)."

@@ -38,9 +38,7 @@ from softmodels.decks.deck import (
 from softmodels.decks.febio import check_without_springs, febio
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import is_root, on_root, start
-from softmodels.mechanics.sheet import Sheet
 from softmodels.path.program import Program
 from softmodels.path.supply import AirSupply
 from softmodels.runs.columns import state_labels
@@ -232,8 +230,6 @@ def inflate(
     control: str = "auto",
     formulation: str = "mixed",
     solver: str = "auto",
-    sheet: Sheet | None = None,
-    obstacle: Obstacle | None = None,
     parts: Component | Sequence[Component] = (),
     gauges: Probes | None = None,
     band: AnyBand | str | Path | None = None,
@@ -260,8 +256,6 @@ def inflate(
         control: What the path follows: ``"auto"``, ``"pressure"``, ``"volume"`` or ``"arc-length"``.
         formulation: ``"mixed"`` (displacement and pressure) or ``"displacement"``.
         solver: How linear equations are solved: ``"auto"``, ``"direct"`` or ``"iterative"``.
-        sheet: A sheet bonded to a face.
-        obstacle: A rigid plane that faces come to rest on.
         parts: What else is added to the device: `Gravity`, `Rigid`, `RigidShape`, `Fibres` and others, one or several.
         gauges: Named points and angles that every state reports.
         band: Errors of the material, whose 95 % band is computed for every state; or the name of a silicone, whose sources
@@ -287,7 +281,7 @@ def inflate(
     """
     case = case_of(
         device, material, pressures, volumes, strokes=strokes, driven=driven, supply=supply, control=control,
-        formulation=formulation, solver=solver, sheet=sheet, obstacle=obstacle, parts=parts, gauges=gauges, band=band,
+        formulation=formulation, solver=solver, parts=parts, gauges=gauges, band=band,
         cycle=cycle, program=program, water_density=water_density, name=name,
     )  # fmt: skip
     return run(case, progress=progress, folder=folder, resume=resume, branch=branch)
@@ -371,8 +365,6 @@ def limit(
     device: Actuator,
     material: Material | str,
     *,
-    sheet: Sheet | None = None,
-    obstacle: Obstacle | None = None,
     formulation: str = "mixed",
     parts: Component | Sequence[Component] = (),
     solver: str = "auto",
@@ -393,9 +385,8 @@ def limit(
     from softmodels.mechanics.compiling import CompilingError
 
     # What no case may be, no limit is asked of; its load is not looked at.
-    around = {"sheet": sheet, "obstacle": obstacle, "parts": parts}
-    how = {"formulation": formulation, "solver": solver}
-    case = Case("limit", device, material, pressures_cm=(1.0,), **around, **how)  # type: ignore[arg-type]
+    how = {"parts": parts, "formulation": formulation, "solver": solver}
+    case = Case("limit", device, material, pressures_cm=(1.0,), **how)  # type: ignore[arg-type]
     comm = start()
     try:
         with sentences():
@@ -427,7 +418,7 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
     Raises:
         CaseError: A case that decks have no words for, another ending, or a file that is no deck.
         MeshingError: The device cannot be meshed.
-        ComponentError, ObstacleError, BodyError, CompilingError: What is added to the device cannot be on its mesh, or its
+        ComponentError, BodyError, CompilingError: What is added to the device cannot be on its mesh, or its
             equations cannot be made.
         OSError: The file cannot be written.
     """
@@ -456,7 +447,7 @@ def _system(case: Case, mesh: Path) -> System | None:
     """The equations of a device with displacements alone; None where its deck needs none.
 
     Raises:
-        ComponentError, ObstacleError: What is added to it cannot be on this mesh.
+        ComponentError: What is added to it cannot be on this mesh.
         BodyError, CompilingError: The equations cannot be made.
     """
     if not needs_equations(case):
@@ -472,4 +463,4 @@ def _system(case: Case, mesh: Path) -> System | None:
 
     with compiling():
         body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
-        return System(body, case.material, "displacement", obstacle=case.obstacle, parts=without_walls(case.parts))
+        return System(body, case.material, "displacement", parts=without_walls(case.parts))

@@ -565,28 +565,6 @@ def blocked_force(sampling: Sampling, state: State) -> dict[str, float]:
     return {"blocked_force_N": held_force(eq, role, component) * _force_unit(eq)}
 
 
-def contact_force(sampling: Sampling, state: State) -> dict[str, float]:
-    """Force in N of the whole device on the plane that stops it, and how deep it has sunk in; nothing without one.
-
-    Planes that a cut-out slice's copies bring along count with theirs.
-    """
-    from dolfinx import fem
-
-    eq, grid = sampling.system, sampling.grid
-    contact = eq.contact
-    if contact is None:
-        return {}
-    nodes = fem.locate_dofs_topological(grid.space, eq.body.mesh.topology.dim - 1, contact.facets)
-    nodes = nodes[nodes < grid.owned]
-    places = grid.space.tabulate_dof_coordinates()[nodes, : grid.dimension]
-    gaps = contact.gaps(places + state.w[sampling.skew[nodes]] @ eq.body.skew_inverse.T)
-    deepest = largest(eq.comm, float(-gaps.min()) if gaps.size else -np.inf)
-    return {
-        "contact_force_N": eq.contact_force() * _force_unit(eq),
-        "contact_depth_mm": max(deepest, 0.0) * eq.length_unit * 1e3,
-    }
-
-
 def part_figures(sampling: Sampling, state: State) -> dict[str, float]:
     """What the parts added to the device tell of a state."""
     eq = sampling.system
@@ -620,13 +598,6 @@ MEASURES: list[ForceMeasure] = [
     ForceMeasure(
         blocked_force,
         {"blocked_force_N": ("blocked force", "with which the whole device pushes along its lift on what holds its tip")},
-    ),
-    ForceMeasure(
-        contact_force,
-        {
-            "contact_force_N": ("contact force", "of the whole device on the rigid plane, along the plane's normal"),
-            "contact_depth_mm": ("contact depth", "how deep the stopped faces have sunk into the rigid plane"),
-        },
     ),
     ForceMeasure(
         stiffness,

@@ -101,7 +101,7 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm) -> lis
         comm: MPI communicator.
 
     Raises:
-        MeshingError, BodyError, MaterialError, ObstacleError, ComponentError: As for a run.
+        MeshingError, BodyError, MaterialError, ComponentError: As for a run.
     """
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
@@ -121,7 +121,7 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm) -> lis
             key = (type(material), len(getattr(material, "mu", ())), own)
             if key not in known:
                 with compiling():
-                    system = System(body, material, case.formulation, case.sheet, case.obstacle, own)
+                    system = System(body, material, case.formulation, own)
                     solver = Solver(system, case.solver)
                     known[key] = solver, Fields(solver)
             solver, fields = known[key]

@@ -38,11 +38,11 @@ from softmodels.materials.stability import (
 )
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import PathFailure, names_in
+from softmodels.mechanics.contact import obstacle_of
 from softmodels.mechanics.holds import Clamp
 from softmodels.mechanics.loads import Gravity
 from softmodels.mechanics.mpi import petsc_reason
 from softmodels.mechanics.rigid import Rigid
-from softmodels.mechanics.sheet import locking
 from softmodels.mechanics.walls import Walls
 from softmodels.path.program import LOAD_KEYS, step_text
 from softmodels.runs.band import SourceRows, span_sentence
@@ -149,9 +149,9 @@ def stretch_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
     if torn is not None and source is not None:
         return [
-            f"at {state_labels(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at which "
-            f"{named(case.material)} broke when pulled ({source.source}): the device tears there, and no state from there on "
-            "is real"
+            f"at {state_labels(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at "
+            f"which {named(case.material)} broke when pulled ({source.source}): the device tears there, and no state from "
+            "there on is real"
         ]
     return list(filter(None, [extrapolated(case.material, float(most["max_stretch"]))]))
 
@@ -211,9 +211,10 @@ def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
 def depth_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     """A sentence where faces have sunk deep into the plane that stops them."""
     deepest = max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0)
-    if case.obstacle is None or deepest <= DEEPEST * case.actuator.size * 1e3:
+    plane = obstacle_of(case.parts)
+    if plane is None or deepest <= DEEPEST * case.actuator.size * 1e3:
         return []
-    size, plane = case.actuator.size, case.obstacle
+    size = case.actuator.size
     force = max((abs(row.get("contact_force_N", 0.0)) for row in rows), default=0.0)
     # The depth that this force has when it is spread over the device; an edge that curls into the plane carries little of it.
     spread = force / (plane.stiffness * case.material.shear_modulus_0 * size**2)
@@ -225,7 +226,7 @@ def depth_notes(case: Case, rows: Sequence[Row]) -> list[str]:
         ]
     return [
         f"faces have sunk {deepest:.3g} mm into the contact's plane, more than {DEEPEST:.0%} of the device's size; take a "
-        f"larger --contact-stiffness than {case.obstacle.stiffness:g}"
+        f"larger --contact-stiffness than {plane.stiffness:g}"
     ]
 
 
@@ -237,11 +238,7 @@ def place_notes(case: Case, rows: Sequence[Row]) -> list[str]:
 
 def left_out(case: Case) -> str:
     """What is not in the model of a case: a sentence."""
-    stopped = (
-        "" if case.obstacle is None else f"; the rigid plane {case.obstacle.plane} stops {case.obstacle.faces} alone"
-    )
-    for part in case.parts:
-        stopped += part.in_model
+    stopped = "".join(part.in_model for part in case.parts)
     pressing = [part.words for part in case.parts if isinstance(part, Walls) and not part.off]
     meeting = f"{'; '.join(pressing)} press on each other without friction, others" if pressing else "walls that meet"
     heavy = any(isinstance(part, Gravity) for part in case.parts)
@@ -454,18 +451,8 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
             f"the smallest volume ratio (J) is {figures['J_min']:.3g}, so cells have all but folded: refine the mesh "
             "(--cell-size) or round its corners (--fillet)"
         )
-    if case.obstacle is not None and figures.get("contact_force_N"):
-        found.append(
-            f"faces press on the contact's plane: try a --contact-stiffness below {case.obstacle.stiffness:g}, and smaller "
-            "cells where they touch"
-        )
     parts = (part.hindrance(case.actuator, lambda column: float(figures.get(column) or 0.0)) for part in case.parts)
     found += [sentence for sentence in parts if sentence]
-    if case.sheet is not None:
-        found.append(
-            f"a sheet of {case.sheet.stiffness / 1e3:.4g} kN/m is bonded to {case.sheet.face}: see whether the run goes on "
-            f"with a softer one (--sheet-stiffness){locking(case.sheet.stiffness, case.actuator)}"
-        )
     return found
 
 

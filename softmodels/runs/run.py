@@ -69,9 +69,7 @@ from softmodels.common.units import (
 )
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.mpi import is_root, on_root, start
-from softmodels.mechanics.sheet import Sheet
 from softmodels.path.program import Program
 from softmodels.path.supply import AirSupply
 from softmodels.runs.band import in_order, read_sources
@@ -506,8 +504,6 @@ class RequestOptions(TypedDict, total=False):
     control: str
     formulation: str
     solver: str
-    sheet: Sheet | None
-    obstacle: Obstacle | None
     parts: Component | Sequence[Component]
     band: AnyBand | str | Path | None
     cycle: bool

@@ -307,7 +307,7 @@ class Simulation:
         try:
             self.body = Body.from_file(case.actuator, file, self.comm)
             with compiling():
-                system = System(self.body, case.material, case.formulation, case.sheet, case.obstacle, case.parts)
+                system = System(self.body, case.material, case.formulation, case.parts)
                 self.solver = Solver(system, case.solver)
                 self.fields = Fields(self.solver, case.gauges)
                 self._band = self._make_band()

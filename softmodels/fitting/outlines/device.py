@@ -29,7 +29,6 @@ from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import SILICONE_DENSITY
 from softmodels.mechanics.body import Reshaping
 from softmodels.mechanics.component import ALONG, Component, ComponentError
-from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.controls import (
     Control,
     Coupling,
@@ -46,7 +45,6 @@ from softmodels.mechanics.loads import (
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import Rate, Sensitivity
-from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import Continuation, trace
@@ -538,8 +536,6 @@ class MeasuredDevice:
         name: What reports call it.
         material: What it is known to be made of, whose modulus a fit is held against; None if that is not known.
         formulation: See `softmodels.case.case.Case`.
-        sheet: A sheet bonded to one of its faces.
-        obstacle: A plane that it comes to rest on.
         parts: What else is added to it.
         solver: See `softmodels.case.case.Case`.
         heights_from: What heights count from where it hangs under loads or its top is not flat, see
@@ -550,8 +546,6 @@ class MeasuredDevice:
     name: str = "device"
     material: Material | None = None
     formulation: str = "mixed"
-    sheet: Sheet | None = None
-    obstacle: Obstacle | None = None
     parts: tuple[Component, ...] = ()
     solver: str = "auto"
     heights_from: str = ""
@@ -575,7 +569,7 @@ class MeasuredDevice:
                 )
             case, section = device, as_section(device.actuator)
             parts = measured_parts(case.parts, section, case.material)
-            around = (case.sheet, case.obstacle, parts, case.solver)
+            around = (parts, case.solver)
             return cls(section, case.name, case.material, case.formulation, *around)
         one_of("device", device, Actuator, "a device, such as sm.HollowDisk(), or a Case")
         return cls(as_section(device), device.name)
@@ -602,7 +596,7 @@ class MeasuredDevice:
             with compiling():
                 body = Body.from_file(self.actuator, mesh, comm)
                 material = choice.material(choice.from_modulus(30e3))
-                around = (self.sheet, self.obstacle, self.parts)
+                around = (self.parts,)
                 system = System(body, material, self.formulation, *around)
                 modulus = self.material.shear_modulus_0 if self.material and system.dead.loads else MODULUS
                 return DeviceModel(Solver(system, self.solver), choice, self.heights_from, modulus)
