@@ -218,12 +218,12 @@ MOST_APART = 1e6
 """Shear modulus of a region over the main one's up to which the equations are solved to their usual digits."""
 
 
-def check_materials(material: Material, parts: Sequence[Component], formulation: str) -> None:
+def check_materials(material: Material, components: Sequence[Component], formulation: str) -> None:
     """Refuse a material that the formulation cannot take, or whose numbers are of another unit.
 
     Args:
         material: The main one.
-        parts: What is added, regions in other materials among it.
+        components: What is added, regions in other materials among it.
         formulation: ``mixed`` or ``displacement``.
 
     Raises:
@@ -236,7 +236,7 @@ def check_materials(material: Material, parts: Sequence[Component], formulation:
             f"parameters ({MODULI[0] / 1e3:g} to {MODULI[1] / 1e3:g} kPa are taken)"
         )
     _check_volume("", material, formulation)
-    for part in parts:
+    for part in components:
         if isinstance(part, RegionPart):
             _check_volume(f"{part.where}: ", part.material, formulation)
             apart = part.material.shear_modulus_0 / mu
@@ -309,7 +309,7 @@ class Case:
         cycle: Whether the pressure is lowered again through the same values, and the device jumps at limit points.
         program: What each of several cavities goes through by itself, in place of one requested quantity; else empty.
         gauges: Named points and angles that are told in every state, and a plane whose cut is drawn.
-        parts: What else is added to the device; see `softmodels.mechanics.component`.
+        components: What else is added to the device; see `softmodels.mechanics.component`.
         band: Errors of the material, whose 95 % band is computed at every state; or the sources of a silicone, each of which is
             solved too; None for neither.
         driven: Requested forces, or travels, of a dead load among these.
@@ -349,7 +349,7 @@ class Case:
     )  # fmt: skip
     program: Program = dataclasses.field(default=(), metadata=_written(ProgramEntry()))
     gauges: Probes = dataclasses.field(default=gauge_tables.NONE, metadata=_written(GaugesEntry()))
-    parts: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
+    components: Parts = dataclasses.field(default=(), metadata=_written(PartsEntry()))
     band: AnyBand | None = dataclasses.field(default=None, metadata=_written(ErrorsEntry()))
     driven: LoadRequest | None = dataclasses.field(default=None, metadata=_written(LoadRequestEntry()))
     solver: str = _value(
@@ -366,9 +366,9 @@ class Case:
             self._settle()
             self.load.check(self.actuator)
             self.gauges.check(self.actuator)
-            object.__setattr__(self, "parts", with_walls(self.parts, self.actuator))
-            check_parts(self.parts, self.actuator)
-            check_materials(self.material, self.parts, self.formulation)
+            object.__setattr__(self, "components", with_walls(self.components, self.actuator))
+            check_parts(self.components, self.actuator)
+            check_materials(self.material, self.components, self.formulation)
             if self.band is not None:
                 self.band.check(self.material)
                 self.load.check_band()
@@ -388,7 +388,9 @@ class Case:
                 object.__setattr__(self, name, entry.settled(getattr(self, name)))
         one_of("device", self.actuator, Actuator, "a device, such as sm.HollowDisk()")
         object.__setattr__(self, "material", material_of("material", self.material))
-        object.__setattr__(self, "parts", several("parts", self.parts, Component, "a part, such as sm.Gravity('-z')"))
+        object.__setattr__(
+            self, "components", several("components", self.components, Component, "a part, such as sm.Gravity('-z')")
+        )
         object.__setattr__(self, "program", several("program", self.program, Series, "a series of a program"))
         for name, (kinds, wanted) in _KINDS.items():
             one_of(name, getattr(self, name), (*kinds, types.NoneType), wanted)
@@ -436,7 +438,7 @@ class Case:
     @property
     def files(self) -> tuple[str, ...]:
         """Files that the device and its parts are made from, each once."""
-        named = [self.actuator.files, *(part.files for part in self.parts)]
+        named = [self.actuator.files, *(part.files for part in self.components)]
         return tuple(dict.fromkeys(file for files in named for file in files.values()))
 
     def to_toml(self, files: Mapping[str, str] | None = None) -> str:

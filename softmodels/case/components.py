@@ -116,34 +116,34 @@ def _of_table(kind: type[Component], tables: Tables) -> list[Component]:
     return [kind.read_table(name, table_of(table, name)) for name in table]
 
 
-def with_walls(parts: Sequence[Component], actuator: Actuator) -> Parts:
+def with_walls(components: Sequence[Component], actuator: Actuator) -> Parts:
     """The parts of a case: walls that meet press on each other unless it says otherwise."""
-    if actuator.meeting == () or any(isinstance(part, Walls) for part in parts):
-        return tuple(parts)
+    if actuator.meeting == () or any(isinstance(part, Walls) for part in components):
+        return tuple(components)
     kinds = list(COMPONENTS.values())
     behind = kinds[kinds.index(Walls) + 1 :]
-    at = next((number for number, part in enumerate(parts) if type(part) in behind), len(parts))
-    return (*parts[:at], Walls(), *parts[at:])  # as a case file would be read
+    at = next((number for number, part in enumerate(components) if type(part) in behind), len(components))
+    return (*components[:at], Walls(), *components[at:])  # as a case file would be read
 
 
-def without_walls(parts: Sequence[Component]) -> Parts:
+def without_walls(components: Sequence[Component]) -> Parts:
     """Parts for what does not know of walls that press on each other by themselves: designs, and decks."""
-    return tuple(Walls("none") if isinstance(part, Walls) and part.automatic else part for part in parts)
+    return tuple(Walls("none") if isinstance(part, Walls) and part.automatic else part for part in components)
 
 
-def check_parts(parts: Sequence[Component], actuator: Actuator) -> None:
+def check_parts(components: Sequence[Component], actuator: Actuator) -> None:
     """Refuse parts that the device cannot take, or that have one name in common.
 
     Raises:
         ComponentError: Which, and why.
     """
-    twice = [label for label, count in Counter(part.label for part in parts).items() if count > 1]
+    twice = [label for label, count in Counter(part.label for part in components).items() if count > 1]
     if twice:
         raise ComponentError(
             f"several parts are called {twice[0]}; give each a name of its own, since their columns bear it"
         )
-    gravity = gravity_of(parts)
-    for part in parts:
+    gravity = gravity_of(components)
+    for part in components:
         if part.weighs and not gravity.any():
             raise ComponentError(
                 f"{part.where} has a mass, which gravity pulls at; say where that pulls to ([gravity], --gravity -z)"

@@ -77,13 +77,13 @@ class LoadRequest:
         """Whether a travel is asked for, and not a force."""
         return EVERY_KEY[self.key].held
 
-    def of(self, parts: tuple[Component, ...]) -> LoadPart:
+    def of(self, components: tuple[Component, ...]) -> LoadPart:
         """The load.
 
         Raises:
             FieldError: There is none, or several.
         """
-        found = [part for part in parts if isinstance(part, LoadPart) and part.table == self.table]
+        found = [part for part in components if isinstance(part, LoadPart) and part.table == self.table]
         named = [part for part in found if not self.on or part.name == self.on]
         if len(named) == 1:
             return named[0]
@@ -200,7 +200,7 @@ class Load:
     control: str
     water_density: float
     driven: LoadRequest | None
-    parts: tuple[Component, ...]
+    components: tuple[Component, ...]
 
     @property
     def requested(self) -> Requested:
@@ -208,7 +208,7 @@ class Load:
             return STEP
         if self.driven is not None:
             name = LoadDisplacement.name if self.driven.held else DeadForce.name
-            column = self.driven.column(self.driven.of(self.parts))
+            column = self.driven.column(self.driven.of(self.components))
             return Requested(name, WORDS[self.driven.key], EVERY_KEY[self.driven.key].unit, column)
         return PRESSURE if self.pressures_cm else VOLUME if self.volumes_ml else STROKE
 
@@ -284,7 +284,7 @@ class Load:
         self._check_supply(actuator)
         self._check_lifted()
         if self.supply is not None and any(
-            isinstance(part, LoadPart) and not part.idle(self.parts) for part in self.parts
+            isinstance(part, LoadPart) and not part.idle(self.components) for part in self.components
         ):
             raise CaseError(
                 "the strokes of a supply are counted from the undeformed cavity, and a device with weights or forces begins "
@@ -298,11 +298,11 @@ class Load:
     @property
     def _remembering(self) -> str:
         """The table of a part whose forces depend on the states before; empty if none do."""
-        return next((part.where for part in self.parts if part.remembers), "")
+        return next((part.where for part in self.components if part.remembers), "")
 
     def _check_lifted(self) -> None:
         """Refuse shares of a gravity that pulls at a mass which the device lifts: it weighs by the whole of it."""
-        lifted = next((part.where for part in self.parts if part.lifted and part.weighs), "")
+        lifted = next((part.where for part in self.components if part.lifted and part.weighs), "")
         shared = any(series.target == "gravity" for series in self.program)
         if lifted and (shared or (self.driven is not None and self.driven.key == "share")):
             raise CaseError(
@@ -349,7 +349,7 @@ class Load:
                 raise CaseError("strokes are followed under --control auto or arc-length")
 
     def _check_driven(self, driven: LoadRequest, actuator: Actuator) -> None:
-        load = driven.of(self.parts)
+        load = driven.of(self.components)
         if driven.at_pressure_cm and not actuator.ratios:
             raise CaseError(
                 f"at_pressure_cm: {type(actuator).__name__} has no cavity to put a pressure in; leave it out"
@@ -360,7 +360,7 @@ class Load:
             )
 
     def _check_program(self, actuator: Actuator) -> None:
-        count, known = len(actuator.ratios), {part.key: part for part in self.parts if isinstance(part, LoadPart)}
+        count, known = len(actuator.ratios), {part.key: part for part in self.components if isinstance(part, LoadPart)}
         of_cavities = [series for series in self.program if not series.target]
         if of_cavities and len(of_cavities) != count:
             raise CaseError(

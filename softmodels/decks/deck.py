@@ -130,15 +130,15 @@ class DeckSilicone:
             )
 
 
-def silicones_of(material: Material, parts: Iterable[object], regions: Iterable[str]) -> tuple[DeckSilicone, ...]:
+def silicones_of(material: Material, components: Iterable[object], regions: Iterable[str]) -> tuple[DeckSilicone, ...]:
     """The materials of a device, its main one first, which fills what no part names.
 
     Args:
         material: The main one.
-        parts: What is added to the device.
+        components: What is added to the device.
         regions: Those of its mesh.
     """
-    others = [DeckSilicone(part.name, part.material, (part.name,)) for part in parts if isinstance(part, Region)]
+    others = [DeckSilicone(part.name, part.material, (part.name,)) for part in components if isinstance(part, Region)]
     named = {one.name for one in others}
     main = f"main_{MAIN}" if MAIN in named else MAIN
     return (DeckSilicone(main, material, tuple(name for name in regions if name not in named)), *others)
@@ -213,7 +213,7 @@ def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, Freedom]) -
     """
     rows, ties = _held_directions(case, mesh), list[Tie]()
     rigged, added = [], np.empty((0, 3))
-    for part in case.parts:
+    for part in case.components:
         if not isinstance(part, Rigid):
             continue
         nodes = mesh.nodes[part.face] if part.face else _within(mesh, part.region)
@@ -250,7 +250,7 @@ def _held_directions(case: Case, mesh: MeshArrays) -> Array:
     device, rows = case.actuator, np.zeros((len(mesh.points), 3, 3))
     for role, direction in [
         *((plane.name, plane.normal) for plane in device.cut_planes),
-        *((hold.role, hold.direction) for hold in held_with(device.holds, device, case.parts)),
+        *((hold.role, hold.direction) for hold in held_with(device.holds, device, case.components)),
     ]:
         added = np.zeros((len(mesh.points), 3, 3))
         nodes = mesh.nodes[role] if role in mesh.nodes else _within(mesh, role)
@@ -444,18 +444,22 @@ class ContactStop:
     slide: Slide | None = None
 
 
-def pressing(system: System, mesh: MeshArrays, parts: Sequence[Component]) -> list[Springs]:
+def pressing(system: System, mesh: MeshArrays, components: Sequence[Component]) -> list[Springs]:
     """The springs of a device's contact.
 
     Args:
         system: The device's equations.
         mesh: The mesh of its slice.
-        parts: What else is added to the device.
+        components: What else is added to the device.
     """
     size = system.body.actuator.size
     plane = system.potential.terms.get(Obstacle.table)
     stops = [_plane(plane)] if isinstance(plane, PlaneTerm) else []
-    stops += [_shape(part, system.body.actuator, gravity_of(parts)) for part in parts if isinstance(part, RigidShape)]
+    stops += [
+        _shape(part, system.body.actuator, gravity_of(components))
+        for part in components
+        if isinstance(part, RigidShape)
+    ]
     return [_contact_springs(stop, mesh, size, system.stress_unit) for stop in stops]
 
 
@@ -585,15 +589,15 @@ def threaded(part: object) -> list[Family]:
     return []
 
 
-def threads(mesh: MeshArrays, parts: Sequence[object], size: float) -> list[Springs]:
+def threads(mesh: MeshArrays, components: Sequence[object], size: float) -> list[Springs]:
     """The springs of a device's fibres and fabrics.
 
     Args:
         mesh: The mesh of its slice.
-        parts: What is added to the device.
+        components: What is added to the device.
         size: Its size in m, which the springs are long.
     """
-    return [_fibre_springs(family, mesh, size) for part in parts for family in threaded(part)]
+    return [_fibre_springs(family, mesh, size) for part in components for family in threaded(part)]
 
 
 def _fibre_springs(family: Family, mesh: MeshArrays, size: float) -> Springs:
@@ -751,7 +755,7 @@ class Deck:
     @property
     def overlapping(self) -> str:
         """That walls of the device pass through each other in the deck, a sentence; empty where none meet."""
-        if not any(isinstance(part, Walls) and not part.off for part in self.case.parts):
+        if not any(isinstance(part, Walls) and not part.off for part in self.case.components):
             return ""
         return "walls that meet press on each other in a run and pass through each other here: it has no such contact"
 
@@ -789,15 +793,15 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
     forces, springs, freedoms = None, tuple[Springs, ...](), dict[str, Freedom]()
     if system is not None:
         forces = _by_node(arrays, *nodal_forces(system)) if acting(case) else None
-        pressed = pressing(system, arrays, case.parts)
-        springs = (*pressed, *threads(arrays, case.parts, system.length_unit))
+        pressed = pressing(system, arrays, case.components)
+        springs = (*pressed, *threads(arrays, case.components, system.length_unit))
         freedoms = {
             name: dataclasses.replace(motion.freedom, centre=motion.freedom.centre * system.length_unit)
             for name, motion in system.unknowns.moving.items()
         }
     supports = supports_of(case, arrays, freedoms)
     _check_apart(supports, springs)
-    silicones = silicones_of(case.material, case.parts, arrays.regions)
+    silicones = silicones_of(case.material, case.components, arrays.regions)
     return Deck(case, arrays, _pressures(case), supports, silicones, forces, springs)
 
 
@@ -823,7 +827,9 @@ def needs_equations(case: Case) -> bool:
     """Whether a deck says what the device's equations know: dead loads, what is held or rigid, or what presses."""
     kinds = (Clamp, Rigid, RigidShape, Fibres, Fabric)
     return (
-        bool(acting(case)) or obstacle_of(case.parts) is not None or any(isinstance(part, kinds) for part in case.parts)
+        bool(acting(case))
+        or obstacle_of(case.components) is not None
+        or any(isinstance(part, kinds) for part in case.components)
     )
 
 
@@ -839,8 +845,8 @@ def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
 
 def acting(case: Case) -> list[str]:
     """Dead loads by the names of their tables, without those whose amount would be a request's."""
-    idle = [part for part in case.parts if isinstance(part, LoadPart) and part.idle(case.parts)]
-    loads = [part for part in case.parts if isinstance(part, LOADS) and part not in idle]
+    idle = [part for part in case.components if isinstance(part, LoadPart) and part.idle(case.components)]
+    loads = [part for part in case.components if isinstance(part, LOADS) and part not in idle]
     return [load.where for load in loads if not isinstance(load, FaceLoad) or load.kept]
 
 
@@ -860,7 +866,7 @@ def check(case: Case) -> None:
         raise CaseError(
             f"the case asks for {case.load.requested.words}; a deck has pressures (pressure_cm), and no cycle"
         )
-    main, *others = silicones_of(case.material, case.parts, device.regions)
+    main, *others = silicones_of(case.material, case.components, device.regions)
     main.check("")
     for silicone in others:
         silicone.check(f"region {silicone.name}: ")
@@ -870,9 +876,9 @@ def check(case: Case) -> None:
 
 def _unknown(case: Case) -> Iterator[str]:
     """What decks have no words for, by its name."""
-    if any(isinstance(part, Sheet) for part in case.parts):
+    if any(isinstance(part, Sheet) for part in case.components):
         yield "a sheet"
-    for part in case.parts:
+    for part in case.components:
         if isinstance(part, RigidShape):
             if part.shape not in SHAPES:
                 yield f"{part.where} with a shape {part.shape!r}, where springs know {', '.join(SHAPES)}"
@@ -882,5 +888,5 @@ def _unknown(case: Case) -> Iterator[str]:
             yield f"{part.where} whose yarns contract each other or resist shear"
         elif isinstance(part, Walls) and (part.automatic or part.off):
             continue  # see `Deck.overlapping`
-        elif not isinstance(part, (Region, Clamp, Rigid, Fibres, Fabric, *LOADS)):
+        elif not isinstance(part, (Obstacle, Region, Clamp, Rigid, Fibres, Fabric, *LOADS)):
             yield part.where

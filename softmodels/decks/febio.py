@@ -21,7 +21,7 @@ from softmodels.decks.deck import (
     Rigged,
     check,
 )
-from softmodels.mechanics.contact import RigidShape, obstacle_of
+from softmodels.mechanics.contact import Obstacle, RigidShape
 from softmodels.mechanics.fibres import Fabric, Fibres
 
 Node = ElementTree.Element
@@ -60,10 +60,10 @@ def febio(deck: Deck) -> str:
 def check_without_springs(case: Case) -> None:
     """Refuse contact, fibres and fabrics too; see `softmodels.decks.deck.check`."""
     check(case)
-    sprung = [part.where for part in case.parts if isinstance(part, (RigidShape, Fibres, Fabric))]
-    if obstacle_of(case.parts) or sprung:
+    sprung = [part.where for part in case.components if isinstance(part, (Obstacle, RigidShape, Fibres, Fabric))]
+    if sprung:
         raise CaseError(
-            f"the case has {', '.join(sprung) or 'contact'}, which is written for CalculiX alone: name a file NAME.inp, or "
+            f"the case has {', '.join(sprung)}, which is written for CalculiX alone: name a file NAME.inp, or "
             "leave it out"
         )
 

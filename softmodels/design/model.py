@@ -130,7 +130,7 @@ class MeshedDesign:
             body = Body.from_file(device, file, comm)
             comm.barrier()
         with compiling():
-            system = System(body, case.material, case.formulation, without_walls(case.parts))
+            system = System(body, case.material, case.formulation, without_walls(case.components))
             solver = Solver(system, case.solver)
             made = cls(DesignedBody(solver), question)
         try:

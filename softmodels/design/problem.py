@@ -117,7 +117,7 @@ def pressure_of(asked: Asked) -> float | None:
 
 def highest_pressure(asked: Asked) -> float | None:
     """The highest pressure in Pa at which a quantity, or what it is made of, is taken; None where it is at none."""
-    found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "parts", ()))]
+    found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "components", ()))]
     return max((pressure for pressure in found if pressure is not None), default=None)
 
 
@@ -751,7 +751,7 @@ def _check_load(case: Case) -> None:
         raise DesignError(
             "the case lowers its pressure again (cycle); a design is judged on the way up, so leave it out"
         )
-    for part in case.parts:
+    for part in case.components:
         if why := part.undesigned(case.actuator):
             raise DesignError(f"the case has a {part.where}, {why}; leave it out")
 
@@ -780,11 +780,13 @@ def _walls_apart(case: Case, terms: Sequence[ObjectiveTerm], limits: Sequence[Ke
     None where the case lets walls pass through each other (walls = "none"), or limits the gap itself.
     """
     given = [keep.quantity for keep in limits]
-    if not any(isinstance(part, Walls) and part.automatic for part in case.parts) or any(
+    if not any(isinstance(part, Walls) and part.automatic for part in case.components) or any(
         isinstance(one, LeastGap) for one in given
     ):
         return []
-    asked = [one for whole in (*(term.quantity for term in terms), *given) for one in getattr(whole, "parts", (whole,))]
+    asked = [
+        one for whole in (*(term.quantity for term in terms), *given) for one in getattr(whole, "components", (whole,))
+    ]
     loads = sorted({load for one in asked if isinstance(load := getattr(one, "load", None), JudgedLoad)})
     return [Keep(LeastGap(at=load), at_least=0.0) for load in loads]
 

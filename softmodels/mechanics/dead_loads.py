@@ -101,21 +101,21 @@ class LoadPart(Component):
         """What tells it from all other drivers: ``"gravity"``, ``"force.tip"``."""
         return f"{self.table}.{self.name}" if self.name else self.table
 
-    def idle(self, parts: Sequence[Component]) -> bool:
+    def idle(self, components: Sequence[Component]) -> bool:
         """Whether it pulls at nothing of the device, and only at what the device lifts.
 
         Args:
-            parts: All that is added to the device.
+            components: All that is added to the device.
         """
         return False
 
     @abc.abstractmethod
-    def spread(self, on: DistributedLoad, parts: Sequence[Component]) -> Weighed:
+    def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
         """Its distribution over the body.
 
         Args:
             on: What it is spread over.
-            parts: All that is added to the device: what hangs on it has weight too.
+            components: All that is added to the device: what hangs on it has weight too.
 
         Raises:
             ComponentError: Not on this mesh.
@@ -209,7 +209,7 @@ class DeadLoads:
 
     Args:
         system: The equations.
-        parts: What is added to the device.
+        components: What is added to the device.
 
     Attributes:
         loads: The loads.
@@ -222,12 +222,12 @@ class DeadLoads:
         ComponentError: A load that moves nothing, or not on this mesh.
     """
 
-    def __init__(self, system: Loaded, parts: Sequence[Component]):
+    def __init__(self, system: Loaded, components: Sequence[Component]):
         from dolfinx import fem
 
         self.system = system
-        self.loads = [part for part in parts if isinstance(part, LoadPart) and not part.idle(parts)]
-        spread = [part.spread(DistributedLoad(system), parts) for part in self.loads] if self.loads else []
+        self.loads = [part for part in components if isinstance(part, LoadPart) and not part.idle(components)]
+        spread = [part.spread(DistributedLoad(system), components) for part in self.loads] if self.loads else []
         self.amounts = np.array([found.amount for found in spread], dtype=float)
         self.integrals = [found.forms for found in spread]
         self.forms = [[system.form(form) for form in forms] for forms in self.integrals]

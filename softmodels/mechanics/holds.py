@@ -124,21 +124,21 @@ def _across(way: Vector, actuator: Actuator) -> list[Vector | None]:
     return [(float(x), float(y), float(z)) for x, y, z in found]
 
 
-def held_with(own: Sequence[Hold], actuator: Actuator, parts: Sequence[Component]) -> list[Hold]:
+def held_with(own: Sequence[Hold], actuator: Actuator, components: Sequence[Component]) -> list[Hold]:
     """What holds a device: its own holds, but where clamps name their roles, and the clamps'."""
-    clamps = [part for part in parts if isinstance(part, Clamp)]
+    clamps = [part for part in components if isinstance(part, Clamp)]
     roles = {role for clamp in clamps for role in clamp.roles}
     kept = [hold for hold in own if hold.role not in roles]
     return [*kept, *(hold for clamp in clamps for hold in clamp.holds(actuator))]
 
 
-def clamped(body: Body, parts: Sequence[Component]) -> Body:
+def clamped(body: Body, components: Sequence[Component]) -> Body:
     """A body as clamps hold it, on the same mesh; itself where there are none.
 
     Raises:
         ComponentError: A role that the mesh lacks, or a device that nothing keeps in its place any more.
     """
-    clamps = [part for part in parts if isinstance(part, Clamp)]
+    clamps = [part for part in components if isinstance(part, Clamp)]
     if not clamps:
         return body
     for clamp in clamps:
@@ -146,9 +146,9 @@ def clamped(body: Body, parts: Sequence[Component]) -> Body:
             if role not in body.entities and role not in body.regions:
                 known = ", ".join([*body.entities, *body.regions])
                 raise ComponentError(f"{clamp.where}: the mesh has no {role!r}; it has {known}")
-    held = body.held_by(held_with(body.holds, body.actuator, parts))
+    held = body.held_by(held_with(body.holds, body.actuator, components))
     replaced = {hold.role for hold in body.holds} & {role for clamp in clamps for role in clamp.roles}
-    if replaced and all(isinstance(part, Clamp | RegionPart) for part in parts):  # other parts may keep it
+    if replaced and all(isinstance(part, Clamp | RegionPart) for part in components):  # other parts may keep it
         _check_place(held, clamps[0].where)
     return held
 

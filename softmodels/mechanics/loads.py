@@ -142,21 +142,21 @@ class Gravity(DirectedLoad):
         """In m/s2, shape (3,), in device coordinates."""
         return self.magnitude * np.asarray(self.vector)
 
-    def idle(self, parts: Sequence[Component]) -> bool:
-        weighing = [part for part in parts if part.weighs]
-        if self.density != 0.0 or any(part.own_density for part in parts if isinstance(part, RegionPart)):
+    def idle(self, components: Sequence[Component]) -> bool:
+        weighing = [part for part in components if part.weighs]
+        if self.density != 0.0 or any(part.own_density for part in components if isinstance(part, RegionPart)):
             return False
         return bool(weighing) and all(part.lifted for part in weighing)
 
-    def spread(self, on: DistributedLoad, parts: Sequence[Component]) -> Weighed:
+    def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
         along = in_section(self.vector, on.body.actuator.dimension)
         density = density_of(on.system.material) if self.density is None else self.density
-        own = {part.name: part.own_density for part in parts if isinstance(part, RegionPart)}
+        own = {part.name: part.own_density for part in components if isinstance(part, RegionPart)}
         masses = []
         for matter in on.system.matter:
             heavy = density if (known := own.get(matter.name)) is None else known
             masses += [Weighed([on.mean(along, matter)], heavy * on.volume(matter))] if heavy else []
-        masses += [one for part in parts if isinstance(part, HeavyPart) for one in part.masses(on, along)]
+        masses += [one for part in components if isinstance(part, HeavyPart) for one in part.masses(on, along)]
         whole = sum(one.amount for one in masses)
         if not whole > 0.0:
             raise ComponentError(
@@ -232,7 +232,7 @@ class Force(FaceLoad):
         r"travel_(\w+)_mm": ("travel along force {0}", "displacement of the loaded face from where the path begins"),
     }  # fmt: skip
 
-    def spread(self, on: DistributedLoad, parts: Sequence[Component]) -> Weighed:
+    def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
         with _on_face(self):
             return Weighed([on.mean(in_section(self.vector, on.body.actuator.dimension), self.face)], self.amount)
 
@@ -291,7 +291,7 @@ class Moment(FaceLoad):
                     f"device is cut in two; take the axis square to that plane, or use {actuator.fuller}"
                 )
 
-    def spread(self, on: DistributedLoad, parts: Sequence[Component]) -> Weighed:
+    def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
         import ufl
 
         with _on_face(self):
@@ -304,18 +304,18 @@ class Moment(FaceLoad):
             return Weighed([form], self.amount)
 
 
-def gravity_of(parts: Sequence[Component]) -> npt.NDArray[np.float64]:
+def gravity_of(components: Sequence[Component]) -> npt.NDArray[np.float64]:
     """Acceleration of gravity in m/s2, shape (3,), in device coordinates; zero where no part is one."""
-    return next((part.acceleration for part in parts if isinstance(part, Gravity)), np.zeros(3))
+    return next((part.acceleration for part in components if isinstance(part, Gravity)), np.zeros(3))
 
 
-def weighed(parts: Sequence[Component], material: Material) -> tuple[Component, ...]:
+def weighed(components: Sequence[Component], material: Material) -> tuple[Component, ...]:
     """Parts whose gravity says how dense the silicone is: as dense as this material, where they leave that out."""
     return tuple(
         dataclasses.replace(part, density=density_of(material))
         if isinstance(part, Gravity) and part.density is None
         else part
-        for part in parts
+        for part in components
     )
 
 

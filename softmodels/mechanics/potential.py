@@ -45,7 +45,7 @@ class Potential:
         body: Mesh and roles.
         material: Law and parameters of all but its regions in other materials.
         mixed: Whether p is an unknown, or displacements alone.
-        parts: What else is added to it.
+        components: What else is added to it.
 
     Attributes:
         space: Function space of the unknowns w.
@@ -71,7 +71,7 @@ class Potential:
         body: Body,
         material: Material,
         mixed: bool,
-        parts: Sequence[Component] = (),
+        components: Sequence[Component] = (),
     ):
         import basix.ufl
         import ufl
@@ -79,7 +79,7 @@ class Potential:
 
         # The order in which functions and constants are made is part of a form's name in the cache of compiled ones.
         self.body, self.mixed = body, mixed
-        regions = Regions(body, material, parts)
+        regions = Regions(body, material, components)
         mesh, cell = body.mesh, body.mesh.basix_cell()
         vector = basix.ufl.element("P", cell, 2, shape=(mesh.geometry.dim,))
         element = basix.ufl.mixed_element([vector, basix.ufl.element("P", cell, 1)]) if mixed else vector
@@ -103,8 +103,8 @@ class Potential:
         densities = [self.density(region.material, region.parameters, region.bulk) for region in self.regions]
         self.energies = self.stored(densities)
         self.per_pascal = fem.Constant(mesh, 1.0)
-        setting = FormContext(body, self.w, self.displacement, self.per_pascal, gravity_of(parts))
-        self.terms = {part.label: part.term(setting) for part in parts if isinstance(part, EnergyComponent)}
+        setting = FormContext(body, self.w, self.displacement, self.per_pascal, gravity_of(components))
+        self.terms = {part.label: part.term(setting) for part in components if isinstance(part, EnergyComponent)}
         self.energies += [energy for term in self.terms.values() for energy in term.energies]
         self.internal = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
         self.forces = [*self.internal, *([-pressures] if self.volumes else [])]

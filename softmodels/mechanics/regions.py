@@ -54,13 +54,13 @@ class RigidRegion(RegionPart):
     table: ClassVar[str] = "rigid"
 
 
-def check_compressible(main: Material, parts: Sequence[Component], mixed: bool) -> None:
+def check_compressible(main: Material, components: Sequence[Component], mixed: bool) -> None:
     """Refuse an incompressible material without p as an unknown.
 
     Raises:
         MaterialError: There is one.
     """
-    materials = [main, *(part.material for part in parts if isinstance(part, RegionPart))]
+    materials = [main, *(part.material for part in components if isinstance(part, RegionPart))]
     if not mixed and any(math.isinf(one.bulk) for one in materials):
         raise MaterialError("poisson = 0.5 needs the mixed formulation: displacements alone would lock")
 
@@ -100,7 +100,7 @@ class Regions:
     Args:
         body: Mesh and regions.
         material: The main material.
-        parts: Regions in other materials among them, and more.
+        components: Regions in other materials among them, and more.
 
     Attributes:
         numbers: Number of each local cell's region, 0 for the main one; None where that is the whole body.
@@ -109,12 +109,12 @@ class Regions:
         ComponentError: A region that the mesh lacks, or regions that leave nothing to the main material.
     """
 
-    def __init__(self, body: Body, material: Material, parts: Sequence[Component]):
+    def __init__(self, body: Body, material: Material, components: Sequence[Component]):
         self._body, self._material = body, material
-        self._parts = [part for part in parts if isinstance(part, RegionPart)]
+        self._parts = [part for part in components if isinstance(part, RegionPart)]
         named = {part.name for part in self._parts}
         # Its p is its own and its strain is none, whatever it is of: see `rigid_nodes.still_pressures`.
-        rigid = [part for part in parts if isinstance(part, Rigid) and part.region and part.region not in named]
+        rigid = [part for part in components if isinstance(part, Rigid) and part.region and part.region not in named]
         self._parts += [RigidRegion(material, name=part.region) for part in rigid]
         self.numbers: npt.NDArray[np.int32] | None = None
         if not self._parts:

@@ -460,7 +460,7 @@ class Nodes:
 
 
 def unknowns_of(
-    body: Body, space: fem.FunctionSpace, held: Sequence[fem.DirichletBC], parts: Sequence[Component]
+    body: Body, space: fem.FunctionSpace, held: Sequence[fem.DirichletBC], components: Sequence[Component]
 ) -> Unknowns:
     """What is solved for on a mesh: its owned dofs, fewer where there are rigid parts.
 
@@ -468,13 +468,13 @@ def unknowns_of(
         body: Mesh and roles.
         space: Function space of w.
         held: Conditions on dofs that are zero.
-        parts: What is added to the device, rigid parts among them.
+        components: What is added to the device, rigid parts among them.
 
     Raises:
         ComponentError: A rigid part on no face of the mesh, two that meet, or one that meets what holds the device.
     """
     n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    rigid = [part for part in parts if isinstance(part, Rigid)]
+    rigid = [part for part in components if isinstance(part, Rigid)]
     if not rigid:
         return Unknowns(n)
     comm, nodes = body.mesh.comm, Nodes(space)
@@ -518,17 +518,17 @@ def _centre(body: Body, part: Rigid) -> Array:
     return np.asarray(centre - np.linalg.pinv(normals) @ normals @ centre)
 
 
-def still_pressures(body: Body, space: fem.FunctionSpace, parts: Sequence[Component]) -> list[fem.DirichletBC]:
+def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[Component]) -> list[fem.DirichletBC]:
     """Conditions that hold p in rigid regions, where nothing strains: a region has its own p, see `region_space`.
 
     Args:
         body: The mesh; it has the regions, which `softmodels.mechanics.regions.Regions` checks.
         space: Function space of w.
-        parts: What is added to the device, rigid regions among them.
+        components: What is added to the device, rigid regions among them.
     """
     from dolfinx import fem
 
-    regions = [part.region for part in parts if isinstance(part, Rigid) and part.region]
+    regions = [part.region for part in components if isinstance(part, Rigid) and part.region]
     if not regions or space.dofmap.index_map_bs != 1:
         return []
     rows = np.array(space.sub(1).dofmap.list)
@@ -565,9 +565,9 @@ class System(Assembly):
 
     Args:
         body: Mesh and roles.
-        material: Law and parameters; regions among ``parts`` have their own.
+        material: Law and parameters; regions among ``components`` have their own.
         formulation: ``"mixed"`` (P2 displacement, P1 pressure) or ``"displacement"`` (P2).
-        parts: What else is added to it; see `softmodels.mechanics.component`.
+        components: What else is added to it; see `softmodels.mechanics.component`.
 
     Attributes:
         potential: What all of it is derived from.
@@ -594,33 +594,33 @@ class System(Assembly):
         body: Body,
         material: Material,
         formulation: str = "mixed",
-        parts: Sequence[Component] = (),
+        components: Sequence[Component] = (),
     ):
         from dolfinx import fem
 
         if formulation not in FORMULATIONS:
             raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
-        check_compressible(material, parts, formulation == "mixed")
-        self.body, self.formulation, self.comm = clamped(body, parts), formulation, body.mesh.comm
+        check_compressible(material, components, formulation == "mixed")
+        self.body, self.formulation, self.comm = clamped(body, components), formulation, body.mesh.comm
         if type(body).volume_integrand is Body.volume_integrand:  # one's own integral may close them in its own way
             check_closed(body.actuator, body.openings, self.body.holds)
         self.mixed = formulation == "mixed"
-        self.potential = self.potential_class(self.body, material, self.mixed, parts)
+        self.potential = self.potential_class(self.body, material, self.mixed, components)
         self.space, self.w = self.potential.space, self.potential.w
         self.set_material(material)
         self.form = functools.partial(fem.form, jit_options=JIT)
         self._compile()
-        still = still_pressures(self.body, self.space, parts)
+        still = still_pressures(self.body, self.space, components)
         self.still_pressures = round(total(self.comm, sum(bc.dof_indices()[1] for bc in still)))
         self.bcs = [*conditions(self.body, self.vectors), *still]
         self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
         self._whole: PETSc.Mat = matrix_of(self.space, self._products.pattern)
-        self.unknowns = unknowns_of(body, self.space, self.bcs, parts)
+        self.unknowns = unknowns_of(body, self.space, self.bcs, components)
         self.K: PETSc.Mat = self.unknowns.matrix(self._whole, self._assemble_whole)
         self._vector = fem.Function(self.space)
         self.cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
         self.n, self.dofs = self.K.getLocalSize()[0], len(self.w.x.array)
-        self.dead = DeadLoads(self, parts)
+        self.dead = DeadLoads(self, components)
         self._loads += self.dead.forms
         self.coupling = Coupling.proportional(body.actuator.ratios, np.zeros(len(self.dead.forms)))
         self._set_pressures(0.0, np.empty(0))

@@ -242,7 +242,7 @@ def _cut_profile(states: States) -> Figure:
 
 def _plate(states: States) -> float | None:
     """Height in m of a rigid plane across the lift that stops the device; None if there is none or it stands otherwise."""
-    obstacle = obstacle_of(states.case.parts)
+    obstacle = obstacle_of(states.case.components)
     if obstacle is None or obstacle.on_cut:
         return None
     point, normal = obstacle.place(states.actuator)

@@ -344,7 +344,7 @@ def shape_surface(shape: RigidShape, reach: float) -> tuple[Array, Cells]:
 
 
 def shapes_of(states: States) -> list[RigidShape]:
-    return [part for part in states.case.parts if isinstance(part, RigidShape)]
+    return [part for part in states.case.components if isinstance(part, RigidShape)]
 
 
 def way(states: States, shape: RigidShape, step: float) -> Array:
@@ -447,7 +447,7 @@ class Look:
 
         A cut plane on which walls meet their mirror image is the device's own middle, and is not drawn.
         """
-        obstacle, skin = obstacle_of(self.states.case.parts), self.states.skin
+        obstacle, skin = obstacle_of(self.states.case.components), self.states.skin
         if obstacle is None or obstacle.on_cut:
             return None
         point, normal = (np.asarray(vector) for vector in obstacle.place(self.states.actuator))

@@ -102,7 +102,7 @@ def _load(states: States) -> Table:
         ("control", case.control, "what the path follows"),
         ("formulation", case.formulation, "unknowns of the equations"),
     ]
-    for part in case.parts:
+    for part in case.components:
         words, texts = part.write_table(readable), part.explained
         rows += [(f"{part.where.strip('[]')} {name}", str(value), texts.get(name, "")) for name, value in words.items()]
     if case.supply is not None:
@@ -381,7 +381,7 @@ def _svg(figure: Figure) -> Markup:
 
 def _contact(states: States) -> str:
     """The rigid plane of a run, and the force on it, in a sentence."""
-    obstacle = obstacle_of(states.case.parts)
+    obstacle = obstacle_of(states.case.components)
     if obstacle is None:
         return ""
     text = f"The rigid plane {obstacle.plane} stops {obstacle.faces} without friction (red in the pictures)."

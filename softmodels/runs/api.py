@@ -230,7 +230,7 @@ def inflate(
     control: str = "auto",
     formulation: str = "mixed",
     solver: str = "auto",
-    parts: Component | Sequence[Component] = (),
+    components: Component | Sequence[Component] = (),
     gauges: Probes | None = None,
     band: AnyBand | str | Path | None = None,
     cycle: bool = False,
@@ -256,7 +256,7 @@ def inflate(
         control: What the path follows: ``"auto"``, ``"pressure"``, ``"volume"`` or ``"arc-length"``.
         formulation: ``"mixed"`` (displacement and pressure) or ``"displacement"``.
         solver: How linear equations are solved: ``"auto"``, ``"direct"`` or ``"iterative"``.
-        parts: What else is added to the device: `Gravity`, `Rigid`, `RigidShape`, `Fibres` and others, one or several.
+        components: What else is added to the device: `Gravity`, `Rigid`, `RigidShape`, `Fibres` and others, one or several.
         gauges: Named points and angles that every state reports.
         band: Errors of the material, whose 95 % band is computed for every state; or the name of a silicone, whose sources
             are computed, or the file of a fit.
@@ -281,7 +281,7 @@ def inflate(
     """
     case = case_of(
         device, material, pressures, volumes, strokes=strokes, driven=driven, supply=supply, control=control,
-        formulation=formulation, solver=solver, parts=parts, gauges=gauges, band=band,
+        formulation=formulation, solver=solver, components=components, gauges=gauges, band=band,
         cycle=cycle, program=program, water_density=water_density, name=name,
     )  # fmt: skip
     return run(case, progress=progress, folder=folder, resume=resume, branch=branch)
@@ -366,7 +366,7 @@ def limit(
     material: Material | str,
     *,
     formulation: str = "mixed",
-    parts: Component | Sequence[Component] = (),
+    components: Component | Sequence[Component] = (),
     solver: str = "auto",
 ) -> Limit:
     """How far a device can be inflated: its first limit point or bifurcation, and where it is strained most there.
@@ -385,7 +385,7 @@ def limit(
     from softmodels.mechanics.compiling import CompilingError
 
     # What no case may be, no limit is asked of; its load is not looked at.
-    how = {"parts": parts, "formulation": formulation, "solver": solver}
+    how = {"components": components, "formulation": formulation, "solver": solver}
     case = Case("limit", device, material, pressures_cm=(1.0,), **how)  # type: ignore[arg-type]
     comm = start()
     try:
@@ -463,4 +463,4 @@ def _system(case: Case, mesh: Path) -> System | None:
 
     with compiling():
         body = Body.from_file(case.actuator, mesh, MPI.COMM_SELF)
-        return System(body, case.material, "displacement", parts=without_walls(case.parts))
+        return System(body, case.material, "displacement", components=without_walls(case.components))

@@ -237,10 +237,12 @@ def _rise_term(column: str, device: Actuator | None) -> ColumnText | None:
 def _device_term(column: str, device: Actuator | None) -> ColumnText | None:
     if device is not None and column in device.figure_texts:
         return described(column, device.figure_texts[column])
-    for texts in (*(measure.texts for measure in MEASURES), *(kind.figure_texts for kind in COMPONENTS.values())):
-        for pattern, (title, text) in texts.items():
-            if found := re.fullmatch(pattern, column):
-                return described(column, (title.format(*found.groups()), text.format(*found.groups())))
+    texts = [*(measure.texts for measure in MEASURES), *(kind.figure_texts for kind in COMPONENTS.values())]
+    if exact := next((known[column] for known in texts if column in known), None):
+        return described(column, exact)
+    for pattern, (title, text) in (entry for known in texts for entry in known.items()):
+        if found := re.fullmatch(pattern, column):
+            return described(column, (title.format(*found.groups()), text.format(*found.groups())))
     return None
 
 
@@ -465,5 +467,5 @@ def state_labels(case: Case) -> StateLabels:
     words = StateLabels(case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver)
     if case.driven is None:
         return words
-    load = case.driven.of(case.parts)
+    load = case.driven.of(case.components)
     return dataclasses.replace(words, along=(load.column, load.moved_column))

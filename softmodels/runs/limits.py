@@ -117,7 +117,7 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm) -> lis
     found = []
     try:
         for material in materials:
-            own = weighed(case.parts, material)
+            own = weighed(case.components, material)
             key = (type(material), len(getattr(material, "mu", ())), own)
             if key not in known:
                 with compiling():

@@ -125,9 +125,11 @@ def band_notes(rows: Sequence[Row]) -> list[str]:
 
 def bonded_notes(case: Case) -> list[str]:
     """A sentence where plates or rings of a device are nothing but its silicone, which a plate on a bench is not."""
-    meshed = {part.name for part in case.parts if isinstance(part, Region)}
-    rigid = {name for part in case.parts if isinstance(part, Rigid) for name in (*names_in(part.face), part.region)}
-    rigid |= {name for part in case.parts if isinstance(part, Clamp) for name in names_in(part.face)}
+    meshed = {part.name for part in case.components if isinstance(part, Region)}
+    rigid = {
+        name for part in case.components if isinstance(part, Rigid) for name in (*names_in(part.face), part.region)
+    }
+    rigid |= {name for part in case.components if isinstance(part, Clamp) for name in names_in(part.face)}
     soft = [name for name in case.actuator.plated if name not in meshed | rigid]
     if not soft:
         return []
@@ -165,7 +167,7 @@ def source_notes(case: Case, sources: SourceRows = MappingProxyType({})) -> list
 
 def weight_notes(case: Case) -> list[str]:
     """What the silicone's own weight was taken from, where gravity acts and no density was given: a sentence, or none."""
-    if not any(isinstance(part, Gravity) and part.density is None for part in case.parts):
+    if not any(isinstance(part, Gravity) and part.density is None for part in case.components):
         return []
     sheet = sheet_of(case.material)
     source = f"by the {sheet.source}" if sheet else "as most silicones do, for no density was given"
@@ -198,7 +200,7 @@ def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
         f"{-deepest['least_gap_mm']:.3g} mm at {where.place(deepest)}: these states are not real (least_gap_mm and "
         "walls_touch in path.csv)"
     )
-    walls = [part for part in case.parts if isinstance(part, Walls) and not part.off]
+    walls = [part for part in case.components if isinstance(part, Walls) and not part.off]
     if not walls:
         auto = "" if case.actuator.meeting == () else " (--walls auto)"
         return [f"{found}; let them press on each other{auto}, or name them in a [walls] table of a case file"]
@@ -211,7 +213,7 @@ def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
 def depth_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     """A sentence where faces have sunk deep into the plane that stops them."""
     deepest = max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0)
-    plane = obstacle_of(case.parts)
+    plane = obstacle_of(case.components)
     if plane is None or deepest <= DEEPEST * case.actuator.size * 1e3:
         return []
     size = case.actuator.size
@@ -238,10 +240,10 @@ def place_notes(case: Case, rows: Sequence[Row]) -> list[str]:
 
 def left_out(case: Case) -> str:
     """What is not in the model of a case: a sentence."""
-    stopped = "".join(part.in_model for part in case.parts)
-    pressing = [part.words for part in case.parts if isinstance(part, Walls) and not part.off]
+    stopped = "".join(part.in_model for part in case.components)
+    pressing = [part.words for part in case.components if isinstance(part, Walls) and not part.off]
     meeting = f"{'; '.join(pressing)} press on each other without friction, others" if pressing else "walls that meet"
-    heavy = any(isinstance(part, Gravity) for part in case.parts)
+    heavy = any(isinstance(part, Gravity) for part in case.components)
     weight = "viscosity is" if heavy else "weight and viscosity are"
     return f"the silicone is elastic; {weight} not in the model, and {meeting} pass through{stopped}"
 
@@ -287,15 +289,15 @@ def _way(before: Row, after: Row, words: StateLabels) -> str:
 def jumps_text(rows: Sequence[Row], words: StateLabels) -> str:
     """Load, way and heights of a path's jumps, in a sentence without its stop; empty if there is none."""
     gauge, column = words.gauge, f"{words.gauge}_mm"
-    parts = []
+    components = []
     for before, after in jumps(rows):
         same = not words.pressure or abs(after["pressure_cm"] - before["pressure_cm"]) < 1e-6
         volume = f", added volume {before['added_volume_ml']:.4g} to {after['added_volume_ml']:.4g} ml"
-        parts.append(
+        components.append(
             f"at {words.place(before)}{'' if same else f' to {words.place(after)}'} it {_way(before, after, words)}, {gauge} "
             f"rise {before[column]:.4g} to {after[column]:.4g} mm{volume if words.volume else ''}"
         )
-    return f"the device jumps: {'; '.join(parts)}" if parts else ""
+    return f"the device jumps: {'; '.join(components)}" if components else ""
 
 
 def jumped_over(rows: Sequence[Row]) -> list[int]:
@@ -314,8 +316,8 @@ def unseen(actuator: Actuator) -> str:
     if actuator.dimension == 2:
         return f"a section shows no mode that varies around the axis; {actuator.fuller} shows those too"
     if actuator.copies > 1:
-        parts = f"a slice of which {actuator.copies} make the device"
-        return f"{parts} shows only modes with its symmetry; {actuator.fuller} shows all"
+        components = f"a slice of which {actuator.copies} make the device"
+        return f"{components} shows only modes with its symmetry; {actuator.fuller} shows all"
     return ""
 
 
@@ -451,8 +453,10 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
             f"the smallest volume ratio (J) is {figures['J_min']:.3g}, so cells have all but folded: refine the mesh "
             "(--cell-size) or round its corners (--fillet)"
         )
-    parts = (part.hindrance(case.actuator, lambda column: float(figures.get(column) or 0.0)) for part in case.parts)
-    found += [sentence for sentence in parts if sentence]
+    components = (
+        part.hindrance(case.actuator, lambda column: float(figures.get(column) or 0.0)) for part in case.components
+    )
+    found += [sentence for sentence in components if sentence]
     return found
 
 
@@ -499,7 +503,7 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         )
     at = fields.figures(end.limit.state)
     if case.driven is not None:
-        load = case.driven.of(case.parts)
+        load = case.driven.of(case.components)
         most = at.device[load.column]
         return (
             f"no equilibrium at {asked} on this path: the {load.table} has a limit point at {most:.5g} "

@@ -504,7 +504,7 @@ class RequestOptions(TypedDict, total=False):
     control: str
     formulation: str
     solver: str
-    parts: Component | Sequence[Component]
+    components: Component | Sequence[Component]
     band: AnyBand | str | Path | None
     cycle: bool
     program: Program

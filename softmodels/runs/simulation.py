@@ -153,7 +153,7 @@ class Beginning:
             return None
         if driven is None:
             return inflate_from(self.solver, hung)
-        place = len(system.body.actuator.ratios) + system.dead.index(driven.of(self.case.parts).key)
+        place = len(system.body.actuator.ratios) + system.dead.index(driven.of(self.case.components).key)
         return load_from(self.solver, hung, place)
 
     def check_volumes(self, start: State | None) -> None:
@@ -183,7 +183,7 @@ class Beginning:
         if quantity == Pressure.name:
             return system.stress_unit
         if driven is not None and quantity in (DeadForce.name, LoadDisplacement.name):
-            place = system.dead.index(driven.of(self.case.parts).key)
+            place = system.dead.index(driven.of(self.case.components).key)
             unit = (system.dead.moved_units if driven.held else system.dead.units)[place]
             return float(unit / (system.dead.amounts[place] if driven.key == "share" else 1.0))
         return system.volume_unit
@@ -213,7 +213,7 @@ class Beginning:
         that neither the request nor a program changes."""
         case, dead = self.case, self.solver.system.dead
         changed = {series.target for series in case.program}
-        changed |= {case.driven.of(case.parts).key} if case.driven else set()
+        changed |= {case.driven.of(case.components).key} if case.driven else set()
         kept = [0.0 if load.key in changed else amount for load, amount in zip(dead.loads, dead.amounts, strict=True)]
         return np.concatenate([np.zeros(len(self.solver.system.body.actuator.ratios)), np.array(kept) / dead.units])
 
@@ -307,7 +307,7 @@ class Simulation:
         try:
             self.body = Body.from_file(case.actuator, file, self.comm)
             with compiling():
-                system = System(self.body, case.material, case.formulation, case.parts)
+                system = System(self.body, case.material, case.formulation, case.components)
                 self.solver = Solver(system, case.solver)
                 self.fields = Fields(self.solver, case.gauges)
                 self._band = self._make_band()

@@ -43,8 +43,8 @@ def main(cells: list[float]) -> None:
         beam = Beam(length=0.060, width=0.006, thickness=0.003, cell_size=cell * 1e-3, clamp="slip")
         with tempfile.TemporaryDirectory() as folder:
             body = Body.from_file(beam, beam.write(Path(folder) / "beam.msh"), comm)
-        parts = (Gravity(direction="-z", density=1000.0), Force(face="tip", direction="-z", name="tip"))
-        solver = Solver(System(body, test.STIFF, parts=parts))
+        components = (Gravity(direction="-z", density=1000.0), Force(face="tip", direction="-z", name="tip"))
+        solver = Solver(System(body, test.STIFF, components=components))
         fields, weight = Fields(solver), float(solver.system.dead.amounts[0])
         for heavy, pulled in ((weight, 0.0), (0.0, 0.3 * weight), (weight, 0.3 * weight)):
             hung = hang(solver, [("the loads", np.array([heavy, pulled]) / solver.system.dead.units)])

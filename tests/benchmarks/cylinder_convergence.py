@@ -29,14 +29,14 @@ def bending(size: float) -> sm.Run:
     """A thread around the tube and a sheet along one side, as on the page."""
     tube = sm.Cylinder(section="half", strip=120.0, length=0.020, cell_size=size * 1e-3)
     thread = sm.Fibres(on="outer, strip", angle=80.0, stiffness=1e3, helices=2, name="thread")
-    return sm.inflate(tube, LAW, "50 cm", parts=[thread], sheet=sm.Sheet("strip", 1e3))
+    return sm.inflate(tube, LAW, "50 cm", components=[thread, sm.Sheet("strip", 1e3)])
 
 
 def twisting(size: float) -> sm.Run:
     """One helix of a soft thread."""
     tube = sm.Cylinder(section="whole", length=0.020, cell_size=size * 1e-3)
     return sm.inflate(
-        tube, LAW, "40 cm", parts=[sm.Fibres(on="outer", angle=60.0, stiffness=300.0, helices=1, name="thread")]
+        tube, LAW, "40 cm", components=[sm.Fibres(on="outer", angle=60.0, stiffness=300.0, helices=1, name="thread")]
     )
 
 

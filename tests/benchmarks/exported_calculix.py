@@ -49,7 +49,7 @@ SLAB = sm.Case(
     sm.SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006),
     LAW,
     pressures_cm=(20.0, 40.0),
-    parts=(
+    components=(
         sm.Gravity("-z", 1070.0),
         sm.Mass("tip", 2e-3),
         sm.Force("tip", "0.6, 0, -0.8", 0.01, name="pull"),
@@ -61,7 +61,7 @@ FINGER = sm.Case(
     sm.PneuNet(cell_size=0.006),
     LAW,
     pressures_cm=(6.0, 12.0),
-    parts=(sm.Gravity("-z"), sm.Region(sm.MooneyRivlin(200e3, 50e3, 0.45), 1200.0, name="base")),
+    components=(sm.Gravity("-z"), sm.Region(sm.MooneyRivlin(200e3, 50e3, 0.45), 1200.0, name="base")),
 )
 COARSE = sm.HollowDisk(fillet=0.0, cell_size=0.006)
 TOP = COARSE.probes["apex"][2]
@@ -73,24 +73,24 @@ TUBE = sm.Cylinder(section="half", length=0.02, cell_size=0.006)
 ROD = sm.RigidShape("cylinder", "bottom", (0.012, 0.0, -0.0058), 0.004, along=(0.0, 1.0, 0.0), name="rod")
 BALL = sm.RigidShape("sphere", "top", (0.0, 0.0, TOP + 0.0105), 0.010, name="ball")
 RIGID: dict[str, tuple[sm.Actuator, tuple[float, ...], dict[str, Any]]] = {
-    "plate": (PLATED, (5.0, 10.0), {"parts": (sm.Rigid("plate", name="plate", mass=0.02), sm.Gravity("-z"))}),
-    "tip": (SMALL, (4.0, 8.0), {"parts": (sm.Rigid("tip", name="plate", mass=0.01), sm.Gravity("0.6, 0, -0.8"))}),
+    "plate": (PLATED, (5.0, 10.0), {"components": (sm.Rigid("plate", name="plate", mass=0.02), sm.Gravity("-z"))}),
+    "tip": (SMALL, (4.0, 8.0), {"components": (sm.Rigid("tip", name="plate", mass=0.01), sm.Gravity("0.6, 0, -0.8"))}),
     "whole": (
         dataclasses.replace(SMALL, part="full"),
         (6.0,),
-        {"parts": (sm.Rigid("tip", name="plate", mass=0.005), sm.Gravity("0.3, 0.5, -0.8"))},
+        {"components": (sm.Rigid("tip", name="plate", mass=0.005), sm.Gravity("0.3, 0.5, -0.8"))},
     ),
-    "bench": (COARSE, (40.0, 80.0), {"obstacle": sm.Obstacle("top", f"z = {1e3 * TOP + 0.5} mm")}),
-    "ball": (COARSE, (40.0, 80.0), {"parts": (BALL,)}),
+    "bench": (COARSE, (40.0, 80.0), {"components": [sm.Obstacle("top", f"z = {1e3 * TOP + 0.5} mm")]}),
+    "ball": (COARSE, (40.0, 80.0), {"components": (BALL,)}),
     "lifted": (
         COARSE,
         (60.0,),
-        {"parts": (dataclasses.replace(BALL, guide="z", mass=0.02), sm.Gravity("-z", density=0.0))},
+        {"components": (dataclasses.replace(BALL, guide="z", mass=0.02), sm.Gravity("-z", density=0.0))},
     ),
-    "rod": (SMALL, (8.0, 16.0), {"parts": (ROD, sm.Gravity("-z"))}),
-    "wound": (TUBE, (30.0,), {"parts": (sm.Fibres("outer", angle=70.0, stiffness=300.0),)}),
-    "cloth": (TUBE, (30.0,), {"parts": (sm.Fabric("outer", 400.0, 150.0),)}),
-    "rail": (SMALL, (8.0,), {"parts": (sm.Clamp("tip", slip="z", name="rail"),)}),
+    "rod": (SMALL, (8.0, 16.0), {"components": (ROD, sm.Gravity("-z"))}),
+    "wound": (TUBE, (30.0,), {"components": (sm.Fibres("outer", angle=70.0, stiffness=300.0),)}),
+    "cloth": (TUBE, (30.0,), {"components": (sm.Fabric("outer", 400.0, 150.0),)}),
+    "rail": (SMALL, (8.0,), {"components": (sm.Clamp("tip", slip="z", name="rail"),)}),
 }
 CASES = [
     DISK,
@@ -111,7 +111,7 @@ def compare(case: sm.Case) -> None:
     """Print a case's own displacements beside CalculiX'."""
     run = sm.run(case)
     # Dead loads are CalculiX' first step and the state that the path begins with.
-    loaded = any(isinstance(part, LOADS) for part in case.parts)
+    loaded = any(isinstance(part, LOADS) for part in case.components)
     rows = [*run.rows[:loaded], *(row for row in run.rows if row["requested"] and row["pressure_cm"])]
     with tempfile.TemporaryDirectory() as folder:
         deck = sm.export(case, Path(folder) / "deck.inp")
@@ -130,7 +130,7 @@ def figures(
     """By name what both programs tell: the rise of probes, ways and turns of rigid parts, where these are not zero."""
     lift = np.array(case.actuator.lift)
     found = {name: (row[f"{name}_mm"], float(step[watched[name]] @ lift), "mm") for name in case.actuator.probes}
-    for name in (part.label for part in case.parts if isinstance(part, sm.Rigid)):
+    for name in (part.label for part in case.components if isinstance(part, sm.Rigid)):
         for what, key, unit in (("centre", "", "mm"), ("rotation vector", "turn_", "deg")):
             node = next((node for words, node in watched.items() if words.startswith(f"{what} of {name}")), None)
             for axis, theirs in zip("xyz", step[node] if node is not None else (), strict=False):

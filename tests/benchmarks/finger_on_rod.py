@@ -36,7 +36,7 @@ def main() -> None:
                 device.write(Path(name))
             comm.barrier()
             body = Body.from_file(device, Path(name), comm)
-        solver = Solver(System(body, SILICONES["ecoflex-00-30"].material, parts=[part]))
+        solver = Solver(System(body, SILICONES["ecoflex-00-30"].material, components=[part]))
         system = solver.system
         for point in trace(Continuation(solver), [P / system.stress_unit for P in PRESSURES]):
             if point.requested:

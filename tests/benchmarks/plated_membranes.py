@@ -56,7 +56,7 @@ def main() -> None:
         for mass in wanted:
             law = sm.silicone(f"ecoflex-00-30/{source}")
             parts = [Rigid("plate", name="plate", mass=mass), Gravity("-z", density=0.0)]
-            run = sm.inflate(MEMBRANE, law, volumes="0:1300 ml", parts=parts)
+            run = sm.inflate(MEMBRANE, law, volumes="0:1300 ml", components=parts)
             volume, pressure, height = (run.path[name] for name in ("added_volume_ml", "pressure_Pa", "plate_z_mm"))
             V, P, z = exact(equations, law, mass)
             order = np.argsort(V)

@@ -50,7 +50,7 @@ PHYSICAL = ("the cavity has grown", "are taut at stretch", "itself has no stable
 def work_of(case: Case, rows: Any) -> tuple[np.ndarray, np.ndarray]:
     """Work in mJ of the air and of the dead loads, and stored energy, along a path; jumps, which lose energy, are left out."""
     pairs = [("pressure_Pa", "added_volume_ml", 1e-3)] if case.actuator.ratios else []
-    loads = [part for part in case.parts if isinstance(part, LoadPart)]
+    loads = [part for part in case.components if isinstance(part, LoadPart)]
     pairs += [(part.column, part.moved_column, part.column_unit * part.moved_column_unit * 1e3) for part in loads]
     work, stored = [0.0], [0.0]
     for before, after in itertools.pairwise(rows):
@@ -81,12 +81,7 @@ def outcome(case: Case) -> tuple[str, str]:
         return "unlike", "its file is of another case"
     try:
         return fault_of(case, sm.run(case))
-    except (
-        sm.ComponentError,
-        sm.ObstacleError,
-        sm.GeometryError,
-        MeshingError,
-    ) as error:  # only the mesh shows that it cannot be there
+    except (sm.ComponentError, sm.GeometryError, MeshingError) as error:  # only the mesh shows that it cannot be there
         return "refused", str(error)
     except sm.RunError as error:
         return ("limit", "") if error.status == NO_EQUILIBRIUM else ("lost", str(error))
@@ -107,7 +102,7 @@ def main() -> None:
     while endings.total() < given.count:
         case, sentences = case_of(number, given.seed, given.solid)
         refused += sentences
-        parts = ", ".join(part.where for part in case.parts) or "alone"
+        components = ", ".join(part.where for part in case.components) or "alone"
         started = time.perf_counter()
         ended, fault = outcome(case)
         took = time.perf_counter() - started
@@ -115,7 +110,9 @@ def main() -> None:
             type(case.material).__name__,
             f"{case.quantity} to {case.values[-1]:.4g} {case.unit} by {case.control}",
         )
-        print(f"{number}: {type(case.actuator).__name__}, {law}, {parts}, {asked}: {ended}, {took:.1f} s", flush=True)
+        print(
+            f"{number}: {type(case.actuator).__name__}, {law}, {components}, {asked}: {ended}, {took:.1f} s", flush=True
+        )
         number += 1
         if ended == "refused":
             print(f"   {fault}", flush=True)

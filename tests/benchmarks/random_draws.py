@@ -18,7 +18,6 @@ from softmodels.case.load import LoadRequest
 from softmodels.common.schema import Choice, Length, about
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.component import Component, ComponentError
-from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.mechanics.fibres import Fabric, Fibres
 from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
@@ -29,7 +28,7 @@ MOST_CELLS = {False: 4000, True: 5000}
 """Expected cells of sections and of solids."""
 SHAPED = ("section", "clamp", "part", "order", "angle", "channels", "folds", "chambers", "convolutions")
 """Choices that `device_of` makes by itself."""
-REFUSED = (GeometryError, CaseError, ComponentError, ObstacleError, ValueError)
+REFUSED = (GeometryError, CaseError, ComponentError, ValueError)
 CM = 95.1
 """Pa in one cm of the column, near enough to draw with."""
 
@@ -210,23 +209,23 @@ def whole_of(draw: Draw) -> dict[str, Any]:
     """A sheet, a plane in the way or the other formulation, seldom."""
     found: dict[str, Any] = {}
     if draw.chance.random() < 0.15:
-        found["sheet"] = sm.Sheet(draw.face(), draw.mu * draw.device.size * draw.power(-1.0, 1.5))
+        found["components"] = [sm.Sheet(draw.face(), draw.mu * draw.device.size * draw.power(-1.0, 1.5))]
     if draw.chance.random() < 0.15:
         top = max(point[2] for point in draw.device.probes.values())
         height = (top + draw.device.size * draw.chance.uniform(0.05, 0.4)) * 1e3
-        found["obstacle"] = sm.Obstacle(draw.face(), f"z = {height:.4f} mm")
+        found["components"] = [*found.get("components", ()), sm.Obstacle(draw.face(), f"z = {height:.4f} mm")]
     if draw.chance.random() < 0.1:
         found["formulation"] = "displacement"
     return found
 
 
-def load_of(draw: Draw, parts: list[Component]) -> dict[str, Any]:
+def load_of(draw: Draw, components: list[Component]) -> dict[str, Any]:
     """What is asked, and how it is followed; a load that is driven loses its amount among the parts."""
     chance, device = draw.chance, draw.device
     cm, ml = draw.mu * draw.power(-1.5, 0.3) / CM, 1e6 * device.cavity_volume * draw.power(-0.7, 0.6)
-    loads = [part for part in parts if isinstance(part, Gravity | Force)]
+    loads = [part for part in components if isinstance(part, Gravity | Force)]
     kinds = ["pressure", "pressure", "volume", "program", "cycle"] if device.ratios else []
-    kinds += ["stroke"] if device.ratios and not any(isinstance(part, LoadPart) for part in parts) else []
+    kinds += ["stroke"] if device.ratios and not any(isinstance(part, LoadPart) for part in components) else []
     kind = chance.choice([*kinds, *(["driven", "driven", "driven", "steps", "steps"] if loads else [])] or ["pressure"])
     if kind == "pressure":
         return {
@@ -243,7 +242,7 @@ def load_of(draw: Draw, parts: list[Component]) -> dict[str, Any]:
     if kind == "program":
         return {"program": _air(draw, cm, ml)}
     load = chance.choice(loads)
-    parts[parts.index(load)] = dataclasses.replace(load, amount=0.0) if isinstance(load, Force) else load
+    components[components.index(load)] = dataclasses.replace(load, amount=0.0) if isinstance(load, Force) else load
     newtons, size = draw.newtons * 3, 1e3 * device.size
     asked = (
         {"share": (0.0, 1.0)}
@@ -276,8 +275,8 @@ def case_of(number: int, seed: int, solid: bool) -> tuple[Case, collections.Coun
     while True:
         try:
             draw = Draw(chance, device_of(chance, solid), material_of(chance))
-            parts = parts_of(draw)
-            whole = whole_of(draw) | load_of(draw, parts)
-            return Case(f"case{number}", draw.device, draw.material, parts=tuple(parts), **whole), refused
+            components = parts_of(draw)
+            whole = whole_of(draw) | load_of(draw, components)
+            return Case(f"case{number}", draw.device, draw.material, components=tuple(components), **whole), refused
         except REFUSED as error:
             refused[str(error)[:80]] += 1

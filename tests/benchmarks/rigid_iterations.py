@@ -55,11 +55,11 @@ def measured(system: System) -> tuple[int, int, float]:
 
 
 def main() -> None:
-    for name, (device, parts) in CASES.items():
+    for name, (device, components) in CASES.items():
         with tempfile.TemporaryDirectory() as folder:
             body = Body.from_file(device, device.write(Path(folder) / "body.msh"), MPI.COMM_SELF)
         for formulation in ("mixed", "displacement"):
-            rows = [measured(System(body, LAW, formulation, parts=own)) for own in ((), parts)]
+            rows = [measured(System(body, LAW, formulation, components=own)) for own in ((), components)]
             told = "; ".join(f"{iterations} iterations, {seconds:.2f} s" for _, iterations, seconds in rows)
             print(f"{name}, {formulation}, {rows[1][0]} unknowns: {told}", flush=True)
 

@@ -45,11 +45,11 @@ HALF = 1.959964
 
 
 def without_weight(
-    device: Actuator, parts: tuple[Component, ...], shares: tuple[float, ...], modulus: float
+    device: Actuator, components: tuple[Component, ...], shares: tuple[float, ...], modulus: float
 ) -> tuple[float, float, bool]:
     """Error of the modulus and half its 95 % interval, in percent, and whether the fit may be used."""
     law = sm.NeoHookean(modulus, 0.49)
-    case = Case("device", device, law, pressures_cm=(1.0,), parts=parts)
+    case = Case("device", device, law, pressures_cm=(1.0,), components=components)
     model = MeasuredDevice.of(case).model(LAW, start())
     values = {"shear_modulus": modulus}
     outlines = simulated_outlines(model, values, [share * modulus for share in shares], SimulatedCamera())

@@ -27,10 +27,10 @@ def designed():
     """Return a function that makes a design model of a device; those asked for last are kept, since each has factorisations."""
     known = {}
 
-    def make(device, names, quantities, comm, parts=(), **more):
-        key = (device, tuple(names), tuple(quantities), parts, tuple(more.items()))
+    def make(device, names, quantities, comm, components=(), **more):
+        key = (device, tuple(names), tuple(quantities), components, tuple(more.items()))
         if key not in known:
-            case = Case(name="design", actuator=device, material=SILICONE, pressures_cm=(20.0,), parts=parts)
+            case = Case(name="design", actuator=device, material=SILICONE, pressures_cm=(20.0,), components=components)
             known[key] = DesignModel(case, names, quantities, comm, **more)
         model = known[key] = known.pop(key)  # the last one asked for comes last
         while len(known) > 4:

@@ -48,8 +48,8 @@ def test_walls_that_can_meet_are_kept_apart(thin_disk):
     """At every state that is asked for, unless the gap has a limit of its own or walls may pass through each other."""
     limits = {"maximise": {"quantity": "added_volume", "at": 60.0}, "keep": [{"quantity": "mass", "at_most": 0.1}]}
 
-    def kept(device, parts=(), keep=()):
-        case = Case("gaps", device, sm.NeoHookean(20e3), pressures_cm=(0.0, 10.0), parts=parts)
+    def kept(device, components=(), keep=()):
+        case = Case("gaps", device, sm.NeoHookean(20e3), pressures_cm=(0.0, 10.0), components=components)
         free = {"wall": (0.0012, 0.002)} if device is FOLDS else {"membrane": (device.membrane, 1.1 * device.membrane)}
         given = {**limits, "keep": [*limits["keep"], *keep]}
         found = DesignProblem(case, free, **given).limits
@@ -58,7 +58,7 @@ def test_walls_that_can_meet_are_kept_apart(thin_disk):
     assert kept(FOLDS) == [(60.0, 0.0)]
     assert kept(FOLDS, keep=[{"quantity": "peak_stretch", "at": 100.0, "at_most": 2.0}]) == [(60.0, 0.0), (100.0, 0.0)]
     assert kept(FOLDS, keep=[{"quantity": "least_gap", "at": 90.0, "at_least": 1e-3}]) == [(90.0, 1e-3)]
-    assert kept(FOLDS, parts=(Walls("none"),)) == [] and kept(thin_disk) == []
+    assert kept(FOLDS, components=(Walls("none"),)) == [] and kept(thin_disk) == []
 
 
 def test_a_finger_whose_chambers_overlap_is_no_design(tmp_path):

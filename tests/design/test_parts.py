@@ -27,8 +27,8 @@ def test_a_plate_on_a_membrane(designed, second_order, comm, name):
     quantities = (
         Rise(at=1000.0), AddedVolume(at=1000.0), StoredEnergy(at=1000.0), Rise(at=JudgedLoad("volume", 3e-6)), LimitPressure(),
     )  # fmt: skip
-    parts = (sm.Rigid("plate", name="plate"),)
-    model = designed(membrane, ("radius", "thickness", "plate_radius"), quantities, comm, parts)
+    components = (sm.Rigid("plate", name="plate"),)
+    model = designed(membrane, ("radius", "thickness", "plate_radius"), quantities, comm, components)
     second_order(model, name, TAYLOR, "membrane with a rigid plate")
 
 
@@ -42,8 +42,8 @@ def test_a_reinforced_tube(designed, second_order, comm, name):
         DeviceFigure(of="elongation_percent", at=2000.0), DeviceFigure(of="diameter_mm", at=2000.0),
         AddedVolume(at=2000.0), StoredEnergy(at=2000.0), Stiffness(at=2000.0),
     )  # fmt: skip
-    parts = (braid, cloth, sm.Rigid("end", name="plate"))
-    model = designed(tube, ("inner_radius", "wall", "length"), quantities, comm, parts)
+    components = (braid, cloth, sm.Rigid("end", name="plate"))
+    model = designed(tube, ("inner_radius", "wall", "length"), quantities, comm, components)
     second_order(model, name, TAYLOR, "reinforced tube")
 
 
@@ -59,7 +59,7 @@ def test_a_reinforced_tube(designed, second_order, comm, name):
     ],
 )
 def test_what_no_gradient_knows_is_refused(device, part, words):
-    case = Case("design", device, LAW, pressures_cm=(10.0,), parts=(part,))
+    case = Case("design", device, LAW, pressures_cm=(10.0,), components=(part,))
     name = device.movable[0]
     value = parameter(device, name)
     with pytest.raises(DesignError, match=words):

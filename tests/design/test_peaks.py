@@ -21,7 +21,7 @@ PRESSURE_CM = 90.0
 def wound(**lengths):
     """A tube wound with thread, whose ring is clamped: its stretch has no largest value there."""
     tube = sm.Cylinder(**lengths)
-    return sm.Case("tube", tube, SILICONE, pressures_cm=(0.0, PRESSURE_CM), parts=WOUND)
+    return sm.Case("tube", tube, SILICONE, pressures_cm=(0.0, PRESSURE_CM), components=WOUND)
 
 
 def test_the_mean_of_the_largest_values(comm):

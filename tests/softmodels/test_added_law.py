@@ -163,6 +163,6 @@ def test_another_process_is_told_of_it_wherever_it_is_used():
     """The process that draws imports this file, be the law that of the device or of a region."""
     law, plain = EightChain(**TRUTH), NeoHookean(30e3)
     finger = PneuNet()
-    region = Case("finger", finger, plain, pressures_cm=(1.0,), parts=(Region(EightChain(**TRUTH), name="base"),))
+    region = Case("finger", finger, plain, pressures_cm=(1.0,), components=(Region(EightChain(**TRUTH), name="base"),))
     assert own_modules(Case("finger", finger, plain, pressures_cm=(1.0,))) == ""
     assert own_modules(region) == own_modules(Case("finger", finger, law, pressures_cm=(1.0,))) == __file__

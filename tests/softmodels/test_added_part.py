@@ -75,14 +75,14 @@ def registered():
     del COMPONENTS["springs"]
 
 
-def case(*parts):
-    return Case("disk", DISK, LAW, pressures_cm=(0.0, 20.0), parts=parts)
+def case(*components):
+    return Case("disk", DISK, LAW, pressures_cm=(0.0, 20.0), components=components)
 
 
 def test_one_and_several_in_a_case_file():
-    for parts in [(Springs("top"),), (Springs("top", 2e5, name="soft"), Springs("top", name="hard"))]:
-        text = case(*parts).to_toml()
-        assert Case.from_toml(text).parts == parts
+    for components in [(Springs("top"),), (Springs("top", 2e5, name="soft"), Springs("top", name="hard"))]:
+        text = case(*components).to_toml()
+        assert Case.from_toml(text).components == components
     assert "[springs.soft]" in text and "[springs.hard]" in text
 
 
@@ -110,7 +110,7 @@ def test_two_of_one_name():
 
 def test_another_stiffness_is_another_run():
     old, new = (identity(case(Springs("top", k))) for k in (1e5, 2e5))
-    assert difference(old, new) == "parts"
+    assert difference(old, new) == "components"
 
 
 def test_its_energy_is_in_the_file_and_in_the_stored_energy(tmp_path):
@@ -139,7 +139,7 @@ def test_fits_know_that_it_keeps_its_stiffness(tmp_path):
     body = Body.from_file(DISK, DISK.write(tmp_path / "disk.msh"), MPI.COMM_SELF)
 
     def state(mu):
-        solver = Solver(System(body, sm.NeoHookean(mu), parts=[Springs("top", 1e7)]))
+        solver = Solver(System(body, sm.NeoHookean(mu), components=[Springs("top", 1e7)]))
         P = 2000.0 / mu
         found = solver.solve(pressure_control(P), solver.system.rest().w, P)
         return solver, found, found.V * solver.system.volume_unit
@@ -158,4 +158,4 @@ def test_what_only_the_mesh_refuses_is_bad_input(tmp_path, monkeypatch, capsys):
     assert run(case(Springs("top")), tmp_path / "run", quiet=True, draw=False) == 2
     assert "[springs]: not on this mesh" in capsys.readouterr().err
     with pytest.raises(ComponentError, match="not on this mesh"):
-        sm.inflate(DISK, LAW, "0:20 cm", parts=[Springs("top")])
+        sm.inflate(DISK, LAW, "0:20 cm", components=[Springs("top")])

@@ -89,22 +89,22 @@ def test_under_a_weight(heavy_run, column):
 
 def test_the_limit_under_a_weight(heavy_run):
     row = next(row for row in heavy_run.rows if row["limit"])
-    limit = sm.limit(DISK, law(), parts=HEAVY)
+    limit = sm.limit(DISK, law(), components=HEAVY)
     assert limit.pressure == pytest.approx(row["pressure_cm"] * heavy_run.case.cm, rel=1e-6)
     plain = sm.limit(DISK, law())
     assert abs(limit.pressure / plain.pressure - 1) > 1e-3
-    expected = half(slopes(lambda other: sm.limit(DISK, other, parts=HEAVY).pressure))
+    expected = half(slopes(lambda other: sm.limit(DISK, other, components=HEAVY).pressure))
     assert row["pressure_95_cm"] * heavy_run.case.cm == pytest.approx(expected, rel=1e-3)
 
 
 def heavy(law, pressures):
     """A run under weights."""
-    return sm.inflate(DISK, law, pressures, parts=HEAVY)
+    return sm.inflate(DISK, law, pressures, components=HEAVY)
 
 
 @pytest.fixture(scope="module")
 def heavy_run():
-    return sm.inflate(DISK, law(), "0,20,200 cm", parts=HEAVY, band=ERRORS)
+    return sm.inflate(DISK, law(), "0,20,200 cm", components=HEAVY, band=ERRORS)
 
 
 def test_in_case_files(tmp_path):
@@ -161,8 +161,8 @@ def test_of_shares_of_a_weight_and_of_forces():
     """A beam has no pressure: the band of its rise is that at the same share, or at the same force beside its weight."""
     beam = sm.Beam(length=0.03, width=0.01, thickness=0.005, cell_size=0.005)
     weight, pull = sm.Gravity("-z"), sm.Force("tip", "z")
-    for parts, asked in (((weight,), ("share", (0.5,))), ((weight, pull), ("force_N", (0.005,)))):
-        case = Case("beam", beam, law(), parts=parts, driven=LoadRequest(*asked), band=ERRORS)
+    for components, asked in (((weight,), ("share", (0.5,))), ((weight, pull), ("force_N", (0.005,)))):
+        case = Case("beam", beam, law(), components=components, driven=LoadRequest(*asked), band=ERRORS)
         expected = half(slopes(lambda other, case=case: sm.run(
             dataclasses.replace(case, material=other, band=None)).rows[-1]["tip_mm"]))  # fmt: skip
         row = sm.run(case).rows[-1]
@@ -173,7 +173,7 @@ def test_of_a_force_on_an_inflated_device():
     """Its pressure is kept beside the force."""
     membrane = sm.Membrane(cell_size=0.002, through=2)
     asked = LoadRequest("force_N", (0.05,), at_pressure_cm=8.0)
-    case = Case("push", membrane, law(), parts=(sm.Force("top", "-z"),), driven=asked, band=ERRORS)
+    case = Case("push", membrane, law(), components=(sm.Force("top", "-z"),), driven=asked, band=ERRORS)
     expected = half(slopes(lambda other: sm.run(
         dataclasses.replace(case, material=other, band=None)).rows[-1]["apex_mm"]))  # fmt: skip
     assert sm.run(case).rows[-1]["apex_95_mm"] == pytest.approx(expected, rel=2e-3)

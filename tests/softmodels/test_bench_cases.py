@@ -36,7 +36,7 @@ direction = "-z"
 @pytest.fixture(scope="module")
 def lifting():
     """A plate of 20 g on a membrane, to volumes."""
-    return sm.inflate(MEMBRANE, LAW, volumes="0,2,5 ml", parts=[PLATE, sm.Gravity("-z")])
+    return sm.inflate(MEMBRANE, LAW, volumes="0,2,5 ml", components=[PLATE, sm.Gravity("-z")])
 
 
 def test_a_requested_volume_is_the_one_in_the_table(lifting):
@@ -56,9 +56,9 @@ def test_a_program_counts_volumes_alike(lifting):
 
 def test_a_volume_that_the_weight_has_passed_is_refused():
     with pytest.raises(sm.RunError, match=r"1 ml are not on this path.*has taken 2\.\d+ ml already") as end:
-        sm.inflate(MEMBRANE, LAW, volumes="1:5 ml", parts=[PLATE, sm.Gravity("z")])
+        sm.inflate(MEMBRANE, LAW, volumes="1:5 ml", components=[PLATE, sm.Gravity("z")])
     assert end.value.status == 3
-    run = sm.inflate(MEMBRANE, LAW, volumes="0:5 ml", parts=[PLATE, sm.Gravity("z")])
+    run = sm.inflate(MEMBRANE, LAW, volumes="0:5 ml", components=[PLATE, sm.Gravity("z")])
     assert run.rows[0]["requested"] and np.isclose(run.added_volume[-1], 5e-6)
 
 
@@ -126,7 +126,7 @@ def test_a_case_names_the_file_of_its_fitted_material(fitted):
     assert Case.from_toml(case.to_toml()) == case
     base = '[region.base]\nfile = "fit/fitted.toml"\n'
     (fitted / "finger.toml").write_text(f'[geometry]\ndevice = "PneuNet"\n{base}[load]\npressure = "1 kPa"\n')
-    assert Case.from_file(fitted / "finger.toml").parts[0].material == case.material
+    assert Case.from_file(fitted / "finger.toml").components[0].material == case.material
 
 
 def test_errors_of_a_sum_of_terms_are_those_of_the_fit(fitted):
@@ -164,20 +164,20 @@ def test_a_case_file_is_run_with_another_material_and_its_band(fitted, runs):
 def test_a_rigid_plate_with_a_mass_needs_gravity():
     """Else its weight would be left out in silence."""
     with pytest.raises(CaseError, match=r"has a mass, which gravity pulls at; say where"):
-        Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), parts=(PLATE,))
+        Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), components=(PLATE,))
 
 
 def test_a_plate_that_is_silicone_is_told():
     """A mass on a face does not make it rigid."""
     heavy = (sm.Gravity("-z"), sm.Mass("plate", 0.02))
-    soft = Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), parts=heavy)
+    soft = Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), components=heavy)
     assert "plate bends and stretches with the silicone here" in bonded_notes(soft)[0]
     for part in (sm.Rigid("plate", name="plate"), sm.Clamp(face="plate", name="grip")):
-        assert not bonded_notes(Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), parts=(*heavy, part)))
+        assert not bonded_notes(Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), components=(*heavy, part)))
     ringed = sm.Membrane(rings=(0.008, 0.010), ring_thickness=0.001)
     note = bonded_notes(Case("ringed", ringed, LAW, pressures_cm=(5.0,)))[0]
     assert note.startswith("ring1 bends and stretches") and "region" in note
-    assert not bonded_notes(Case("ringed", ringed, LAW, pressures_cm=(5.0,), parts=(sm.Rigid(region="ring1"),)))
+    assert not bonded_notes(Case("ringed", ringed, LAW, pressures_cm=(5.0,), components=(sm.Rigid(region="ring1"),)))
 
 
 @pytest.mark.parametrize("name", BENCH)
@@ -200,7 +200,7 @@ def test_the_pressure_at_a_height_and_a_weight():
 def test_the_state_at_a_height(lifting):
     state = lifting.where("plate_z_mm", 3.0)
     assert state.row["plate_z_mm"] == pytest.approx(3.0, abs=1e-5)
-    again = sm.inflate(MEMBRANE, LAW, pressures=[state.pressure], parts=[PLATE, sm.Gravity("-z")])
+    again = sm.inflate(MEMBRANE, LAW, pressures=[state.pressure], components=[PLATE, sm.Gravity("-z")])
     assert again.path["plate_z_mm"][-1] == pytest.approx(3.0, abs=1e-4)
     asked = lifting.rows[-1]
     assert lifting.where("plate_z_mm", asked["plate_z_mm"]).row == asked

@@ -137,21 +137,21 @@ class Foreign(PneuNet):
 
 @pytest.mark.parametrize("device", [COARSE, BendingBellows(), Bellows()], ids=lambda device: type(device).__name__)
 def test_walls_press_by_default_and_a_stored_case_repeats_it(device):
-    case = Case("x", device, sm.NeoHookean(30e3), pressures_cm=(1.0,), parts=(sm.Gravity("-z"),))
-    walls = [part for part in case.parts if isinstance(part, sm.Walls)]
+    case = Case("x", device, sm.NeoHookean(30e3), pressures_cm=(1.0,), components=(sm.Gravity("-z"),))
+    walls = [part for part in case.components if isinstance(part, sm.Walls)]
     assert walls == [sm.Walls()] and walls[0].automatic
     text = case.to_toml()
     assert 'faces = "auto"' in text and Case.from_toml(text) == case
-    assert sm.Walls("none") in Case.from_toml(text.replace('faces = "auto"', 'faces = "none"')).parts
-    off = dataclasses.replace(case, parts=(sm.Walls("none"),))
-    assert off.parts == (sm.Walls("none"),) and Case.from_toml(off.to_toml()) == off
+    assert sm.Walls("none") in Case.from_toml(text.replace('faces = "auto"', 'faces = "none"')).components
+    off = dataclasses.replace(case, components=(sm.Walls("none"),))
+    assert off.components == (sm.Walls("none"),) and Case.from_toml(off.to_toml()) == off
     assert [part.off for part in without_walls(walls)] == [True]
     assert "press on each other" in left_out(case) and "walls that meet pass through" in left_out(off)
 
 
 @pytest.mark.parametrize("device", [HollowDisk(), PneuNet(gap=0.0, wall=0.002)], ids=["disk", "ribs"])
 def test_devices_whose_walls_never_meet_have_none(device):
-    assert Case("x", device, sm.NeoHookean(30e3), pressures_cm=(1.0,)).parts == ()
+    assert Case("x", device, sm.NeoHookean(30e3), pressures_cm=(1.0,)).components == ()
 
 
 @pytest.mark.parametrize("faces", ["", "none, chamber_walls", "auto, top", "chamber_walls, chamber_walls"])
@@ -166,7 +166,7 @@ def test_a_foreign_part_finds_the_walls_that_face_each_other(comm, tmp_path):
     file = COARSE.write(tmp_path / "finger.msh")
     terms = []
     for device, walls in ((COARSE, sm.Walls()), (foreign, sm.Walls()), (foreign, sm.Walls("none"))):
-        system = System(Body.from_file(device, file, comm), sm.NeoHookean(30e3, 0.49), parts=[walls])
+        system = System(Body.from_file(device, file, comm), sm.NeoHookean(30e3, 0.49), components=[walls])
         terms.append(system.potential.terms["walls"])
     named, found, off = terms
     assert isinstance(named, WallTerm) and not isinstance(off, WallTerm) and not off.energies
@@ -177,7 +177,10 @@ def test_a_foreign_part_finds_the_walls_that_face_each_other(comm, tmp_path):
 @pytest.fixture(scope="module")
 def fingers():
     """Both ways to 3 cm: as by default, and passing through."""
-    return [sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3 cm", parts=parts) for parts in ([], [sm.Walls("none")])]
+    return [
+        sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3 cm", components=components)
+        for components in ([], [sm.Walls("none")])
+    ]
 
 
 def test_chambers_do_not_pass_through_each_other_by_default(fingers):
@@ -201,7 +204,7 @@ def test_states_whose_walls_overlap_are_marked_on_pictures_and_in_notes(fingers)
 
 def test_a_state_between_two_is_judged_as_their_rows_are(fingers):
     """Walls that overlap at two states overlap between them, and by an amount between."""
-    run = sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3,5 cm", parts=[sm.Walls("none")])
+    run = sm.inflate(COARSE, sm.NeoHookean(16e3), "0,3,5 cm", components=[sm.Walls("none")])
     high, low = (row["least_gap_mm"] for row in run.rows[1:] if row["requested"])
     between = run.at("4 cm").row
     assert between["walls_touch"] == 1 and low < between["least_gap_mm"] < high < 0.0

@@ -239,7 +239,7 @@ def test_what_a_folder_needs_lies_in_it(tmp_path, monkeypatch, runs):
     above = sm.RigidShape(
         shape="stl", file="roof.stl", name="roof", faces="outer", at=["10 mm", "5 mm", "8.3 mm"], rounding="1 mm"
     )
-    asked = {"pressures": "0,2 kPa", "parts": above}
+    asked = {"pressures": "0,2 kPa", "components": above}
     into = sm.inflate(part, LAW, **asked, folder="into")
     monkeypatch.chdir(tmp_path)
     saved = into.save("saved")

@@ -111,7 +111,7 @@ def test_supports_hold_what_the_device_holds(decks):
 LOADED = dataclasses.replace(
     CASE,
     actuator=sm.PneuNet(cell_size=0.008),
-    parts=(
+    components=(
         sm.Region(sm.MooneyRivlin(200e3, 50e3, 0.45), 1300.0, name="base"),
         sm.Gravity("0.6, 0, -0.8", 1100.0),
         sm.Mass("tip", 3e-3),
@@ -147,7 +147,7 @@ def test_dead_loads_are_forces_on_nodes(loaded):
 
 
 def test_one_moment_is_written_as_its_own(tmp_path):
-    case = dataclasses.replace(LOADED, parts=(sm.Moment("tip", "y", 4e-4),))
+    case = dataclasses.replace(LOADED, components=(sm.Moment("tip", "y", 4e-4),))
     deck = sm.export(case, tmp_path / "finger.inp")
     found = np.cross(deck.mesh.points, deck.forces).sum(axis=0)
     assert np.abs(deck.forces.sum(axis=0)).max() < 1e-9 * np.abs(deck.forces).sum()
@@ -162,8 +162,8 @@ def test_regions_have_silicones_of_their_own(loaded, tmp_path):
     ]
     values = re.search(r"NAME=BASE\n\*HYPERELASTIC, MOONEY-RIVLIN\n(.+)", text)[1]
     assert [float(value) for value in values.split(",")][:2] == [200e3, 50e3]
-    parts = LOADED.parts[:1]
-    sm.export(dataclasses.replace(LOADED, parts=parts), tmp_path / "finger.feb")
+    components = LOADED.components[:1]
+    sm.export(dataclasses.replace(LOADED, components=components), tmp_path / "finger.feb")
     root = ElementTree.parse(tmp_path / "finger.feb").getroot()
     kinds = {one.get("name"): one.get("type") for one in root.iter("material")}
     assert kinds == {"silicone": "Yeoh", "base": "Mooney-Rivlin"}
@@ -174,7 +174,7 @@ def test_regions_have_silicones_of_their_own(loaded, tmp_path):
 def test_without_dead_loads_there_is_no_step_for_them(decks, tmp_path):
     folder, deck = decks
     assert deck.forces is None and "*CLOAD" not in (folder / "disk.inp").read_text()
-    idle = dataclasses.replace(LOADED, parts=(sm.Force("bottom", "z"),))  # its amount would be a request's
+    idle = dataclasses.replace(LOADED, components=(sm.Force("bottom", "z"),))  # its amount would be a request's
     assert sm.export(idle, tmp_path / "idle.inp").forces is None
 
 
@@ -208,11 +208,11 @@ def test_a_laws_terms_are_its_energy(law):
         ({"cycle": True}, "no cycle"),
         ({"material": sm.Gent(28e3, 30.0)}, "neither CalculiX nor FEBio"),
         ({"material": sm.Yeoh(14e3, 60.0, 0.5, 0.5)}, "incompressible"),
-        ({"sheet": sm.Sheet("top", 1e3)}, "a sheet"),
-        ({"parts": (sm.Walls("cavity"),)}, r"\[walls\]"),
-        ({"parts": (sm.Fabric("top", 1e3, 1e3, shear=100.0),)}, r"\[fabric\] whose yarns .* resist shear"),
+        ({"components": [sm.Sheet("top", 1e3)]}, "a sheet"),
+        ({"components": (sm.Walls("cavity"),)}, r"\[walls\]"),
+        ({"components": (sm.Fabric("top", 1e3, 1e3, shear=100.0),)}, r"\[fabric\] whose yarns .* resist shear"),
         (
-            {"actuator": LOADED.actuator, "parts": (sm.Region(sm.Gent(28e3, 30.0), name="base"),)},
+            {"actuator": LOADED.actuator, "components": (sm.Region(sm.Gent(28e3, 30.0), name="base"),)},
             "region base: gent is a law",
         ),
     ],

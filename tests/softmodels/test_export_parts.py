@@ -43,7 +43,7 @@ def admissible(deck, seed=1):
 def test_no_dof_is_held_twice(tmp_path):
     """A plate that is guided askew, on a cut plane and beside a clamp that slips."""
     plate = sm.Rigid("tip", kind="guided", direction=(0.6, 0.0, -0.8), name="plate")
-    deck = export(FINGER, tmp_path / "x.inp", parts=(plate, sm.Clamp("bottom", along="y")))
+    deck = export(FINGER, tmp_path / "x.inp", components=(plate, sm.Clamp("bottom", along="y")))
     held = [(int(node), component) for component, nodes in deck.held.items() for node in nodes]
     tied = [(tie.node, tie.component) for tie in deck.tied]
     assert len(set(held + tied)) == len(held) + len(tied)
@@ -52,7 +52,7 @@ def test_no_dof_is_held_twice(tmp_path):
 def test_a_guided_plate_moves_as_one_along_its_guide(tmp_path):
     plate = sm.Rigid("tip", kind="guided", direction=(0.6, 0.0, -0.8), name="plate")
     for name in ("finger.inp", "finger.feb"):
-        deck = export(FINGER, tmp_path / name, parts=(plate,))
+        deck = export(FINGER, tmp_path / name, components=(plate,))
         moved = admissible(deck)[deck.mesh.nodes["tip"]]
         assert np.ptp(moved, axis=0).max() < 1e-12 and abs(moved[0, 2]) > 1e-3
         assert moved[0] == pytest.approx(moved[0, 2] / -0.8 * np.array([0.6, 0.0, -0.8]), abs=1e-12)
@@ -70,17 +70,17 @@ def test_a_held_plate_and_a_rigid_region_stand_still_or_rise(tmp_path):
         angle=60.0,
         cell_size=0.008,
     )
-    case = Case("membrane", ringed, LAW, pressures_cm=(5.0,), parts=(sm.Rigid(region="ring1", name="ring"),))
+    case = Case("membrane", ringed, LAW, pressures_cm=(5.0,), components=(sm.Rigid(region="ring1", name="ring"),))
     deck = sm.export(case, tmp_path / "x.inp")
     moved = admissible(deck)[np.unique(deck.mesh.cells[deck.mesh.regions["ring1"]])]
     assert not moved[:, :2].any() and np.ptp(moved[:, 2]) < 1e-12 and abs(moved[0, 2]) > 1e-3
-    deck = export(case, tmp_path / "y.inp", parts=(sm.Rigid("ring1", kind="held", name="ring"),))
+    deck = export(case, tmp_path / "y.inp", components=(sm.Rigid("ring1", kind="held", name="ring"),))
     assert not admissible(deck)[deck.mesh.nodes["ring1"]].any()
 
 
 def test_a_plate_that_turns_is_a_rigid_body(tmp_path):
     """Its nodes are the rigid body's alone; the centre stays in the cut plane, and it turns about that plane's normal."""
-    deck = export(FINGER, tmp_path / "finger.inp", parts=(PLATE, WEIGHT))
+    deck = export(FINGER, tmp_path / "finger.inp", components=(PLATE, WEIGHT))
     (one,) = deck.supports.rigged
     assert set(one.nodes) == set(deck.mesh.nodes["tip"])
     assert not {tie.node for tie in deck.tied} & set(one.nodes)
@@ -92,7 +92,7 @@ def test_a_plate_that_turns_is_a_rigid_body(tmp_path):
     text = (tmp_path / "finger.inp").read_text()
     assert f"*RIGID BODY, NSET=RIGID_PLATE, REF NODE={one.place + 1}, ROT NODE={one.turn + 1}" in text
     wanted = 9.81 * (5e-3 / 2) * np.array([0.6, 0.0, -0.8])
-    bare = export(FINGER, tmp_path / "bare.inp", parts=(dataclasses.replace(PLATE, mass=0.0), WEIGHT))
+    bare = export(FINGER, tmp_path / "bare.inp", components=(dataclasses.replace(PLATE, mass=0.0), WEIGHT))
     assert (deck.forces - bare.forces).sum(axis=0) == pytest.approx(wanted, rel=1e-9)
 
 
@@ -100,17 +100,17 @@ def test_a_plate_in_a_half_that_is_cut_askew(tmp_path):
     """Its centre stays in the cut plane and its rotation vector is along that plane's normal; FEBio has no words for that."""
     device = sm.HollowDisk(fillet=0.0, cavity_radius=0.02, cell_size=0.02, angle=180.0, azimuth=30.0, support="base")
     plate = sm.Rigid("top", name="plate")
-    deck = export(DISK, tmp_path / "disk.inp", actuator=device, parts=(plate,))
+    deck = export(DISK, tmp_path / "disk.inp", actuator=device, components=(plate,))
     (one,) = deck.supports.rigged
     u, normal = admissible(deck), np.array(device.cut_planes[0].normal)
     assert abs(u[one.place] @ normal) < 1e-12 and np.linalg.norm(np.cross(u[one.turn], normal)) < 1e-12
     assert np.abs(u[one.place]).min() > 1e-3 and np.abs(u[one.turn]).max() > 1e-3
     with pytest.raises(CaseError, match="turns in a half that is cut along no plane of two axes"):
-        export(DISK, tmp_path / "disk.feb", actuator=device, parts=(plate,))
+        export(DISK, tmp_path / "disk.feb", actuator=device, components=(plate,))
 
 
 def test_a_plate_that_turns_in_febio(tmp_path):
-    deck = export(FINGER, tmp_path / "finger.feb", parts=(PLATE, WEIGHT))
+    deck = export(FINGER, tmp_path / "finger.feb", components=(PLATE, WEIGHT))
     root = ElementTree.parse(tmp_path / "finger.feb").getroot()
     order = [child.tag for child in root if isinstance(child.tag, str)]
     assert order.index("MeshDomains") < order.index("MeshData") < order.index("Boundary") < order.index("Rigid")
@@ -132,7 +132,7 @@ def test_a_plate_that_turns_in_febio(tmp_path):
 def test_dead_loads_in_febio_do_the_same_work(tmp_path, kind):
     """On displacements that the supports allow, forces as written work as the loads do, those on tied nodes included."""
     plate = dataclasses.replace(PLATE, kind=kind, direction=(0.6, 0.0, -0.8) if kind == "guided" else ())
-    deck = export(FINGER, tmp_path / "finger.feb", parts=(plate, WEIGHT))
+    deck = export(FINGER, tmp_path / "finger.feb", components=(plate, WEIGHT))
     root = ElementTree.parse(tmp_path / "finger.feb").getroot()
     maps = {one.get("name"): [float(node.text) for node in one] for one in root.iter("NodeData")}
     written = np.column_stack([maps[f"force_{axis}"] for axis in "xyz"])
@@ -152,9 +152,9 @@ def test_dead_loads_in_febio_do_the_same_work(tmp_path, kind):
 
 def test_clamps_hold_what_they_say(tmp_path):
     """A tip that slips along x alone, and a root whose own hold a clamp replaces."""
-    parts = (sm.Clamp("tip", slip="x", name="rail"), sm.Clamp("support", slip="z", name="root"))
+    components = (sm.Clamp("tip", slip="x", name="rail"), sm.Clamp("support", slip="z", name="root"))
     for name in ("finger.inp", "finger.feb"):
-        deck = export(FINGER, tmp_path / name, parts=parts)
+        deck = export(FINGER, tmp_path / name, components=components)
         moved = admissible(deck)
         tip, root = moved[deck.mesh.nodes["tip"]], moved[deck.mesh.nodes["support"]]
         assert not tip[:, 1:].any() and np.ptp(tip[:, 0]) > 0.1
@@ -164,7 +164,7 @@ def test_clamps_hold_what_they_say(tmp_path):
 def test_contact_with_a_plane_is_springs_of_the_same_force(tmp_path):
     """The top, moved as one by a depth into the plane, pushes with the penalty's pressure on its area."""
     apex = DISK.actuator.probes["apex"][2]
-    deck = export(DISK, tmp_path / "disk.inp", obstacle=sm.Obstacle("top", f"z = {1e3 * apex + 0.5} mm"))
+    deck = export(DISK, tmp_path / "disk.inp", components=[sm.Obstacle("top", f"z = {1e3 * apex + 0.5} mm")])
     (springs,) = deck.springs
     size, k = DISK.actuator.size, 300.0
     area = math.pi * (DISK.actuator.cavity_radius + DISK.actuator.wall) ** 2 / DISK.actuator.copies
@@ -195,7 +195,7 @@ def test_contact_with_a_plane_is_springs_of_the_same_force(tmp_path):
 )
 def test_springs_are_as_long_as_shapes_are_away(tmp_path, shape):
     """Wherever nodes move to: the distance of integration points, and the push of the penalty at some depth."""
-    deck = export(FINGER, tmp_path / "finger.inp", parts=(shape,))
+    deck = export(FINGER, tmp_path / "finger.inp", components=(shape,))
     (springs,) = deck.springs
     ((_, ground),) = deck.grounds
     size, sign = FINGER.actuator.size, -1.0 if shape.hollow else 1.0
@@ -225,7 +225,7 @@ def test_a_shape_that_gives_way_begins_on_its_line(tmp_path):
         "cylinder", "bottom", (0.012, 0.0, -0.007), 0.005, along=(0.0, 1.0, 0.0), guide="0.6, 0, -0.8", spring=20.0,
         mass=2e-3, name="rod",
     )  # fmt: skip
-    deck = export(FINGER, tmp_path / "finger.inp", parts=(rod, sm.Gravity("-0.6, 0, 0.8", density=0.0)))
+    deck = export(FINGER, tmp_path / "finger.inp", components=(rod, sm.Gravity("-0.6, 0, 0.8", density=0.0)))
     (springs,), ((_, first),) = deck.springs, deck.grounds
     u = admissible(deck)
     moving = first + len(springs.ends) + 1
@@ -269,8 +269,10 @@ def test_threads_are_springs_of_the_same_work(tmp_path, comm, part):
 
     tube = sm.Cylinder(section="half", length=0.02, cell_size=0.006, strip=90.0)
     device = FINGER.actuator if part.table == "fibres" and part.on == "base" else tube
-    deck = sm.export(Case("tube", device, LAW, pressures_cm=(5.0,), parts=(part,)), tmp_path / "tube.inp")
-    system = System(Body.from_file(device, device.write(tmp_path / "x.msh"), comm), LAW, "displacement", parts=[part])
+    deck = sm.export(Case("tube", device, LAW, pressures_cm=(5.0,), components=(part,)), tmp_path / "tube.inp")
+    system = System(
+        Body.from_file(device, device.write(tmp_path / "x.msh"), comm), LAW, "displacement", components=[part]
+    )
     term, size = system.potential.terms["thread"], device.size
 
     def moved(x, share):
@@ -347,15 +349,19 @@ BALL = sm.RigidShape("sphere", "bottom", (0.012, 0.0, -0.007), 0.005, name="ball
 @pytest.mark.parametrize(
     ("changes", "file", "words"),
     [
-        ({"obstacle": sm.Obstacle("bottom", "z = -3 mm")}, "x.feb", "contact, which is written for CalculiX alone"),
-        ({"parts": (sm.Fibres(modulus=1e4),)}, "x.feb", r"\[fibres\], which is written for CalculiX alone"),
-        ({"parts": (BALL,)}, "x.feb", r"\[contact.ball\], which is written for CalculiX alone"),
         (
-            {"parts": (dataclasses.replace(BALL, shape="capsule", length=0.01),)},
+            {"components": [sm.Obstacle("bottom", "z = -3 mm")]},
+            "x.feb",
+            r"\[contact\], which is written for CalculiX alone",
+        ),
+        ({"components": (sm.Fibres(modulus=1e4),)}, "x.feb", r"\[fibres\], which is written for CalculiX alone"),
+        ({"components": (BALL,)}, "x.feb", r"\[contact.ball\], which is written for CalculiX alone"),
+        (
+            {"components": (dataclasses.replace(BALL, shape="capsule", length=0.01),)},
             "x.inp",
             "'capsule', where springs know sphere, cylinder, plane",
         ),
-        ({"parts": (PLATE, WEIGHT, BALL)}, "x.inp", "ball acts on nodes of the rigid part plate"),
+        ({"components": (PLATE, WEIGHT, BALL)}, "x.inp", "ball acts on nodes of the rigid part plate"),
     ],
 )
 def test_what_decks_cannot_say_of_parts(tmp_path, changes, file, words):

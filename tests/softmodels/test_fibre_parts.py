@@ -26,7 +26,7 @@ import sys
 from softmodels.case.case import Case
 from softmodels.case.own_modules import import_own_modules
 import_own_modules()
-print(Case.from_file(sys.argv[1]).parts[0].law)
+print(Case.from_file(sys.argv[1]).components[0].law)
 """
 
 
@@ -35,18 +35,18 @@ def own(k, q, b):
     return k * (q + b * q**2) / 8
 
 
-def case(device, *parts):
-    return Case("tube", device, sm.NeoHookean(30e3, 0.5), pressures_cm=(0.0, 10.0), parts=parts)
+def case(device, *components):
+    return Case("tube", device, sm.NeoHookean(30e3, 0.5), pressures_cm=(0.0, 10.0), components=components)
 
 
 def test_they_come_back_from_a_case_file():
-    parts = (
+    components = (
         Fabric(on="strip", along=5e4, across=123.4, poisson=0.1, name="cloth"),
         Fibres(on="wall", modulus=1.25e6, angle=33.3, law="exponential", exponent=7.5, name="braid"),
         Fibres(on="outer, strip", stiffness=2e4, angle=90.0, helices=1, slack=True, name="hoop"),
     )
-    text = case(HALF, *parts).to_toml()
-    assert set(Case.from_toml(text).parts) == set(parts) and "[fibres.hoop]" in text and "25" in text
+    text = case(HALF, *components).to_toml()
+    assert set(Case.from_toml(text).components) == set(components) and "[fibres.hoop]" in text and "25" in text
 
 
 @pytest.mark.parametrize(
@@ -96,10 +96,10 @@ def test_a_lost_path_names_them():
 
 
 def test_a_lost_path_names_walls_that_press_on_each_other():
-    parts = case(TUBE, Walls(faces="outer", name="side"))
-    text = advice(parts, {"max_stretch": 1.1, "J_min": 0.99, "side_overlap_mm": 0.0123})
+    components = case(TUBE, Walls(faces="outer", name="side"))
+    text = advice(components, {"max_stretch": 1.1, "J_min": 0.99, "side_overlap_mm": 0.0123})
     assert "[walls.side] (outer) press on each other and overlap by 0.0123 mm" in text and "than 2000" in text
-    assert "Nothing conspicuous" in advice(parts, {"max_stretch": 1.1, "J_min": 0.99})
+    assert "Nothing conspicuous" in advice(components, {"max_stretch": 1.1, "J_min": 0.99})
 
 
 def test_their_columns_are_explained():

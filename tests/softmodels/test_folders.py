@@ -187,7 +187,7 @@ def test_no_run_goes_on_with_another_contact(says, runs, tmp_path):
 def test_every_field_of_a_case_counts():
     """Also of what is inside it, and nothing by the place where it happens to be in memory."""
     plain = Case("disk", HollowDisk(), DEFAULT, (10.0,))
-    texts = identity(dataclasses.replace(plain, obstacle=Obstacle("top", "z = 20 mm")))
+    texts = identity(dataclasses.replace(plain, components=[Obstacle("top", "z = 20 mm")]))
     counting = {field.name for field in dataclasses.fields(Case)} - {"solver"}  # either one finds the same states
     assert counting <= {name.split(".")[0] for name in texts}
     assert {"actuator.membrane", "material.shear_modulus", "obstacle.stiffness"} <= texts.keys()

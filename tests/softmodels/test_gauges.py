@@ -235,7 +235,7 @@ def test_a_point_of_a_device_that_hangs_is_where_it_was_named():
     """A path under gravity begins with a device that sags: where its points are then is not where they were named."""
     membrane, gravity = sm.Membrane(thickness=0.002, cell_size=0.004), sm.Gravity("-z", magnitude=98.1)
     points = Probes((("apex", "0, 0, 2 mm"), ("beside", "0, 0, 3 mm")))
-    run = sm.inflate(membrane, sm.NeoHookean(30e3), "0:2 cm", parts=[gravity], gauges=points)
+    run = sm.inflate(membrane, sm.NeoHookean(30e3), "0:2 cm", components=[gravity], gauges=points)
     assert run.path["apex_z_mm"][0] < 1.0  # it hangs
     (note,) = [note for note in run.notes if "is followed at" in note]
     assert note == "point beside is followed at the nearest place of the modelled surface, 1 mm away"

@@ -32,9 +32,9 @@ LAW = NeoHookean(20e3, 0.49)
 OPTIONS = ("--variant", "shadow", "--support", "base", "--fillet", "0mm", "--base-fillet", "0mm")
 
 
-def case_of(device, parts=(), **how):
+def case_of(device, components=(), **how):
     """A case whose load and material do not matter."""
-    return Case(device.stem, device, LAW, pressures_cm=(1.0,), parts=parts, **how)
+    return Case(device.stem, device, LAW, pressures_cm=(1.0,), components=components, **how)
 
 
 def test_thin_disk_is_limited_and_a_stiffening_one_is_not(comm):
@@ -104,7 +104,7 @@ def test_tolerances_scatter_the_limit_under_a_weight(runs, tmp_path, comm):
     for thickness, limit in rows:
         device = dataclasses.replace(coarse, membrane=thickness)
         with_it, without = (
-            find_limit(case_of(device, parts), [LAW], comm)[0].pressure / 95.1243 for parts in (heavy, ())
+            find_limit(case_of(device, components), [LAW], comm)[0].pressure / 95.1243 for components in (heavy, ())
         )
         assert limit == pytest.approx(with_it, rel=1e-4) and abs(with_it / without - 1) > 1e-3
 

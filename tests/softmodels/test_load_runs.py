@@ -63,7 +63,9 @@ def test_it_goes_on_to_the_same(pushed, runs, tmp_path):
     last, wanted = sm.run(case, folder=tmp_path / "short", resume=True).rows[-1], runs.rows(pushed)[-1]
     for name in ("force_N", "travel_mm", "apex_mm", "stored_energy_mJ", "added_volume_ml"):
         assert last[name] == pytest.approx(wanted[name], rel=1e-8), name
-    heavier = dataclasses.replace(case, parts=(*case.parts[:1], Mass(face="top", amount=0.06), *case.parts[2:]))
+    heavier = dataclasses.replace(
+        case, components=(*case.components[:1], Mass(face="top", amount=0.06), *case.components[2:])
+    )
     with pytest.raises(sm.RunError, match="holds a run with another parts"):
         sm.run(heavier, folder=tmp_path / "short", resume=True)
 
@@ -71,7 +73,7 @@ def test_it_goes_on_to_the_same(pushed, runs, tmp_path):
 def test_the_case_is_repeated_exactly(pushed):
     case = Case.from_file(pushed / "case.toml")
     assert case.driven == LoadRequest("force_N", (0.0, 0.5, 1.0), at_pressure_cm=40.0)
-    assert case.parts == (
+    assert case.components == (
         Gravity(direction="-z"), Mass(face="top", amount=0.05), Force(face="top", direction="-z"),
     )  # fmt: skip
     assert Case.from_toml(case.to_toml()) == case and case.column == "force_N" and case.quantity == "force"
@@ -92,7 +94,7 @@ def programmed():
         Series("share", (1.0, 1.0, 0.5), "gravity"),
         Series("force_N", (0.0, 0.5, 1.0), "force.push"),
     )
-    return sm.inflate(DISK, LAW, program=program, parts=PARTS)
+    return sm.inflate(DISK, LAW, program=program, components=PARTS)
 
 
 def test_a_program_changes_every_kind_of_load(programmed, pushed, runs):
@@ -111,7 +113,7 @@ def test_a_travel_leads_to_the_force(pushed, runs):
     """By how far the face moves, in place of the force; and a state between two of them."""
     wanted = runs.rows(pushed)[-1]
     request = LoadRequest("travel_mm", (wanted["travel_mm"],), at_pressure_cm=40.0)
-    run = sm.inflate(DISK, LAW, driven=request, parts=Case.from_file(pushed / "case.toml").parts)
+    run = sm.inflate(DISK, LAW, driven=request, components=Case.from_file(pushed / "case.toml").components)
     assert run.rows[-1]["force_N"] == pytest.approx(1.0, rel=1e-7)
     assert run.at(wanted["travel_mm"] * 1e-3).row["apex_mm"] == pytest.approx(wanted["apex_mm"], rel=1e-6)
     half = next(row for row in runs.rows(pushed) if row["force_N"] == 0.5)
@@ -122,10 +124,10 @@ def test_the_limit_of_a_loaded_disk():
     """A weight bears the membrane down, so the disk takes more pressure: what the limit says is what the path finds."""
     soft = NeoHookean(20e3, 0.495)
     disk = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
-    parts = (Gravity(direction="-z"), Mass(face="top", amount=0.1))
-    plain, loaded = sm.limit(disk, soft), sm.limit(disk, soft, parts=parts)
+    components = (Gravity(direction="-z"), Mass(face="top", amount=0.1))
+    plain, loaded = sm.limit(disk, soft), sm.limit(disk, soft, components=components)
     assert plain.kind == loaded.kind == "limit" and loaded.pressure > 1.005 * plain.pressure
-    run = sm.inflate(disk, soft, pressures=(1.05 * loaded.pressure,), parts=parts)
+    run = sm.inflate(disk, soft, pressures=(1.05 * loaded.pressure,), components=components)
     assert run.limit.kind == "limit" and run.limit.pressure == pytest.approx(loaded.pressure, rel=1e-6)
 
 
@@ -165,18 +167,18 @@ def test_loads_that_cannot_be_meant(tables, message):
 def test_two_figures_of_one_column():
     """A rigid part `tip` would have its place where the beam has its own."""
     beam = Beam(length=0.01, width=0.01, thickness=0.01, cell_size=0.01, part="quarter", clamp="slip")
-    parts = (Rigid(face="tip", name="tip"), Gravity(direction="x"))
+    components = (Rigid(face="tip", name="tip"), Gravity(direction="x"))
     with pytest.raises(ComponentError, match=r"would be the column tip_x_mm of path.csv; give the part"):
-        sm.run(Case("beam", beam, LAW, parts=parts, driven=SHARE))
+        sm.run(Case("beam", beam, LAW, components=components, driven=SHARE))
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: Case("beam", Beam(), LAW, pressures_cm=(1.0,)), "Beam has no cavity to put a pressure"),
-        (lambda: Case("beam", Beam(), LAW, parts=(Gravity(direction="y"),), driven=SHARE), "use part="),
+        (lambda: Case("beam", Beam(), LAW, components=(Gravity(direction="y"),), driven=SHARE), "use part="),
         (
-            lambda: Case("beam", Beam(), LAW, parts=(Gravity(direction="-z"),), driven=AT),
+            lambda: Case("beam", Beam(), LAW, components=(Gravity(direction="-z"),), driven=AT),
             "no cavity to put a pressure in",
         ),
     ],
@@ -200,7 +202,7 @@ def test_a_weight_that_is_not_borne():
         "beam",
         beam,
         Yeoh(10e3, -1100.0, 60.0, 0.495),
-        parts=(weight, Gravity(direction="x")),
+        components=(weight, Gravity(direction="x")),
         driven=LoadRequest("share", (1.0,)),
     )
     with pytest.raises(sm.RunError, match=r"does not bear its dead loads.*limit point at 0") as end:
@@ -214,14 +216,14 @@ def test_a_force_that_is_not_borne():
 
     beam = Beam(length=0.01, width=0.01, thickness=0.01, cell_size=0.01, part="quarter", clamp="slip")
     pull, asked = Force(face="tip", direction="x"), LoadRequest("force_N", (6.0,))
-    run = sm.run(Case("beam", beam, Yeoh(10e3, -1100.0, 60.0, 0.495), parts=(pull,), driven=asked))
+    run = sm.run(Case("beam", beam, Yeoh(10e3, -1100.0, 60.0, 0.495), components=(pull,), driven=asked))
     assert run.limit.kind == "limit" and "the force has a limit point" in run.limit.why and len(run) > 3
 
 
 def test_a_program_of_a_device_without_a_cavity():
     beam = Beam(length=0.01, width=0.01, thickness=0.01, cell_size=0.01, part="quarter", clamp="slip")
     program = (Series("force_N", (0.5, 0.2), "force"),)
-    run = sm.run(Case("beam", beam, LAW, parts=(Force(face="tip", direction="x"),), program=program))
+    run = sm.run(Case("beam", beam, LAW, components=(Force(face="tip", direction="x"),), program=program))
     assert run.limit is None and run.path["force_N"][-1] == pytest.approx(0.2) and not run.path["pressure_Pa"].any()
 
 
@@ -229,7 +231,7 @@ def test_a_cavity_that_is_pressed_empty():
     """A membrane pushed through the floor of its chamber: an end of the device's own, with what lets it rest there."""
     membrane = sm.Membrane(chamber_depth=0.001, cell_size=0.002)
     push = Force(face="top", direction="-z")
-    case = Case("push", membrane, NeoHookean(30e3), parts=(push,), driven=LoadRequest("travel_mm", (4.0,)))
+    case = Case("push", membrane, NeoHookean(30e3), components=(push,), driven=LoadRequest("travel_mm", (4.0,)))
     limit = sm.run(case).limit
     assert limit.kind == "limit" and "a cavity is pressed empty" in limit.why and "cavity has taken" not in limit.why
     chamber = np.pi * membrane.radius**2 * membrane.chamber_depth
@@ -244,8 +246,10 @@ def test_a_named_silicone_weighs_what_its_sheet_says():
     volumes[0] -= volumes[1]
     soft, share = silicone("ecoflex-00-10"), LoadRequest("share", (1.0,))
 
-    def weighed(gravity, *parts, law=soft):
-        run = sm.inflate(membrane, dataclasses.replace(law, poisson=0.49), driven=share, parts=(gravity, *parts))
+    def weighed(gravity, *components, law=soft):
+        run = sm.inflate(
+            membrane, dataclasses.replace(law, poisson=0.49), driven=share, components=(gravity, *components)
+        )
         return run.rows[-1]["weight_N"] / 9.81, " ".join(run.notes), run.case.to_toml()
 
     mass, notes, text = weighed(Gravity(direction="-z"), plate)
@@ -268,6 +272,6 @@ def test_a_named_silicone_weighs_what_its_sheet_says():
 def test_faces_that_no_mesh_will_have_are_refused_before_one_is_made(part, monkeypatch):
     monkeypatch.setattr(HollowDisk, "build", None)
     with pytest.raises(CaseError, match=r"HollowDisk has no face 'lid'; it has top, cavity, .*outer"):
-        Case("disk", DISK, LAW, (10.0,), parts=(part, Gravity(direction="-z")))
+        Case("disk", DISK, LAW, (10.0,), components=(part, Gravity(direction="-z")))
     with pytest.raises(CaseError, match="HollowDisk has no face 'lid'"):
-        Case("disk", DISK, LAW, (10.0,), obstacle=Obstacle("lid", "z = 30 mm"))
+        Case("disk", DISK, LAW, (10.0,), components=[Obstacle("lid", "z = 30 mm")])

@@ -49,8 +49,8 @@ ERROR = 10e-6
 """Standard error of a point in m, and in 10 Pa of a reading."""
 
 
-def case_of(device, parts, law=TRUE):
-    return Case("device", device, law, pressures_cm=(1.0,), parts=parts)
+def case_of(device, components, law=TRUE):
+    return Case("device", device, law, pressures_cm=(1.0,), components=components)
 
 
 def outer_curve(run, state):
@@ -87,8 +87,8 @@ def run_of():
 
     def make(name):
         if name not in known:
-            device, parts, cms = DEVICES[name]
-            known[name] = sm.inflate(device, TRUE, f"0,{','.join(map(str, cms))} cm", parts=parts)
+            device, components, cms = DEVICES[name]
+            known[name] = sm.inflate(device, TRUE, f"0,{','.join(map(str, cms))} cm", components=components)
         return known[name]
 
     return make
@@ -96,10 +96,10 @@ def run_of():
 
 @pytest.mark.parametrize("name", DEVICES)
 def test_outlines_of_a_run_give_its_material_back(name, run_of, figure):
-    device, parts, cms = DEVICES[name]
+    device, components, cms = DEVICES[name]
     outlines = photographed(run_of(name), cms)
     start = sm.NeoHookean(40e3, 0.49)  # the case's own material is another one
-    found = sm.fit(case_of(device, parts, start), outlines, "yeoh", QUICK).chosen
+    found = sm.fit(case_of(device, components, start), outlines, "yeoh", QUICK).chosen
     assert found.fit.converged and not found.judgement.warnings and not found.judgement.notes
     for number in ("c1", "c2"):
         assert found.fit.error(number) > 0.002 * getattr(TRUE, number)
@@ -109,10 +109,10 @@ def test_outlines_of_a_run_give_its_material_back(name, run_of, figure):
 
 def test_a_fit_takes_the_solver_of_its_case(run_of, figure):
     """By iterations it comes to the same numbers with the same error bars."""
-    device, parts, cms = DEVICES["disk, its own weight"]
+    device, components, cms = DEVICES["disk, its own weight"]
     outlines = photographed(run_of("disk, its own weight"), cms[::2], np.random.default_rng(5))
     direct, iterative = (
-        sm.fit(dataclasses.replace(case_of(device, parts), solver=solver), outlines, "yeoh", QUICK).chosen.fit
+        sm.fit(dataclasses.replace(case_of(device, components), solver=solver), outlines, "yeoh", QUICK).chosen.fit
         for solver in ("direct", "iterative")
     )
     for name in ("c1", "c2"):
@@ -122,11 +122,11 @@ def test_a_fit_takes_the_solver_of_its_case(run_of, figure):
 
 
 def test_error_bars_are_honest_under_a_weight(run_of):
-    device, parts, cms = DEVICES["membrane with a plate of 20 g"]
+    device, components, cms = DEVICES["membrane with a plate of 20 g"]
     rng, away = np.random.default_rng(7), []
     for _ in range(5):
         outlines = photographed(run_of("membrane with a plate of 20 g"), cms, rng)
-        found = sm.fit(case_of(device, parts), outlines, "yeoh", QUICK).chosen
+        found = sm.fit(case_of(device, components), outlines, "yeoh", QUICK).chosen
         assert not found.judgement.warnings
         away.append([(found.fit.values[n] - getattr(TRUE, n)) / found.fit.error(n) for n in ("c1", "c2")])
     spread = np.sqrt(np.mean(np.square(away), axis=0))
@@ -135,60 +135,60 @@ def test_error_bars_are_honest_under_a_weight(run_of):
 
 def test_a_fit_that_ignores_the_weight(run_of):
     """A plate's weight is refused as pressures that contradict each other; a disk's own is taken for a stiffer silicone."""
-    device, parts, cms = DEVICES["disk, its own weight"]
+    device, components, cms = DEVICES["disk, its own weight"]
     outlines = photographed(run_of("disk, its own weight"), cms)
     without = sm.fit(case_of(device, ()), outlines, "yeoh", QUICK)
     (told,) = [note for note in without.notes if "has no [gravity]" in note]
     assert "168 Pa, 0.9 % of the shear modulus" in told
     without = without.chosen
-    with_it = sm.fit(case_of(device, parts), outlines, "yeoh", QUICK).chosen
+    with_it = sm.fit(case_of(device, components), outlines, "yeoh", QUICK).chosen
     assert not with_it.interval("c1")[0] < without.fit.values["c1"] < with_it.interval("c1")[1]
     assert with_it.interval("c1")[0] < TRUE.c1 < with_it.interval("c1")[1]
-    device, parts, cms = DEVICES["membrane with a plate of 20 g"]
+    device, components, cms = DEVICES["membrane with a plate of 20 g"]
     outlines = photographed(run_of("membrane with a plate of 20 g"), cms)
-    light = (dataclasses.replace(parts[1], mass=0.0),)
+    light = (dataclasses.replace(components[1], mass=0.0),)
     assert not sm.fit(case_of(device, light), outlines, "yeoh", QUICK).chosen.sound
 
 
 def test_a_wrong_row_is_named_under_a_weight(run_of):
-    device, parts, cms = DEVICES["disk, with a mass and a thread"]
+    device, components, cms = DEVICES["disk, with a mass and a thread"]
     outlines = photographed(run_of("disk, with a mass and a thread"), cms)
     outlines[2] = dataclasses.replace(outlines[2], pressure=outlines[2].pressure / 2)
-    found = sm.fit(case_of(device, parts), outlines, "yeoh", QUICK).chosen
+    found = sm.fit(case_of(device, components), outlines, "yeoh", QUICK).chosen
     assert not found.sound and "80 cm contradicts the others" in found.objections[0]
 
 
 def test_laws_profiles_and_a_tensile_curve(run_of):
     """Two laws compared, with profiles, jointly with a curve; the report tells the loads and where heights count from."""
-    device, parts, cms = DEVICES["disk, with a mass and a thread"]
+    device, components, cms = DEVICES["disk, with a mass and a thread"]
     rng = np.random.default_rng(3)
     outlines = photographed(run_of("disk, with a mass and a thread"), cms, rng)
     stretch = np.linspace(1.02, 2.0, 30)
     stress = respond(TRUE, stretch).stress
     curve = TensileCurve("pull", "uniaxial", stretch, stress * (1 + 0.01 * rng.standard_normal(len(stretch))))
     options = sm.FitOptions(poisson=0.49, changes=HOLD, stress_error="1%+50Pa")
-    report = sm.fit(case_of(device, parts), outlines, "neo-hookean,yeoh", options, curves=[curve])
+    report = sm.fit(case_of(device, components), outlines, "neo-hookean,yeoh", options, curves=[curve])
     assert report.chosen.choice.name == "yeoh" and report.chosen.sound
     for number in ("c1", "c2"):
         low, high = report.chosen.profiles[number].interval
         assert low < getattr(TRUE, number) < high
     (told,) = [note for note in report.notes if "hangs under" in note]
     assert "[gravity] (" in told and "[force.thread] (0.1 N)" in told and "below the undeformed top" in told
-    alone = sm.fit(case_of(device, parts), outlines, "yeoh", QUICK).chosen
+    alone = sm.fit(case_of(device, components), outlines, "yeoh", QUICK).chosen
     assert report.chosen.fit.error("c1") < alone.fit.error("c1")
 
 
 @pytest.mark.parametrize("heights_from", ["shadow", "apex", "undeformed"])
 def test_heights_from_where_they_count(heights_from, run_of):
     """A displacement sensor on the plate that was set to zero as it hung, a photograph, and a height above the clamp."""
-    device, parts, cms = DEVICES["membrane with a plate of 20 g"]
+    device, components, cms = DEVICES["membrane with a plate of 20 g"]
     run = run_of("membrane with a plate of 20 g")
     apex = {cm: run.at(f"{cm} cm").row["apex_mm"] * 1e-3 for cm in (0, *cms)}
     zero = apex[0] if heights_from == "apex" else 0.0  # the clamp is the highest where it hangs, and does not move
     assert apex[0] < -2e-3
     heights = [Height(f"{cm}", cm * run.case.cm, apex[cm] - zero) for cm in cms]
     options = dataclasses.replace(QUICK, heights_from=heights_from)
-    found = sm.fit_heights(case_of(device, parts), heights, "yeoh", options).chosen
+    found = sm.fit_heights(case_of(device, components), heights, "yeoh", options).chosen
     assert found.fit.values["c1"] == pytest.approx(TRUE.c1, rel=1e-5)
     assert found.fit.values["c2"] == pytest.approx(TRUE.c2, rel=1e-4)
 
@@ -196,10 +196,10 @@ def test_heights_from_where_they_count(heights_from, run_of):
 def test_the_weight_is_that_of_the_case_s_silicone():
     """Whatever law is fitted: Ecoflex 00-10 has 1040 kg/m3, silicones without a sheet 1070."""
     named = MeasuredDevice.of(case_of(DISK, (DOWN,), sm.silicone("ecoflex-00-10")))
-    assert [part.density for part in named.parts] == [1040.0]
-    assert [part.density for part in MeasuredDevice.of(case_of(DISK, (DOWN,))).parts] == [1070.0]
+    assert [part.density for part in named.components] == [1040.0]
+    assert [part.density for part in MeasuredDevice.of(case_of(DISK, (DOWN,))).components] == [1070.0]
     given = (dataclasses.replace(DOWN, density=1200.0),)
-    assert MeasuredDevice.of(case_of(DISK, given)).parts == given
+    assert MeasuredDevice.of(case_of(DISK, given)).components == given
 
 
 WHOLE = HollowDisk(cell_size=0.006, fillet=0.0, base_fillet=0.0, angle=360.0)
@@ -213,15 +213,15 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(("device", "parts", "how", "words"), REFUSED.values(), ids=REFUSED.keys())
-def test_what_is_refused(device, parts, how, words, run_of):
+@pytest.mark.parametrize(("device", "components", "how", "words"), REFUSED.values(), ids=REFUSED.keys())
+def test_what_is_refused(device, components, how, words, run_of):
     outlines = photographed(run_of("disk, its own weight"), DEVICES["disk, its own weight"][2])
     if device is WHOLE:
-        case = Case("device", device, TRUE, pressures_cm=(1.0,), parts=parts)
-    elif not parts or isinstance(parts[0], Gravity):
-        case = case_of(device, parts)
+        case = Case("device", device, TRUE, pressures_cm=(1.0,), components=components)
+    elif not components or isinstance(components[0], Gravity):
+        case = case_of(device, components)
     else:
-        case = dataclasses.replace(case_of(device, ()), parts=parts)
+        case = dataclasses.replace(case_of(device, ()), components=components)
     with pytest.raises(sm.FitError, match=words):
         sm.fit(case, outlines, "yeoh", dataclasses.replace(QUICK, **how))
 
@@ -233,9 +233,9 @@ def test_heights_from_is_one_of_three():
 
 def test_the_commands(run_of, tmp_path):
     """``fit`` and ``score`` on a case file with gravity, on one rank and on two."""
-    device, parts, cms = DEVICES["disk, its own weight"]
+    device, components, cms = DEVICES["disk, its own weight"]
     file, folder = tmp_path / "case.toml", tmp_path / "outlines"
-    file.write_text(case_of(device, parts).to_toml())
+    file.write_text(case_of(device, components).to_toml())
     folder.mkdir()
     for one in photographed(run_of("disk, its own weight"), cms, np.random.default_rng(5)):
         one.to_csv(folder / f"{one.source}.csv")

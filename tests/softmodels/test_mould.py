@@ -114,7 +114,7 @@ def part_of(tmp_path_factory):
     import gmsh
 
     def draw(name, *boxes, **choices):
-        file = tmp_path_factory.mktemp("parts") / f"{name}.step"
+        file = tmp_path_factory.mktemp("components") / f"{name}.step"
         with private_model():
             solids = [(3, gmsh.model.occ.addBox(*box)) for box in boxes]
             gmsh.model.occ.cut(solids[:1], solids[1:])

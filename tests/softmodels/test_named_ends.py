@@ -18,12 +18,12 @@ def test_a_cavity_that_cannot_change_takes_no_volume():
     with pytest.raises(
         sm.RunError, match=r"no equilibrium at 1 ml .* what is held leaves the device no way to give"
     ) as told:
-        sm.inflate(TUBE, INCOMPRESSIBLE, volumes="1 ml", parts=HELD)
+        sm.inflate(TUBE, INCOMPRESSIBLE, volumes="1 ml", components=HELD)
     assert told.value.status == NO_EQUILIBRIUM
 
 
 def test_a_pressure_that_squeezes_the_silicone_itself_is_named():
-    case = sm.Case("tube", TUBE, sm.NeoHookean(30e3, 0.4999), volumes_ml=(1.0,), parts=HELD)
+    case = sm.Case("tube", TUBE, sm.NeoHookean(30e3, 0.4999), volumes_ml=(1.0,), components=HELD)
     figures = {"max_stretch": 1.05, "J_min": 0.97}
     assert "300 times the silicone's shear modulus" in advice(case, {**figures, "pressure_Pa": 9e6})
     assert advice(case, {**figures, "pressure_Pa": 1e6}).startswith("Nothing conspicuous")
@@ -31,14 +31,14 @@ def test_a_pressure_that_squeezes_the_silicone_itself_is_named():
 
 @pytest.mark.parametrize("control", ["auto", "pressure", "arc-length"])
 def test_and_any_pressure(control):
-    run = sm.inflate(TUBE, INCOMPRESSIBLE, pressures="50 cm", parts=HELD, control=control)
+    run = sm.inflate(TUBE, INCOMPRESSIBLE, pressures="50 cm", components=HELD, control=control)
     assert run.limit is None and run.pressure[-1] == pytest.approx(50 * run.case.cm)
     assert abs(run.added_volume[-1]) < 1e-15 and run.largest_stretch[-1] == pytest.approx(1.0)
 
 
 def test_and_its_syringe_compresses_the_gas_alone():
     syringe = sm.Syringe(3e-6, dead_volume=1e-6)
-    run = sm.inflate(TUBE, INCOMPRESSIBLE, strokes="1 ml", supply=syringe, parts=HELD)
+    run = sm.inflate(TUBE, INCOMPRESSIBLE, strokes="1 ml", supply=syringe, components=HELD)
     gas = syringe.dead_volume + syringe.syringe + TUBE.cavity_volume  # within a percent that of the mesh
     assert abs(run.added_volume[-1]) < 1e-15
     assert run.pressure[-1] == pytest.approx(syringe.ambient * 1e-6 / (gas - 1e-6), rel=0.02)
@@ -50,8 +50,8 @@ def test_a_part_that_snaps_while_the_volume_is_given_is_named():
         convolutions=1, inner_radius=6.276e-3, outer_radius=10.77e-3, wall=0.95e-3, pitch=5.261e-3, rounding=0.845e-3,
         cap=2.73e-3, tip="free", cell_size=1e-3, through=1.0,
     )  # fmt: skip
-    run = sm.inflate(device, sm.Gent(17.95e3, 57.0, 0.5), volumes="12 ml", obstacle=sm.Obstacle("tip", "z = 14.126 mm"),
-                     parts=sm.Walls("none"))  # fmt: skip
+    run = sm.inflate(device, sm.Gent(17.95e3, 57.0, 0.5), volumes="12 ml",
+                     components=[sm.Obstacle("tip", "z = 14.126 mm"), sm.Walls("none")])  # fmt: skip
     assert (
         "2 cells of the mesh would fold at (6.909, 0, 10.11) mm" in run.limit.why and "outer and tip" in run.limit.why
     )
@@ -66,7 +66,7 @@ def test_a_part_that_snaps_beside_a_whole_that_goes_on_as_before_is_named():
         cell_size=2e-3, through=1.0, section="axisymmetric",
     )  # fmt: skip
     tube = sm.RigidShape("cylinder", "outer", (0.0, 0.0, 0.0), 18.85e-3, (0.0, 0.0, 1.0), hollow=True, name="tube")
-    run = sm.inflate(device, sm.Yeoh(7859.0, 94.3, 0.0, 0.5), pressures="40 cm", parts=[tube])
+    run = sm.inflate(device, sm.Yeoh(7859.0, 94.3, 0.0, 0.5), pressures="40 cm", components=[tube])
     assert run.limit.kind == "lost" and "of the mesh would fold at (6.9" in run.limit.why and "neck" in run.limit.why
     assert run.largest_stretch[-1] > 5.0 and run._ended.status == FAILED
 
@@ -86,7 +86,7 @@ def test_fibres_that_kink_are_named():
     tube = sm.Cylinder(section="axisymmetric", length=20e-3, cell_size=4e-3)
     threads = sm.Fibres(angle=0.0, helices=1, modulus=3e5, name="threads")
     case = sm.Case(
-        "tube", tube, sm.NeoHookean(30e3, 0.49), parts=(threads, sm.Force("end", "-z", name="push")),
+        "tube", tube, sm.NeoHookean(30e3, 0.49), components=(threads, sm.Force("end", "-z", name="push")),
         driven=LoadRequest("travel_mm", (0.0, 8.0), "push"),
     )  # fmt: skip
     run = sm.run(case)

@@ -103,8 +103,8 @@ def test_a_rim_has_to_stay_in_its_plane(comm, tmp_path):
     tube, law = Cylinder(end="held"), NeoHookean(30e3)
     body = Body.from_file(tube, tube.write(tmp_path / "tube.msh"), comm)
     with pytest.raises(GeometryError, match=r"hold one of these faces along 0, 0, 1"):
-        System(body, law, parts=[Clamp("support", slip="z")])
-    assert System(body, law, parts=[Clamp("support", along="z")]).rest().V > 0
+        System(body, law, components=[Clamp("support", slip="z")])
+    assert System(body, law, components=[Clamp("support", along="z")]).rest().V > 0
 
 
 @pytest.mark.parametrize(

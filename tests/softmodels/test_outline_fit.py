@@ -52,12 +52,12 @@ def inflation(comm, tmp_path_factory):
 
     folder, known = tmp_path_factory.mktemp("devices"), {}
 
-    def make(disk=DISK, law="yeoh", poisson=0.49, parts=(), heights_from=""):
-        key = disk.key, law, poisson, parts, heights_from
+    def make(disk=DISK, law="yeoh", poisson=0.49, components=(), heights_from=""):
+        key = disk.key, law, poisson, components, heights_from
         if key not in known:
             choice = LawChoice.from_text(law, poisson)
             body = Body.from_file(disk, disk.write(folder / f"{disk.name}.msh"), comm)
-            system = System(body, choice.material(choice.from_modulus(30e3)), parts=parts)
+            system = System(body, choice.material(choice.from_modulus(30e3)), components=components)
             known[key] = DeviceModel(Solver(system), choice, heights_from)
         return known[key]
 
@@ -70,10 +70,12 @@ def source_of(device, outlines):
     return OutlineResiduals(device, shapes)
 
 
-@pytest.mark.parametrize(("parts", "heights_from"), [((), ""), (HEAVY, ""), (HEAVY, "apex"), (HEAVY, "undeformed")])
-def test_derivatives_are_exact(parts, heights_from, inflation):
+@pytest.mark.parametrize(
+    ("components", "heights_from"), [((), ""), (HEAVY, ""), (HEAVY, "apex"), (HEAVY, "undeformed")]
+)
+def test_derivatives_are_exact(components, heights_from, inflation):
     """The Jacobian along a random direction against central differences, at values that fit nothing."""
-    device = inflation(parts=parts, heights_from=heights_from)
+    device = inflation(components=components, heights_from=heights_from)
     source = source_of(device, simulated_outlines(device, HARDENING, PRESSURES, SimulatedCamera(bench=AWAY)))
     free = (*BENCH, "poisson", "membrane")
     measured = np.array([(s.height, s.pressure, s.pressure_error) for s in source.shapes]).T

@@ -144,10 +144,10 @@ def test_a_curled_edge_is_not_called_a_soft_contact():
     from softmodels.mechanics.contact import Obstacle
     from softmodels.runs.notes import depth_notes
 
-    case = Case("disk", HollowDisk(), DEFAULT, (10.0,), obstacle=Obstacle("top", "z = 20 mm"))
+    case = Case("disk", HollowDisk(), DEFAULT, (10.0,), components=[Obstacle("top", "z = 20 mm")])
     row = {"contact_depth_mm": 0.3}
     (edge,) = depth_notes(case, [{**row, "contact_force_N": 0.05}])
     (face,) = depth_notes(case, [{**row, "contact_force_N": 12.0}])
     assert "an edge" in edge and "take a larger" not in edge
     assert "take a larger --contact-stiffness than 300" in face
-    assert depth_notes(dataclasses.replace(case, obstacle=None), [row]) == []
+    assert depth_notes(dataclasses.replace(case, components=()), [row]) == []

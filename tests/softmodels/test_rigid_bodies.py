@@ -25,7 +25,7 @@ ROD = RigidShape("cylinder", "top", (0.0, 0.0, 0.03), 0.01, name="rod")
 @pytest.fixture
 def states():
     rows = [{"ball_way_mm": 0.0}, {"ball_way_mm": 2.0}, {"ball_way_mm": 5.0}]
-    return types.SimpleNamespace(case=types.SimpleNamespace(parts=(BALL, ROD)), rows=rows)
+    return types.SimpleNamespace(case=types.SimpleNamespace(components=(BALL, ROD)), rows=rows)
 
 
 def test_a_shape_is_drawn_where_it_has_given_way(states):
@@ -47,7 +47,7 @@ def test_surfaces_lie_on_their_shapes():
 def test_a_ball_that_is_lifted_stays_in_the_picture(tmp_path):
     ball = sm.RigidShape("sphere", "top", (0.0, 0.0, 0.0265), 0.01, guide="z", spring=20.0, name="ball")
     disk = sm.HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
-    sm.inflate(disk, sm.NeoHookean(30e3), "0,40 cm", parts=[ball], folder=tmp_path / "disk")
+    sm.inflate(disk, sm.NeoHookean(30e3), "0,40 cm", components=[ball], folder=tmp_path / "disk")
     shown = look(States(tmp_path / "disk", "disk"))
     steps = [0, shown.states.main]
     camera = shown.camera(steps)

@@ -75,7 +75,7 @@ KINDS = {
     "flag": [*NEVER, "yes", 1, math.nan, []],
     "device": [*NEVER, "HollowDisk", 5, LAW, [DISK]],
     "material": [*NEVER, "ecoflex-00-33", "", 5.0, sm.Yeoh, DISK, [LAW]],
-    "parts": [Odd(), 5, "gravity", sm.Gravity, [sm.Gravity], [None], DISK],
+    "components": [Odd(), 5, "gravity", sm.Gravity, [sm.Gravity], [None], DISK],
     "values": [Odd(), {}, "0:177", "0:177 furlongs", "cm", "", [], [None], [500.0, 300.0], -5.0, math.nan, math.inf, True,
                [True], np.array(["a"]), np.array([]), ["5"], ["5 mm"], b"5 cm", "1:2:3:4 cm", [1.0, math.nan], 10**400],
     "thing": [Odd(), {1: 2}, 5, "sheet", sm.HollowDisk, DISK],
@@ -117,7 +117,7 @@ def fields_of(thing):
 # -- the right calls --------------------------------------------------------------------------------------------------
 
 CASE = {
-    "control": "choice", "formulation": "choice", "solver": "choice", "sheet": "thing", "obstacle": "thing", "parts": "parts",
+    "control": "choice", "formulation": "choice", "solver": "choice", "components": "components",
     "gauges": "thing", "band": "thing", "cycle": "flag", "program": "thing", "water_density": "quantity", "supply": "thing",
 }  # fmt: skip
 RUN = {"progress": "function", "folder": "path", "resume": "flag", "branch": "flag"}
@@ -184,7 +184,7 @@ def calls(loaded):
             right = {"c1": 14e3, "c10": 14e3, "shear_modulus": 28e3, "limit": 50.0, "mu": (28e3,), "alpha": (2.0,)}
             kinds = fields_of(device)
             yield Call(device, {name: right[name] for name in kinds if name in right}, kinds)
-    parts = {
+    components = {
         sm.Gravity: {"direction": "-z"}, sm.Mass: {"face": "top", "amount": 0.1}, sm.Force: {"face": "top", "direction": "z"},
         sm.Moment: {"face": "top", "axis": "y"}, sm.Rigid: {"face": "top", "name": "plate"},
         sm.RigidShape: {"faces": "top", "at": (0, 0, 0.05), "radius": 0.01, "name": "ball"},
@@ -192,7 +192,7 @@ def calls(loaded):
         sm.Fabric: {"face": "top", "stiffness_1": 1e3, "stiffness_2": 1e3}, sm.Walls: {"faces": "cavity"},
         sm.Syringe: {}, sm.Fibres: {}, sm.Clamp: {"face": "top"},
     }  # fmt: skip
-    for part, right in parts.items():
+    for part, right in components.items():
         yield Call(
             part, {key: value for key, value in right.items() if key in about(part) or key == "name"}, fields_of(part)
         )
@@ -209,7 +209,7 @@ def calls(loaded):
     )
     yield Call(
         sm.limit, base,
-        {"device": "device", "material": "material", "sheet": "thing", "obstacle": "thing", "parts": "parts",
+        {"device": "device", "material": "material", "components": "components",
          "formulation": "choice", "solver": "choice"},
     )  # fmt: skip
     case = PROBLEM.case
@@ -250,8 +250,9 @@ def calls(loaded):
         takes=[""],
     )  # fmt: skip
     yield Call(sm.optimise, {"problem": PROBLEM}, {
-        "problem": "path", "folder": "path", "starts": "count", "evaluations": "count", "seed": "seed", "resume": "flag",
-        "progress": "function", "stopped": "function", "confirm": "flag", "finer": "number", "inputs": "parts"})  # fmt: skip
+        "problem": "path", "folder": "path", "starts": "count", "evaluations": "count", "seed": "seed",
+        "resume": "flag", "progress": "function", "stopped": "function", "confirm": "flag", "finer": "number",
+        "inputs": "components"})  # fmt: skip
     yield Call(loaded.at, {"value": "20 cm"}, {"value": "pressure"})
     yield Call(loaded.where, {"column": "apex_mm", "value": 0.1}, {"column": "choice", "value": "number"})
     yield Call(loaded.save, {"folder": "somewhere"}, {"folder": "path"})
@@ -319,8 +320,8 @@ def test_texts_names_and_single_values_are_taken(nothing_starts):
     assert sm.Ogden(["28 kPa"], [2.0]) == sm.Ogden((28e3,), (2.0,))
     assert sm.NeoHookean.from_young("30 kPa", 0.5) == sm.NeoHookean(10e3, 0.5)
     assert sm.Gravity("-z", density="1070 kg/m^3") == sm.Gravity("-z", 1070.0)
-    case = sm.Case("a", disk, "ecoflex-00-30", ["10", 20], parts=sm.Gravity("-z"), water_density="0.97 g/ml")
-    assert case.material == sm.silicone("ecoflex-00-30") and case.parts == (sm.Gravity("-z"),)
+    case = sm.Case("a", disk, "ecoflex-00-30", ["10", 20], components=sm.Gravity("-z"), water_density="0.97 g/ml")
+    assert case.material == sm.silicone("ecoflex-00-30") and case.components == (sm.Gravity("-z"),)
     assert case.pressures_cm == (10.0, 20.0) and case.water_density == pytest.approx(970.0, rel=1e-12)
     assert sm.Region("dragon-skin-30", name="base").material == sm.silicone("dragon-skin-30")
     curve = sm.TensileCurve("pull", "uniaxial", [1.1, 1.2], ["4 kPa", 8e3])
@@ -449,7 +450,7 @@ def test_degenerate_stl_files(text, tmp_path, monkeypatch):
     file.write_text(text)
     shape = {"shape": "stl", "file": str(file), "faces": "top", "at": (0, 0, 0.05)}
     with pytest.raises((sm.CaseError, sm.ComponentError, sm.RunError)) as told:
-        sm.inflate(DISK, LAW, "0:30 cm", parts=sm.RigidShape(**shape))
+        sm.inflate(DISK, LAW, "0:30 cm", components=sm.RigidShape(**shape))
     assert len(str(told.value)) > 20 and str(file) in str(told.value)
 
 

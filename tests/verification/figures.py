@@ -102,7 +102,7 @@ def ending(comm) -> list[float]:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(comm.bcast(folder)) / "tube.msh"
         on_root(comm, lambda: TUBE.write(file))
-        equations = Solver(System(Body.from_file(TUBE, file, comm), NeoHookean(30e3, 0.5), parts=held))
+        equations = Solver(System(Body.from_file(TUBE, file, comm), NeoHookean(30e3, 0.5), components=held))
         comm.barrier()
     try:
         reached = [point.state.V for point in trace(Continuation(equations, AddedVolume()), [10.0])]
@@ -139,8 +139,12 @@ def loaded(comm, section: Path) -> list[float]:
     from softmodels.path.points import DIRECT
     from softmodels.path.schedule import hang, load_from
 
-    parts = (Gravity(direction="-z"), Mass(face="top", amount=0.02), Force(face="top", direction="-z", name="push"))
-    solver = Solver(System(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495), parts=parts))
+    components = (
+        Gravity(direction="-z"),
+        Mass(face="top", amount=0.02),
+        Force(face="top", direction="-z", name="push"),
+    )
+    solver = Solver(System(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495), components=components))
     system = solver.system
     weight = np.concatenate([[0.0], system.dead.amounts / system.dead.units])
     hung = hang(solver, [("its weight", weight), ("a pressure", weight + np.array([0.05, 0.0, 0.0]))])
@@ -159,7 +163,7 @@ def meeting(comm, wedge: Path) -> list[float]:
     from softmodels.mechanics.system import System
     from softmodels.mechanics.walls import Walls
 
-    equations = Solver(System(Body.from_file(WEDGE, wedge, comm), NeoHookean(30e3, 0.49), parts=[Walls("cavity")]))
+    equations = Solver(System(Body.from_file(WEDGE, wedge, comm), NeoHookean(30e3, 0.49), components=[Walls("cavity")]))
     system = equations.system
     state = rest = system.rest()
     for share in (0.7, 0.5, 0.4, 0.37):

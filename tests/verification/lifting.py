@@ -32,7 +32,11 @@ def figures(comm, device: HollowDisk, mesh: Path) -> list[float]:
         at = (0.0, 0.0, device.height + 0.011)
         ball = RigidShape("stl", "top", at, file=str(file), guide="z", spring=20.0, mass=0.001, name="ball")
         solver = Solver(
-            System(Body.from_file(device, mesh, comm), NeoHookean(30e3, 0.49), parts=[ball, Gravity("-z", density=0.0)])
+            System(
+                Body.from_file(device, mesh, comm),
+                NeoHookean(30e3, 0.49),
+                components=[ball, Gravity("-z", density=0.0)],
+            )
         )
         comm.barrier()
     system = solver.system

@@ -31,8 +31,8 @@ def figures(comm, device, mesh):
     from softmodels.path.points import DIRECT
     from softmodels.runs.fields import Fields
 
-    parts = [Region(Yeoh(60e3, 2e3, 100.0, 0.49), name="shell")]
-    solver = Solver(System(Body.from_file(device, mesh, comm), NeoHookean(30e3, 0.48), parts=parts))
+    components = [Region(Yeoh(60e3, 2e3, 100.0, 0.49), name="shell")]
+    solver = Solver(System(Body.from_file(device, mesh, comm), NeoHookean(30e3, 0.48), components=components))
     system = solver.system
     *_, last = trace(Continuation(solver, DIRECT["volume"], "volume"), [0.5 * system.rest().V])
     fields = Fields(solver)

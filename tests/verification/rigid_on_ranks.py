@@ -67,16 +67,16 @@ def found(files):
     membrane, disk, beam = (
         Body.from_file(device, Path(file), COMM) for device, file in zip(DEVICES, files, strict=True)
     )
-    parts = [Rigid("plate", name="plate"), Rigid(region="ring1", name="ring")]
+    components = [Rigid("plate", name="plate"), Rigid(region="ring1", name="ring")]
     pushed = [Rigid("tip", name="plate"), Force("tip", "-z", 0.02, name="down"), Force("tip", "y", 0.01, name="aside")]
     values = {
-        "plate and rigid ring": figures(System(membrane, LAW, parts=parts), (0.01, 0.02)),
-        "wedge with a plate": figures(System(disk, LAW, parts=[Rigid("top", name="plate")]), (0.1,)),
+        "plate and rigid ring": figures(System(membrane, LAW, components=components), (0.01, 0.02)),
+        "wedge with a plate": figures(System(disk, LAW, components=[Rigid("top", name="plate")]), (0.1,)),
         "wedge with a plate, by iterations": figures(
-            System(disk, LAW, parts=[Rigid("top", name="plate")]), (0.1,), "iterative"
+            System(disk, LAW, components=[Rigid("top", name="plate")]), (0.1,), "iterative"
         ),
-        "plate that turns": turned(System(beam, LAW, parts=pushed)),
-        "plate that turns, by iterations": turned(System(beam, LAW, parts=pushed), "iterative"),
+        "plate that turns": turned(System(beam, LAW, components=pushed)),
+        "plate that turns, by iterations": turned(System(beam, LAW, components=pushed), "iterative"),
     }
     return {name: list(map(float, np.asarray(one))) for name, one in values.items()}
 

@@ -18,7 +18,7 @@ def figures(comm, device, mesh: Path) -> list[float]:
     plate = RigidShape(
         "plane", "top", (0.0, 0.0, device.height + 2e-4), along=(0.0, 0.0, -1.0), friction=0.5, slip=5e-5, name="plate"
     )
-    solver = Solver(System(Body.from_file(device, mesh, comm), NeoHookean(30e3, 0.49), parts=[plate]))
+    solver = Solver(System(Body.from_file(device, mesh, comm), NeoHookean(30e3, 0.49), components=[plate]))
     system, found = solver.system, []
     (key, _) = KEYS
     for come, point in follow(solver, (Series(key, (40.0, 15.0)),), 95.1, "auto", lambda text: None):

@@ -26,8 +26,10 @@ BALL = sm.RigidShape("sphere", "outer", (0.0065, 0.01402, 0.010), 0.006, guide="
 
 def solved(folder, name, pressure, device=FINGER, **more):
     """The case's last row by softmodels; by CalculiX displacements in mm of the nodes that the deck names, at its last step."""
-    parts = (*more.pop("parts", ()), sm.Walls("none"))  # a deck has no contact of walls
-    case = sm.Case(name, device, LAW, pressures_cm=(pressure,), formulation="displacement", parts=parts, **more)
+    components = (*more.pop("components", ()), sm.Walls("none"))  # a deck has no contact of walls
+    case = sm.Case(
+        name, device, LAW, pressures_cm=(pressure,), formulation="displacement", components=components, **more
+    )
     deck = sm.export(case, folder / "deck.inp")
     subprocess.run(["ccx", "deck"], cwd=folder, capture_output=True, check=True, timeout=600)
     *_, last = (folder / "deck.dat").read_text().split("displacements")
@@ -45,7 +47,7 @@ def probes_off(row, found, device=FINGER):
 def test_a_plate_that_turns_under_its_weight(tmp_path, figure):
     """A rigid tip of its own mass, free in the half: it sags, and the air bends it further."""
     plate, weight = sm.Rigid("tip", name="plate", mass=5e-3), sm.Gravity("0.6, 0, -0.8")
-    row, found = solved(tmp_path, "plate", 6.0, parts=(plate, weight))
+    row, found = solved(tmp_path, "plate", 6.0, components=(plate, weight))
     assert row["plate_turn_y_deg"] > 5.0
     moved = found["centre of plate"] / [row["plate_x_mm"], np.inf, row["plate_z_mm"]]
     figure(CALCULIX, "way of a free rigid plate's centre", moved[[0, 2]] - 1, 8e-6)
@@ -56,7 +58,7 @@ def test_a_plate_that_turns_under_its_weight(tmp_path, figure):
 def test_a_guided_plate_and_a_rod(tmp_path, figure):
     """A tip guided askew to the axes, and a rigid cylinder under the bottom."""
     plate = sm.Rigid("tip", kind="guided", direction=(0.28, 0.0, -0.96), name="plate")
-    row, found = solved(tmp_path, "guided", 12.0, parts=(plate, ROD))
+    row, found = solved(tmp_path, "guided", 12.0, components=(plate, ROD))
     assert row["rod_depth_mm"] > 1e-3 and row["rod_force_z_N"] < 0.0
     moved = found["centre of plate"] / [row["plate_x_mm"], np.inf, row["plate_z_mm"]]
     figure(CALCULIX, "way of a guided rigid plate, beside a rigid cylinder", moved[[0, 2]] - 1, 1e-4)
@@ -64,14 +66,14 @@ def test_a_guided_plate_and_a_rod(tmp_path, figure):
 
 def test_a_plane_that_does_not_lie_along_an_axis(tmp_path, figure):
     plane = sm.RigidShape("plane", "bottom, tip", (0.012, 0.0, -0.0022), along=(-0.05, 0.0, 1.0), name="table")
-    row, found = solved(tmp_path, "table", 12.0, parts=(plane,))
+    row, found = solved(tmp_path, "table", 12.0, components=(plane,))
     assert row["table_depth_mm"] > 1e-3
     figure(CALCULIX, "rise of a tip on a rigid plane askew", probes_off(row, found), 1e-4)
 
 
 def test_a_clamp_that_slips_and_a_ball(tmp_path, figure):
     """A tip that slips along z alone, and a rigid sphere on a spring beside the first chamber."""
-    row, found = solved(tmp_path, "clamped", 20.0, parts=(sm.Clamp("tip", slip="z"), BALL))
+    row, found = solved(tmp_path, "clamped", 20.0, components=(sm.Clamp("tip", slip="z"), BALL))
     assert row["ball_depth_mm"] > 1e-3 and row["ball_force_y_N"] > 0.0
     figure(CALCULIX, "rise of a clamped tip, beside a rigid sphere on a spring", probes_off(row, found), 8e-5)
 
@@ -82,9 +84,9 @@ def test_a_membrane_with_a_plate_that_meets_a_plane(tmp_path, figure):
         radius=0.02, thickness=0.003, plate_radius=0.006, rings=(0.010, 0.013), ring_thickness=0.002, section="wedge",
         angle=30.0, cell_size=0.012,
     )  # fmt: skip
-    parts = (sm.Rigid("plate", name="plate"), sm.Rigid(region="ring1", name="collar"))
+    components = (sm.Rigid("plate", name="plate"), sm.Rigid(region="ring1", name="collar"))
     bench = sm.Obstacle("plate", "z = 4 mm")
-    row, found = solved(tmp_path, "bench", 25.0, device, parts=parts, obstacle=bench)
+    row, found = solved(tmp_path, "bench", 25.0, device, components=(*components, bench))
     assert row["contact_force_N"] > 0.0
     for name in ("plate", "collar"):
         rise = found[f"centre of {name}"][2] / row[f"{name}_z_mm"] - 1
@@ -94,11 +96,11 @@ def test_a_membrane_with_a_plate_that_meets_a_plane(tmp_path, figure):
 
 def test_fibres_and_a_fabric(tmp_path, figure):
     """Threads along a finger's bottom that bend it, and a fabric on its top."""
-    parts = (
+    components = (
         sm.Fibres("bottom", axis=(1.0, 0.0, 0.0), angle=0.0, helices=1, stiffness=300.0, name="threads"),
         sm.Fabric("top", 200.0, 50.0, axis=(1.0, 0.0, 0.0), name="cloth"),
     )
-    row, found = solved(tmp_path, "threads", 12.0, parts=parts)
+    row, found = solved(tmp_path, "threads", 12.0, components=components)
     bare = sm.run(sm.Case("bare", FINGER, LAW, pressures_cm=(12.0,), formulation="displacement")).rows[-1]
     assert abs(row["tip_mm"] / bare["tip_mm"] - 1) > 0.1
     figure(CALCULIX, "rise of a finger with fibres and a fabric", probes_off(row, found), 1e-4)

@@ -65,15 +65,15 @@ def fabric_energy(part, around, along):
 class Wound:
     """The closed solution of a tube with fibres in its wall, and fibres and fabrics on its outside."""
 
-    def __init__(self, device, parts):
-        self.A, self.B, self.parts = device.inner_radius, device.outer_radius, parts
+    def __init__(self, device, components):
+        self.A, self.B, self.components = device.inner_radius, device.outer_radius, components
 
     def energy(self, a, stretch, twist):
         R = np.append(self.A + (NODES + 1) / 2 * (self.B - self.A), self.B)
         h = np.sqrt(a * a + (R**2 - self.A**2) / stretch) / R
         wall = 15e3 * (h**2 + (h * R * twist) ** 2 + stretch**2 + 1 / (h * stretch) ** 2 - 3)
         outside = 0.0
-        for part in self.parts:
+        for part in self.components:
             if isinstance(part, Fabric):
                 outside += fabric_energy(part, h[-1], stretch)
             elif part.modulus:
@@ -101,7 +101,7 @@ class Wound:
 @pytest.fixture(scope="module")
 def wound(body_of):
     """The section with all kinds of parts; every test sets their values, which compiles nothing."""
-    return Solver(System(body_of(TUBE), LAW, parts=PARTS))
+    return Solver(System(body_of(TUBE), LAW, components=PARTS))
 
 
 def with_all(*changed):
@@ -109,9 +109,9 @@ def with_all(*changed):
     return tuple({part.name: part for part in (*PARTS, *changed)}.values())
 
 
-def follow(solver, parts, pressures):
+def follow(solver, components, pressures):
     """Points at pressures in Pa."""
-    for part in parts:
+    for part in components:
         solver.system.potential.terms[part.label].take(part)
     return list(trace(Continuation(solver), [pressure / solver.system.stress_unit for pressure in pressures]))
 
@@ -139,10 +139,10 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("parts", CASES.values(), ids=CASES.keys())
-def test_tube_against_its_closed_solution(parts, wound, figure):
-    last = follow(wound, parts, [1e4])[-1]
-    radius, stretch, _ = Wound(TUBE, parts).at(1e4)
+@pytest.mark.parametrize("components", CASES.values(), ids=CASES.keys())
+def test_tube_against_its_closed_solution(components, wound, figure):
+    last = follow(wound, components, [1e4])[-1]
+    radius, stretch, _ = Wound(TUBE, components).at(1e4)
     found = figures(wound, last)
     assert abs(stretch - 1) > 0.005
     figure(CLOSED, "outer radius, section", found[0] / radius - 1, 1e-4)
@@ -152,30 +152,30 @@ def test_tube_against_its_closed_solution(parts, wound, figure):
 def test_the_neutral_angle(wound, figure):
     """The angle whose tube neither lengthens nor shortens at a small pressure: tan^2 = 2."""
 
-    def parts(angle):
+    def components(angle):
         return with_all(dataclasses.replace(BRAID, angle=float(angle)))
 
     def stretch(angle):
-        return figures(wound, follow(wound, parts(angle), [250.0])[-1])[1] - 1
+        return figures(wound, follow(wound, components(angle), [250.0])[-1])[1] - 1
 
     neutral = brentq(stretch, 53.5, 56.0, xtol=0.003)
     figure(
         "arctan sqrt 2", "neutral angle at a small pressure", neutral - np.degrees(np.arctan(2**0.5)), 0.1, unit="deg"
     )
-    exact = brentq(lambda angle: Wound(TUBE, parts(angle)).at(250.0)[1] - 1, 53.5, 56.0)
+    exact = brentq(lambda angle: Wound(TUBE, components(angle)).at(250.0)[1] - 1, 53.5, 56.0)
     figure(CLOSED, "neutral angle", neutral - exact, 0.02, unit="deg")
 
 
 def test_the_work_of_the_pressure_is_stored(wound, figure):
-    parts = with_all(WIDE, dataclasses.replace(AXIAL, modulus=300e3))
-    points = follow(wound, parts, np.linspace(1e3, 1e4, 10))
+    components = with_all(WIDE, dataclasses.replace(AXIAL, modulus=300e3))
+    points = follow(wound, components, np.linspace(1e3, 1e4, 10))
     V, P = np.array([(p.state.V, p.state.P) for p in points]).T
     slopes, h = np.array([p.tangent.P / p.tangent.V for p in points]), np.diff(V)
     work = np.sum(h * (P[1:] + P[:-1]) / 2 - h**2 * np.diff(slopes) / 12)  # trapezia with their end slopes
     wound.system.load(points[-1].state)
     figure("work of the pressure, tube with fibres", "stored energy", wound.system.stored_energy() / work - 1, 1e-3)
     means = {name: term.figures(wound.system) for name, term in wound.system.potential.terms.items()}
-    radius, stretch, _ = Wound(TUBE, parts).at(1e4)
+    radius, stretch, _ = Wound(TUBE, components).at(1e4)
     figure(CLOSED, "mean stretch of fibres along", means["axial"]["axial_mean_stretch"] / stretch - 1, 5e-3)
     figure(CLOSED, "mean stretch around", means["skin"]["skin_stretch_across"] / radius - 1, 5e-3)
 
@@ -218,7 +218,7 @@ def test_the_matrix_is_the_derivative_of_the_forces(wound, figure):
 
 def test_one_helix_twists_the_tube(body_of, figure):
     helix = Fibres(on="wall", angle=40.0, helices=1, modulus=200e3, name="braid")
-    solver = Solver(System(body_of(THICK), LAW, parts=(helix,)))
+    solver = Solver(System(body_of(THICK), LAW, components=(helix,)))
     last = follow(solver, (helix,), [1e4])[-1]
     radius, stretch, twist = Wound(THICK, (helix,)).at(1e4)
     fields = Fields(solver)
@@ -241,7 +241,7 @@ def test_sphere_in_a_fabric(bodies, body_of, solved, figure):
     from softmodels.materials.specimens import sphere_pressure
 
     shell, fabric = bodies.Sphere(through=4, along=12), Fabric(on="outer", along=300.0, across=300.0, poisson=0.3)
-    solver = Solver(System(body_of(shell), LAW, parts=(fabric,)))
+    solver = Solver(System(body_of(shell), LAW, components=(fabric,)))
     inner = np.array([1.1, 1.4])
     h = np.cbrt(1 + (inner**3 - 1) * (shell.inner / shell.outer) ** 3)
     _, points, end = solved(solver, [(s**3 - 1) * solver.system.rest().V for s in inner], "volume", "volume")

@@ -127,12 +127,12 @@ def pressed_disk():
     found = {}
     for count in (12, 24, 96):
         values = ",".join(f"{value:.10g}" for value in np.linspace(0.0, 120.0, count + 1))
-        found[count] = sm.inflate(SECTION, LAW, f"{values} cm", parts=[PLATE]).path
+        found[count] = sm.inflate(SECTION, LAW, f"{values} cm", components=[PLATE]).path
     return found
 
 
 def test_a_state_between_two_remembers_what_they_do(pressed_disk):
-    run = sm.inflate(SECTION, LAW, "0:120 cm", parts=[PLATE])
+    run = sm.inflate(SECTION, LAW, "0:120 cm", components=[PLATE])
     row, beside = run.at("100 cm").row, pressed_disk[24]
     for column, apart in (("added_volume_ml", 1e-3), ("plate_force_z_N", 5e-3), ("plate_friction_mJ", 0.1)):
         assert row[column] == pytest.approx(np.interp(100.0, beside["pressure_cm"], beside[column]), rel=apart)
@@ -179,16 +179,16 @@ def test_what_cannot_be_meant_is_refused(tmp_path):
     with pytest.raises(ComponentError, match="no radius, length"):
         dataclasses.replace(PLATE, radius=0.01)
     with pytest.raises(sm.CaseError, match="lower the pressure by a series"):
-        sm.inflate(SECTION, LAW, "0,5 cm", parts=[PLATE], cycle=True)
+        sm.inflate(SECTION, LAW, "0,5 cm", components=[PLATE], cycle=True)
     with pytest.raises(sm.CaseError, match="does not follow a device with friction"):
-        sm.inflate(SECTION, LAW, "0,5 cm", parts=[PLATE], branch=True)
-    case = sm.Case("disk", SECTION, LAW, pressures_cm=(5.0,), parts=(PLATE,))
+        sm.inflate(SECTION, LAW, "0,5 cm", components=[PLATE], branch=True)
+    case = sm.Case("disk", SECTION, LAW, pressures_cm=(5.0,), components=(PLATE,))
     with pytest.raises(FitError, match="has friction, whose derivatives"):
         MeasuredDevice.of(case)
     solid = dataclasses.replace(case, actuator=sm.HollowDisk())
     with pytest.raises(sm.CaseError, match="with friction, which is not written into decks"):
         sm.export(solid, tmp_path / "disk.inp")
     with pytest.raises((ComponentError, sm.CaseError), match="not square to the cut plane"):
-        sm.inflate(sm.HollowDisk(), LAW, "0,5 cm", parts=[dataclasses.replace(PLATE, along=(0.0, 0.6, -0.8))])
+        sm.inflate(sm.HollowDisk(), LAW, "0,5 cm", components=[dataclasses.replace(PLATE, along=(0.0, 0.6, -0.8))])
     with pytest.raises((ComponentError, sm.CaseError), match="the device lies"):
-        sm.inflate(SECTION, LAW, "0,5 cm", parts=[dataclasses.replace(PLATE, at=(0.0, 0.0, 0.012))])
+        sm.inflate(SECTION, LAW, "0,5 cm", components=[dataclasses.replace(PLATE, at=(0.0, 0.0, 0.012))])

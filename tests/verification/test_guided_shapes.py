@@ -88,7 +88,7 @@ def test_forces_and_stiffness_are_derivatives(stand):
 
 def test_a_stiff_spring_holds_a_shape_still(figure):
     free, held = (
-        sm.inflate(SECTION, LAW, "0,40 cm", parts=[part]).path
+        sm.inflate(SECTION, LAW, "0,40 cm", components=[part]).path
         for part in (dataclasses.replace(BALL, guide="", spring=0.0), dataclasses.replace(BALL, spring=1e8))
     )
     for column, bound in (("ball_force_z_N", 1e-4), ("apex_mm", 1e-4), ("added_volume_ml", 1e-4)):
@@ -101,11 +101,11 @@ def test_a_stiff_spring_holds_a_shape_still(figure):
 
 
 def test_force_is_that_of_the_spring_and_of_the_weight(figure):
-    path = sm.inflate(SECTION, LAW, "0,20,60 cm", parts=[BALL]).path
+    path = sm.inflate(SECTION, LAW, "0,20,60 cm", components=[BALL]).path
     figure(BALANCE, "spring", 50e-3 * path["ball_way_mm"][-2:] / path["ball_force_z_N"][-2:] - 1, 1e-8)
     assert path["ball_way_mm"][0] == 0.0 and path["ball_force_z_N"][0] == 0.0
     lifted = dataclasses.replace(BALL, spring=0.0, mass=0.02)
-    path = sm.inflate(SECTION, LAW, "0,20,90 cm", parts=[lifted, WEIGHTLESS]).path
+    path = sm.inflate(SECTION, LAW, "0,20,90 cm", components=[lifted, WEIGHTLESS]).path
     figure(BALANCE, "weight that is lifted", path["ball_force_z_N"][-1] / (0.02 * 9.81) - 1, 1e-8)
     assert path["ball_way_mm"][-1] > 0.4 and path["ball_force_z_N"][1] < 0.02 * 9.81
 
@@ -114,10 +114,10 @@ def test_a_mass_weighs_by_the_gravity_of_its_case(figure):
     """On the Moon a sixth; where gravity pulls it off its stand, the spring holds it and the device pushes from there."""
     section = sm.HollowDisk(section="axisymmetric", cell_size=0.003)
     lifted = dataclasses.replace(BALL, spring=0.0, mass=0.1)
-    moon = sm.inflate(section, LAW, "0,60 cm", parts=[lifted, sm.Gravity("-z", 0.0, 1.62)]).path
+    moon = sm.inflate(section, LAW, "0,60 cm", components=[lifted, sm.Gravity("-z", 0.0, 1.62)]).path
     figure(BALANCE, "weight that is lifted on the Moon", moon["ball_force_z_N"][-1] / (0.1 * 1.62) - 1, 1e-8)
     hanging = dataclasses.replace(BALL, mass=0.001)
-    path = sm.inflate(section, LAW, "0,60 cm", parts=[hanging, sm.Gravity("z", density=0.0)]).path
+    path = sm.inflate(section, LAW, "0,60 cm", components=[hanging, sm.Gravity("z", density=0.0)]).path
     assert path["ball_way_mm"][0] == pytest.approx(1e3 * 0.001 * 9.81 / 50.0, rel=1e-9)
     pushed = 50e-3 * path["ball_way_mm"][-1] - 0.001 * 9.81
     figure(BALANCE, "spring that bears a weight", path["ball_force_z_N"][-1] / pushed - 1, 1e-8)
@@ -133,15 +133,15 @@ MASSES = (
 def test_masses_that_nothing_holds_are_refused(gravity, said):
     lifted = dataclasses.replace(BALL, spring=0.0, mass=0.02)
     with pytest.raises(CaseError, match=said):
-        Case("ball", SECTION, LAW, pressures_cm=(40.0,), parts=(lifted, *gravity))
+        Case("ball", SECTION, LAW, pressures_cm=(40.0,), components=(lifted, *gravity))
     with pytest.raises(CaseError, match="weighs by the whole of gravity, and shares of the weight are requested"):
-        Case("ball", SECTION, LAW, driven=LoadRequest("share", (1.0,)), parts=(lifted, sm.Gravity("-z")))
+        Case("ball", SECTION, LAW, driven=LoadRequest("share", (1.0,)), components=(lifted, sm.Gravity("-z")))
 
 
 def test_a_wedge_lifts_as_its_section_does(figure):
     """Twelve slices share one spring."""
     both = [
-        sm.inflate(device, LAW, "0,40 cm", parts=[BALL]).path
+        sm.inflate(device, LAW, "0,40 cm", components=[BALL]).path
         for device in (sm.HollowDisk(section="axisymmetric", cell_size=0.003), sm.HollowDisk(angle=30, cell_size=0.003))
     ]
     for column, bound in (("ball_force_z_N", 0.15), ("ball_way_mm", 0.15)):
@@ -153,7 +153,7 @@ def test_energy_and_the_material_rate(body_of, figure):
     ball = dataclasses.replace(BALL, mass=0.001)
 
     def states(law, volumes):
-        solver = Solver(System(body_of(SECTION), law, parts=[ball, WEIGHTLESS]))
+        solver = Solver(System(body_of(SECTION), law, components=[ball, WEIGHTLESS]))
         state, found = solver.system.rest(), []
         for volume in volumes:
             state = solver.solve(volume_control(volume * V0), state.w, state.P)
@@ -189,6 +189,6 @@ def test_what_cannot_be_meant_is_refused():
     with pytest.raises(ComponentError, match="no direction"):
         dataclasses.replace(BALL, guide="upwards")
     with pytest.raises((ComponentError, sm.CaseError), match="gives way along z or -z"):
-        sm.inflate(SECTION, LAW, "0,5 cm", parts=[dataclasses.replace(BALL, guide="x")])
+        sm.inflate(SECTION, LAW, "0,5 cm", components=[dataclasses.replace(BALL, guide="x")])
     with pytest.raises((ComponentError, sm.CaseError), match="would leave the cut plane"):
-        sm.inflate(sm.HollowDisk(), LAW, "0,5 cm", parts=[dataclasses.replace(BALL, guide="y")])
+        sm.inflate(sm.HollowDisk(), LAW, "0,5 cm", components=[dataclasses.replace(BALL, guide="y")])

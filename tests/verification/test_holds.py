@@ -41,8 +41,8 @@ def opening(nu, inner, outer):
 ])  # fmt: skip
 def test_tube(clamps, radius, bodies, body_of, tube_body, figure):
     tube = bodies.LayeredTube(through=4)
-    parts = [*clamps, Region(NeoHookean(60e3, 0.2), name="shell")] if radius == "between" else clamps
-    solver = Solver(System(body_of(tube, tube_body), LAW, parts=parts))
+    components = [*clamps, Region(NeoHookean(60e3, 0.2), name="shell")] if radius == "between" else clamps
+    solver = Solver(System(body_of(tube, tube_body), LAW, components=components))
     solver.factorise(rest := solver.system.rest())
     along = solver.tangent(rest, pressure_control(0.0), 1e-10)
     found = along.V / along.P / (2 * rest.V)
@@ -53,8 +53,8 @@ def test_a_device_held_otherwise(body_of, solved, figure):
     """A glued disk that slides on its bench opens more; the same clamp as its own hold changes nothing."""
     body, law = body_of(DISK), NeoHookean(20e3, 0.495)
     volumes = []
-    for parts in ([], [Clamp("support")], [Clamp("support", along="z")]):
-        solver = Solver(System(body, law, parts=parts))
+    for components in ([], [Clamp("support")], [Clamp("support", along="z")]):
+        solver = Solver(System(body, law, components=components))
         volumes.append(solved(solver, [300.0 / 20e3])[1][-1].state.V - solver.system.rest().V)
     own, same, sliding = volumes
     figure("the disk's own hold", "the same as a clamp, added volume", same / own - 1, 1e-12)
@@ -66,7 +66,7 @@ def test_pull_in(figure):
     law = NeoHookean(30e3, 0.49)
     own = sm.inflate(sm.Membrane(clamp_width=0.003, clamp="slip"), law, pressures="0,10 cm")
     grip = sm.inflate(
-        sm.Membrane(clamp_width=0.003), law, pressures="0,10 cm", parts=[Clamp("clamp, clamp_top", along="z")]
+        sm.Membrane(clamp_width=0.003), law, pressures="0,10 cm", components=[Clamp("clamp, clamp_top", along="z")]
     )
     held = sm.inflate(sm.Membrane(clamp_width=0.003), law, pressures="0,10 cm")
     figure(
@@ -78,11 +78,11 @@ def test_pull_in(figure):
 def test_oblique_planes(body_of):
     """Beside oblique cut planes what is square to both can be held exactly, and a direction between them is refused."""
     body = body_of(WEDGE)
-    system = System(body, LAW, parts=[Clamp("top", along="z")])
+    system = System(body, LAW, components=[Clamp("top", along="z")])
     held = sum(len(dofs) for _, dofs in system.body.held(system.vectors))
     assert held > sum(len(dofs) for _, dofs in body.held(system.vectors))
     with pytest.raises(BodyError, match="mixes the directions"):
-        System(body, LAW, parts=[Clamp("top", along="1, 0, 0")])
+        System(body, LAW, components=[Clamp("top", along="1, 0, 0")])
 
 
 @pytest.mark.parametrize(
@@ -101,12 +101,12 @@ def test_what_cannot_be_held(table, words):
 
 
 def test_case_file():
-    parts = (Clamp("support", along="z", name="bench"), Clamp("top", slip="x", name="grip"))
-    case = Case("disk", DISK, LAW, pressures_cm=(5.0,), parts=parts)
-    assert Case.from_toml(case.to_toml()).parts == parts
+    components = (Clamp("support", along="z", name="bench"), Clamp("top", slip="x", name="grip"))
+    case = Case("disk", DISK, LAW, pressures_cm=(5.0,), components=components)
+    assert Case.from_toml(case.to_toml()).components == components
 
 
 def test_free_to_move(body_of):
     with pytest.raises(ComponentError, match="free to move as a whole"):
-        System(body_of(DISK), LAW, parts=[Clamp("support", along="x")])
-    assert np.isfinite(System(body_of(DISK), LAW, parts=[Clamp("support", along="z")]).rest().V)
+        System(body_of(DISK), LAW, components=[Clamp("support", along="x")])
+    assert np.isfinite(System(body_of(DISK), LAW, components=[Clamp("support", along="z")]).rest().V)

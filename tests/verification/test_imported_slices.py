@@ -36,7 +36,7 @@ def test_a_sheet_bonded_to_chosen_faces_holds_them_back(wedge_part, body_of, sol
     part = wedge_part("can", 45, bonded="z = 10 mm", gauge_point="at 0, 0, 10 mm")
     rises = []
     for sheet in (None, Sheet(part.faces[0], 100.0)):
-        equations = Solver(System(body_of(part), NeoHookean(30e3, 0.49), sheet=sheet))
+        equations = Solver(System(body_of(part), NeoHookean(30e3, 0.49), components=[sheet] if sheet else []))
         _, points, end = solved(equations, [3e3 / equations.system.stress_unit])
         assert end is None
         rises.append(Fields(equations).figures(points[-1].state).rises["tip"])

@@ -63,8 +63,8 @@ def iterations(solver, state):
 
 @pytest.mark.parametrize("case", RIGID)
 def test_rigid_parts(case, body_of, figure):
-    device, parts, formulation, pressures = RIGID[case]
-    systems = [System(body_of(device), LAW, formulation, parts=own) for own in (parts, parts, ())]
+    device, components, formulation, pressures = RIGID[case]
+    systems = [System(body_of(device), LAW, formulation, components=own) for own in (components, components, ())]
     (_, one, low), (solver, other, lowest) = (
         inflated(system, method, pressures) for system, method in zip(systems, METHODS, strict=False)
     )
@@ -82,7 +82,7 @@ def test_a_plate_that_turns(body_of, figure):
     pushed = [Rigid("tip", name="plate"), Force("tip", "-z", 0.02, name="down"), Force("tip", "y", 0.01, name="aside")]
     found = []
     for method in METHODS:
-        solver = Solver(System(body_of(BEAM), LAW, parts=pushed), method)
+        solver = Solver(System(body_of(BEAM), LAW, components=pushed), method)
         dead = solver.system.dead
         found.append(hang(solver, [("the forces", dead.amounts / dead.units)]).state)
     one, other = found
@@ -94,7 +94,7 @@ def test_a_plate_that_turns(body_of, figure):
 
 def test_a_cycle_leaves_still_dofs_alone(body_of):
     """What follows a part has no residual: it would drift from guess to guess."""
-    system = System(body_of(MEMBRANE), LAW, parts=[PLATE, RING])
+    system = System(body_of(MEMBRANE), LAW, components=[PLATE, RING])
     solver = Solver(system, "iterative")
     solver.factorise(system.rest())
     b, x = system.K.createVecRight(), system.K.createVecRight()
@@ -110,7 +110,7 @@ def test_friction(body_of, figure):
     ball = sm.RigidShape("sphere", "top", (0.0, 0.0, 0.026), radius=0.010, friction=0.3, name="ball")
     ways = []
     for method in METHODS:
-        solver = Solver(System(body_of(SECTION), LAW, parts=[ball]), method)
+        solver = Solver(System(body_of(SECTION), LAW, components=[ball]), method)
         system = solver.system
         state = system.rest()
         system.potential.keep(state.w, anew=True)

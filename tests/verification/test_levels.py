@@ -29,8 +29,8 @@ MOST = 70
 def set_up(request, body_of):
     """Return a solver with its levels of a random state near rest, ones at free dofs, and a generator of random numbers."""
     name, formulation = request.param
-    parts = [Region(NeoHookean(400e3, 0.45), name="base")] if "regions" in name else []
-    system = System(body_of(DEVICES[name]), LAW, formulation, parts=parts)
+    components = [Region(NeoHookean(400e3, 0.45), name="base")] if "regions" in name else []
+    system = System(body_of(DEVICES[name]), LAW, formulation, components=components)
     solver, generator = Solver(system, "iterative"), np.random.default_rng(0)
     free = np.ones(system.n)
     free[np.concatenate([bc.dof_indices()[0] for bc in system.bcs])] = 0.0

@@ -146,8 +146,8 @@ def sag_of():
     return quad(lambda s: (stretch(pulled * s) - 1) * s, 0.0, ROD.length)[0] / ROD.length
 
 
-def solver_of(body_of, device, law, *parts):
-    return Solver(System(body_of(device), law, parts=parts))
+def solver_of(body_of, device, law, *components):
+    return Solver(System(body_of(device), law, components=components))
 
 
 def magnitudes(solver, **given):
@@ -190,7 +190,7 @@ def test_a_rod_of_two_densities(body_of, figure):
     law, half = NeoHookean(MU, 0.5), 0.5 * ROD.length
     body = body_of(TwoPartRod())
     for density in (0.4 * DENSITY, 1.6 * DENSITY):
-        solver = Solver(System(body, law, parts=[GRAVITY, Region(law, density, name="lower"), PULL]))
+        solver = Solver(System(body, law, components=[GRAVITY, Region(law, density, name="lower"), PULL]))
         weight = float(solver.system.dead.amounts[0])
         assert weight == pytest.approx((DENSITY + density) * ACCELERATION * half * ROD.area, rel=1e-12)
     hung = hang(solver, [("its weight", magnitudes(solver, gravity=weight))], lambda text: None)
@@ -304,8 +304,8 @@ DISK = HollowDisk(section="axisymmetric", cell_size=0.003)
 
 def test_a_weight_on_a_disk(body_of, figure):
     """Loads and pressure in any order; with the loads kept, a path of the pressure starts where the disk hangs."""
-    parts = (Gravity(direction="-z"), Mass(face="top", amount=0.05, name="plate"))
-    solver = solver_of(body_of, DISK, NeoHookean(30e3, 0.49), *parts)
+    components = (Gravity(direction="-z"), Mass(face="top", amount=0.05, name="plate"))
+    solver = solver_of(body_of, DISK, NeoHookean(30e3, 0.49), *components)
     system = solver.system
     amount = float(system.dead.amounts[0])
     assert amount == pytest.approx(9.81 * (0.05 + 1070 * DISK.solid_volume), rel=1e-4)
@@ -371,12 +371,12 @@ def elastica(weight, force):
 
 def test_a_cantilever_in_large_deflection(body_of, figure):
     """Its weight first, then a force on its tip; and pure bending by a moment, on coarse cells, as thick as the beam."""
-    parts = (
+    components = (
         GRAVITY_OF_A_BEAM,
         Force(face="tip", direction="-z", name="tip"),
         Moment(face="tip", axis="-y", name="end"),
     )
-    solver = solver_of(body_of, BEAM, STIFF, *parts)
+    solver = solver_of(body_of, BEAM, STIFF, *components)
     fields, weight = Fields(solver), float(solver.system.dead.amounts[0])
     moment = 1.6 * 2 * STIFF.shear_modulus_0 * 1.49 * BEAM.width * BEAM.thickness**3 / 12 / BEAM.length
     for name, loads in (("weight", {}), ("weight and a force", {"tip": 0.3 * weight})):
@@ -422,7 +422,7 @@ def test_derivatives_with_a_weight(body_of, figure):
 
 def test_nothing_changes_without_loads(body_of):
     """The same numbers to the last digit: of a load that is there and does not act, too, but for rounding."""
-    plain, loaded = (solver_of(body_of, DISK, NeoHookean(30e3, 0.49), *parts) for parts in ((), (PULL_TOP,)))
+    plain, loaded = (solver_of(body_of, DISK, NeoHookean(30e3, 0.49), *components) for components in ((), (PULL_TOP,)))
     found = [list(trace(Continuation(solver), [0.2])) for solver in (plain, loaded)]
     assert [point.state.V for point in found[0]] == pytest.approx([point.state.V for point in found[1]], rel=1e-12)
 
@@ -460,4 +460,4 @@ def test_loads_that_cannot_be_meant(make, message):
 )
 def test_loads_that_are_not_on_the_mesh(body_of, part, message):
     with pytest.raises(ComponentError, match=message):
-        System(body_of(ROD), NeoHookean(MU, 0.5), parts=(part,))
+        System(body_of(ROD), NeoHookean(MU, 0.5), components=(part,))

@@ -61,7 +61,7 @@ def test_photographs_of_a_silicone_that_sags(comm, tmp_path, figure):
     finds the silicone and its zero plane; one that does not is beside its own interval."""
     truth, cms = sm.Yeoh(9e3, 300.0, 0.0, 0.49), (0.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0)
     disk, scene, photographs = demo.TRUTH.actuator, demo.scene_of(2.5), tmp_path / "photographs"
-    run = sm.inflate(disk, truth, f"{','.join(map(str, cms))} cm", parts=[sm.Gravity("-z")])
+    run = sm.inflate(disk, truth, f"{','.join(map(str, cms))} cm", components=[sm.Gravity("-z")])
     photographs.mkdir()
     save(photographs / "IMG_0100.JPG", photograph(scene, None, seed=100)[0])
     rows, tops = ["file,left,right"], []
@@ -85,8 +85,8 @@ def test_photographs_of_a_silicone_that_sags(comm, tmp_path, figure):
     heights = [Outline.from_csv(tmp_path / "outlines" / f"IMG_{number}.csv").height for number in range(102, 109)]
     against = "a disk that sags, photographed where it hangs and inflated"
     figure(against, "heights above the zero plane", 1e6 * (heights - (np.array(tops[1:]) - tops[0])), 6.0, unit="um")
-    for name, parts in (("with", (sm.Gravity("-z"),)), ("without", ())):
-        case = Case("disk", disk, sm.NeoHookean(20e3, 0.49), pressures_cm=(1.0,), parts=parts)
+    for name, components in (("with", (sm.Gravity("-z"),)), ("without", ())):
+        case = Case("disk", disk, sm.NeoHookean(20e3, 0.49), pressures_cm=(1.0,), components=components)
         (tmp_path / f"{name}.toml").write_text(case.to_toml())
         words = [tmp_path / f"{name}.toml", tmp_path / "outlines", "--poisson", "0.49", "--fix", "c3=0Pa"]
         more = ["--no-profiles", "--no-pictures", "-o", tmp_path / name]

@@ -116,7 +116,7 @@ def test_where_walls_press_on_each_other_it_is_exact(body_of, solved, monkeypatc
     """Which places press changes from state to state, so that a kept factorisation is of another device."""
     monkeypatch.setattr(stability, "ALWAYS", 0)
     finger = PneuNet(chambers=2, cell_size=0.006)
-    equations = Solver(System(body_of(finger), NeoHookean(16e3, 0.49), parts=[Walls()]))
+    equations = Solver(System(body_of(finger), NeoHookean(16e3, 0.49), components=[Walls()]))
     _, points, _ = solved(equations, [0.0125, 0.025, 0.0625])
     pressed = [point for point in points if equations.system.assembled.touches(point.state.w)]
     assert len(pressed) >= 3

@@ -14,7 +14,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.strain import HomogeneousStrain
-from softmodels.mechanics.contact import ONSET, Obstacle, ObstacleError
+from softmodels.mechanics.contact import ONSET, ComponentError, Obstacle
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System, held_force
@@ -33,7 +33,7 @@ def pressed(body_of):
     """The disk's section under a plate: its equations, its path, and its figures at the end."""
     from softmodels.path.continuation import Continuation, trace
 
-    equations = Solver(System(body_of(SECTION), RUBBER, obstacle=PLATE))
+    equations = Solver(System(body_of(SECTION), RUBBER, components=[PLATE]))
     points = list(trace(Continuation(equations, largest_step=PRESSED / 25), [PRESSED]))
     return equations, points, Fields(equations).figures(points[-1].state)
 
@@ -43,7 +43,7 @@ def pressed(body_of):
 def test_a_block_that_swells_against_a_plane_is_in_a_uniform_state(plane, section, bodies, body_of, figure):
     """Tension on all faces but for what the plane presses back: two stretches from two equations."""
     block, k, P = bodies.Block(section=section), 30.0, -0.4
-    equations = Solver(System(body_of(block), SOFT, "displacement", obstacle=Obstacle("cavity", plane, k)))
+    equations = Solver(System(body_of(block), SOFT, "displacement", components=[Obstacle("cavity", plane, k)]))
     rest = equations.system.rest()
     state = equations.solve(pressure_control(P / 2), rest.w, P / 2)
     state = equations.solve(pressure_control(P), state.w, P)
@@ -124,7 +124,7 @@ def test_a_stiffer_plane_is_sunk_into_less_and_presses_as_much(body_of, solved):
     """100 sinks in by less than 1 % of the size at a contact pressure below one shear modulus."""
     found = {}
     for stiffness in (100.0, 400.0):
-        equations = Solver(System(body_of(SECTION), RUBBER, obstacle=Obstacle("top", "z = 17 mm", stiffness)))
+        equations = Solver(System(body_of(SECTION), RUBBER, components=[Obstacle("top", "z = 17 mm", stiffness)]))
         _, points, end = solved(equations, [PRESSED])
         assert end is None
         found[stiffness] = Fields(equations).figures(points[-1].state).device
@@ -136,7 +136,7 @@ def test_a_stiffer_plane_is_sunk_into_less_and_presses_as_much(body_of, solved):
 
 def test_a_wedge_presses_as_its_section_does(pressed, body_of, solved, figure):
     disk = dataclasses.replace(SECTION, section="wedge", cell_size=0.006, refinement=1.0)
-    equations = Solver(System(body_of(disk), RUBBER, obstacle=PLATE))
+    equations = Solver(System(body_of(disk), RUBBER, components=[PLATE]))
     _, points, end = solved(equations, [PRESSED])
     assert end is None
     force = Fields(equations).figures(points[-1].state).device["contact_force_N"]
@@ -149,7 +149,7 @@ def test_a_mirror_plane_stops_the_walls_of_two_neighbours(bodies, body_of, solve
     than the pressure has over the balloon's widest section."""
     shell = bodies.Sphere(through=2, along=24)
     plane = f"z = {shell.outer * 1.02e3} mm"
-    equations = Solver(System(body_of(shell), RUBBER, obstacle=Obstacle("outer", plane)))
+    equations = Solver(System(body_of(shell), RUBBER, components=[Obstacle("outer", plane)]))
     goal = 0.3 * equations.system.rest().V
     _, free, _ = solved(Solver(System(body_of(shell), RUBBER)), [goal], "volume", "volume")
     _, points, end = solved(equations, [goal], "volume", "volume")
@@ -161,7 +161,7 @@ def test_a_mirror_plane_stops_the_walls_of_two_neighbours(bodies, body_of, solve
 
 
 def test_a_case_keeps_its_contact_and_refuses_what_makes_none(body_of):
-    case = Case("disk", HollowDisk(), RUBBER, pressures_cm=(10.0,), obstacle=PLATE)
+    case = Case("disk", HollowDisk(), RUBBER, pressures_cm=(10.0,), components=[PLATE])
     assert Case.from_toml(case.to_toml()) == case
     for faces, plane, stiffness, words in (
         ("", "z = 9 mm", 100.0, "faces that are stopped"),
@@ -170,17 +170,17 @@ def test_a_case_keeps_its_contact_and_refuses_what_makes_none(body_of):
         ("top", "in 0..1, 0..1, 0..1 mm", 100.0, "is no plane"),
         ("top", "z = 9 mm", 0.0, "shear moduli per size"),
     ):
-        with pytest.raises(ObstacleError, match=words):
+        with pytest.raises(ComponentError, match=words):
             Obstacle(faces, plane, stiffness)
     for device, obstacle, words in (
         (HollowDisk(), Obstacle("top", "plane7"), "plane0, plane1"),
         (SECTION, Obstacle("top", "x = 3 mm"), "square to its axis"),
     ):
         with pytest.raises(CaseError, match=words):
-            Case("disk", device, RUBBER, pressures_cm=(10.0,), obstacle=obstacle)
+            Case("disk", device, RUBBER, pressures_cm=(10.0,), components=[obstacle])
     for obstacle, words in (
         (Obstacle("lid", "z = 17 mm"), "no face 'lid'"),
         (Obstacle("outer", "z = 9 mm"), "both sides"),
     ):
-        with pytest.raises(ObstacleError, match=words):
-            Solver(System(body_of(SECTION), RUBBER, obstacle=obstacle))
+        with pytest.raises(ComponentError, match=words):
+            Solver(System(body_of(SECTION), RUBBER, components=[obstacle]))

@@ -35,7 +35,9 @@ def apart(system, seed):
 def system_of(body_of):
     from softmodels.mechanics.system import System
 
-    return lambda actuator, formulation, parts=(): System(body_of(actuator), LAW, formulation, parts=parts)
+    return lambda actuator, formulation, components=(): System(
+        body_of(actuator), LAW, formulation, components=components
+    )
 
 
 @pytest.mark.parametrize("formulation", ["mixed", "displacement"])

@@ -23,9 +23,9 @@ BEAM = sm.Beam(length=0.03, width=0.006, thickness=0.006, cell_size=0.003)
 DOWN = Gravity("-z", density=1000.0)
 
 
-def hung(body, parts, obstacle=None):
+def hung(body, components):
     """The equations where a device hangs, with the columns of its parts, and N of the device in one of the slice."""
-    solver = Solver(System(body, LAW, obstacle=obstacle, parts=parts))
+    solver = Solver(System(body, LAW, components=components))
     system = solver.system
     amounts = np.concatenate([np.zeros(len(body.actuator.ratios)), system.dead.amounts / system.dead.units])
     stop = hang(solver, [("its loads", amounts)])
@@ -76,8 +76,8 @@ def test_holders_bear_the_whole_load(kind, body_of, figure):
         Rigid("plate", name="plate", kind=kind, mass=0.010),
         Force("plate" if kind == "free" else "top", "-z", 0.05),
     )
-    parts = (DOWN, plate, Mass("top", 0.004), push, BALL)
-    solver, stop, unit = hung(body_of(PLATED), parts, PLANE)
+    components = (DOWN, plate, Mass("top", 0.004), push, BALL)
+    solver, stop, unit = hung(body_of(PLATED), (*components, PLANE))
     system, fields = solver.system, Fields(solver)
     state, pressure = inflate_from(solver, stop), 3000.0
     for share in (0.25, 0.5, 0.75, 1.0):
@@ -117,7 +117,7 @@ def test_turned_over_it_is_the_mirror_image(body_of, figure):
         plane = Obstacle(side, f"z = {1e3 * sign * (surface + 0.8e-3):g} mm")
         at, gravity = (0.018, 0.0, sign * (surface + 2.2e-3)), Gravity(way, density=1500.0)
         ball = RigidShape("sphere", side, at, 0.002, guide=way, spring=20.0, mass=1e-4, name="ball")
-        solver, stop, _ = hung(body_of(BEAM), (gravity, ball, Rigid("tip", name="head", mass=1e-3)), plane)
+        solver, stop, _ = hung(body_of(BEAM), (gravity, ball, Rigid("tip", name="head", mass=1e-3), plane))
         return Fields(solver).figures(stop.state).device
 
     below, above = told(-1.0, "-z"), told(1.0, "z")

@@ -75,7 +75,7 @@ def test_two_layers(name, mode, against, layered, body_of, tube_body, solved, fi
     device = layered[name]
     body = body_of(device, tube_body if name == "tube" else Body)
     for laws in ((SOFT, HARD), (HARD, SOFT)):
-        equations = Solver(System(body, laws[0], parts=[Region(laws[1], name="shell")]))
+        equations = Solver(System(body, laws[0], components=[Region(laws[1], name="shell")]))
         rest = equations.system.rest().V
         _, points, end = solved(equations, [(s**mode - 1) * rest for s in STRETCHES], "volume", "volume")
         assert end is None
@@ -106,8 +106,8 @@ def check_values(equations, state, laws, figure, against):
 def test_one_material_cut_in_two_by_displacements_alone(layered, body_of, solved, figure):
     law, body = NeoHookean(30e3, 0.45), body_of(layered["sphere"])
     states = []
-    for parts in ([], [Region(law, name="shell")]):
-        equations = Solver(System(body, law, "displacement", parts=parts))
+    for components in ([], [Region(law, name="shell")]):
+        equations = Solver(System(body, law, "displacement", components=components))
         states.append(solved(equations, [0.3])[1][-1].state)
     whole, cut = states
     figure(SAME, "volume, displacements alone", cut.V / whole.V - 1, 1e-9)
@@ -118,8 +118,8 @@ def test_patch(bodies, body_of, figure):
     """A block pressed from all sides is strained evenly: p is one, though it might jump across the slanted cut."""
     law, body = NeoHookean(30e3, 0.45), body_of(bodies.CutBlock(cells=3))
     found = []
-    for parts in ([], [Region(law, name="lid")], [Region(NeoHookean(3e8, 0.45), name="lid")]):
-        equations = Solver(System(body, law, parts=parts))
+    for components in ([], [Region(law, name="lid")], [Region(NeoHookean(3e8, 0.45), name="lid")]):
+        equations = Solver(System(body, law, components=components))
         state = equations.solve(pressure_control(0.5), equations.system.rest().w, 0.0)
         found.append((state.V, Fields(equations).nodal(state)))
     (whole, fields), (cut, same), (stiff, _) = found
@@ -136,7 +136,7 @@ def test_bilayer_bends(bodies, body_of, figure):
     spec.loader.exec_module(plates)
     plate = bodies.LayeredPlate()
     soft, stiff = NeoHookean(50e3, 0.45), NeoHookean(500e3, 0.45)
-    solver = Solver(System(body_of(plate, plates.PushedBody), soft, parts=[Region(stiff, name="upper")]))
+    solver = Solver(System(body_of(plate, plates.PushedBody), soft, components=[Region(stiff, name="upper")]))
     solver.factorise(rest := solver.system.rest())
     along = solver.tangent(rest, pressure_control(0.0), 1e-10)
     fields = Fields(solver)
@@ -158,7 +158,7 @@ def test_derivatives(formulation, layered, body_of, solved, figure):
     """By the main material's numbers, in whose moduli all is counted, and by a region's."""
     laws = {"": NeoHookean(30e3, 0.45), "shell": Yeoh(40e3, 2e3, 100.0, 0.45)}
     equations = Solver(
-        System(body_of(layered["sphere"]), laws[""], formulation, parts=[Region(laws["shell"], name="shell")])
+        System(body_of(layered["sphere"]), laws[""], formulation, components=[Region(laws["shell"], name="shell")])
     )
     eq = equations.system
     state = solved(equations, [0.5 * eq.rest().V], "volume", "volume")[1][-1].state
@@ -203,8 +203,8 @@ def test_a_stiff_ring_is_a_rigid_one(figure):
     """A ring on a membrane, ten thousand times stiffer, against a rigid one bonded to the same face."""
     law, radii = Yeoh(14e3, 60.0), (0.008, 0.010)
     stiff = Region(NeoHookean(1e4 * law.shear_modulus_0, 0.45), name="ring1")
-    soft = sm.inflate(sm.Membrane(rings=radii, ring_thickness=0.001), law, pressures="0,20 cm", parts=[stiff])
-    rigid = sm.inflate(sm.Membrane(rings=radii), law, pressures="0,20 cm", parts=[sm.Rigid("ring1")])
+    soft = sm.inflate(sm.Membrane(rings=radii, ring_thickness=0.001), law, pressures="0,20 cm", components=[stiff])
+    rigid = sm.inflate(sm.Membrane(rings=radii), law, pressures="0,20 cm", components=[sm.Rigid("ring1")])
     assert soft.limit is rigid.limit is None
     figure(
         "rigid ring on a membrane at 20 cm", "ring 10,000 times stiffer: apex", soft.apex[-1] / rigid.apex[-1] - 1, 2e-3
@@ -226,9 +226,9 @@ def test_what_is_no_region(layered, body_of):
     ):
         Region(SOFT, name="core").check_on(layered["sphere"])
     with pytest.raises(ComponentError, match="no cells of this name; it has"):
-        System(body_of(layered["sphere"]), SOFT, parts=[Region(HARD, name="core")])
+        System(body_of(layered["sphere"]), SOFT, components=[Region(HARD, name="core")])
     with pytest.raises(ComponentError, match="leave nothing to the main material"):
-        System(body_of(layered["sphere"]), SOFT, parts=[Region(HARD, name="shell"), Region(HARD, name="solid")])
+        System(body_of(layered["sphere"]), SOFT, components=[Region(HARD, name="shell"), Region(HARD, name="solid")])
     with pytest.raises(ComponentError, match="no name"):
         Region(SOFT)
     with pytest.raises(ComponentError, match="check the units"):
@@ -238,6 +238,6 @@ def test_what_is_no_region(layered, body_of):
 
 
 def test_a_density_comes_back_from_a_case_file():
-    parts = (Region(HARD, 1250.0, name="cap"), Region(HARD, name="wall"))
-    case = sm.Case("tube", sm.Cylinder(), SOFT, pressures_cm=(1.0,), parts=parts)
+    components = (Region(HARD, 1250.0, name="cap"), Region(HARD, name="wall"))
+    case = sm.Case("tube", sm.Cylinder(), SOFT, pressures_cm=(1.0,), components=components)
     assert sm.Case.from_toml(case.to_toml()) == case and case.to_toml().count("\ndensity = ") == 1

@@ -49,7 +49,7 @@ FREE = "the same state's forces on all dofs"
 @pytest.fixture(scope="module")
 def plated(body_of):
     """A disk whose top is a free rigid plate, at a pressure: its solver and the state."""
-    solver = Solver(System(body_of(DISK), LAW, parts=[PLATE]))
+    solver = Solver(System(body_of(DISK), LAW, components=[PLATE]))
     state = solver.system.rest()
     for pressure in (0.1, 0.2):
         solver.factorise(state)
@@ -153,14 +153,14 @@ def test_a_case_of_its_own():
 
 def test_a_held_end_has_no_end_of_stiffness():
     tube = sm.Cylinder(cell_size=0.003)
-    run = sm.inflate(tube, sm.NeoHookean(30e3, 0.49), "0,1 cm", parts=[Rigid("end", kind="held", name="plate")])
+    run = sm.inflate(tube, sm.NeoHookean(30e3, 0.49), "0,1 cm", components=[Rigid("end", kind="held", name="plate")])
     assert run.path["end_stiffness_N_per_m"][-1] == np.inf and run.path["end_mm"][-1] == 0.0
 
 
 def test_what_cannot_be(body_of):
     def refused(**changes):
         with pytest.raises((CaseError, ComponentError)) as error:
-            Case("disk", DISK, LAW, (10.0,), parts=(Rigid(**{"face": "top", "name": "plate", **changes}),))
+            Case("disk", DISK, LAW, (10.0,), components=(Rigid(**{"face": "top", "name": "plate", **changes}),))
         return str(error.value)
 
     assert "no face 'lid'" in refused(face="lid") and "top" in refused(face="lid")
@@ -171,7 +171,7 @@ def test_what_cannot_be(body_of):
     assert "needs the face" in refused(face="")
     twice = (PLATE, dataclasses.replace(PLATE, name="other"))
     with pytest.raises(ComponentError, match="meets another rigid part"):
-        System(body_of(DISK), LAW, parts=twice)
+        System(body_of(DISK), LAW, components=twice)
 
 
 # -- a part that turns ------------------------------------------------------------------------------------------------
@@ -248,8 +248,12 @@ class Beam(Actuator):
 @pytest.fixture(scope="module")
 def bent(body_of):
     """A beam with a rigid plate on its end, bent far by two dead forces: its solver and the state."""
-    parts = [dataclasses.replace(PLATE, face="end"), Force("end", "-z", name="down"), Force("end", "y", name="aside")]
-    solver = Solver(System(body_of(Beam()), LAW, parts=parts))
+    components = [
+        dataclasses.replace(PLATE, face="end"),
+        Force("end", "-z", name="down"),
+        Force("end", "y", name="aside"),
+    ]
+    solver = Solver(System(body_of(Beam()), LAW, components=components))
     return solver, hang(
         solver, [("the forces", np.array([0.02, 0.01]) / solver.system.dead.units)], lambda text: None
     ).state
@@ -320,7 +324,7 @@ def test_a_half_beam_is_the_half_of_a_whole_one(body_of, figure):
             System(
                 body_of(Beam(half=half)),
                 LAW,
-                parts=[dataclasses.replace(PLATE, face="end"), Force("end", "-z", name="down")],
+                components=[dataclasses.replace(PLATE, face="end"), Force("end", "-z", name="down")],
             )
         )
         system = solver.system
@@ -345,14 +349,14 @@ def test_a_rigid_block_is_a_block_whose_nodes_are_moved_so(body_of, figure, monk
     monkeypatch.setattr("softmodels.mechanics.newton.TOLERANCE", 1e-12)
     body, block = body_of(Beam(head=0.008)), Rigid(region="head", name="block")
     loads = [Force("side", "-z", name="down"), Force("side", "y", name="aside")]
-    solver = Solver(System(body, LAW, parts=[block, *loads]))
+    solver = Solver(System(body, LAW, components=[block, *loads]))
     stop = hang(solver, [("the forces", np.array([0.04, 0.03]) / solver.system.dead.units)], lambda text: None)
     solver.system.load(stop.state)
     motion = solver.system.unknowns.moving["block"]
     vector = rotation_vector(motion.rotation)
     assert np.degrees(np.linalg.norm(vector)) > 45.0 and len(motion.dofs) > 100
     moved = motion.translation + Rotation.from_rotvec(vector).apply(motion.arms) - motion.arms
-    held = Solver(System(body, LAW, parts=[Region(LAW, name="head"), Clamp(face="head"), *loads]))
+    held = Solver(System(body, LAW, components=[Region(LAW, name="head"), Clamp(face="head"), *loads]))
     there = stop.state.w.copy()
     there[motion.dofs] = moved @ body.skew.T
     inflate_from(held, dataclasses.replace(stop, state=dataclasses.replace(stop.state, w=there)))
@@ -395,7 +399,7 @@ def test_a_rigid_ring_is_a_very_stiff_one(body_of, figure):
     )
     found = {}
     for part in (Rigid(region="ring1", name="ring"), Region(sm.NeoHookean(28e7), name="ring1")):
-        solver = Solver(System(body_of(device), LAW, parts=[part]))
+        solver = Solver(System(body_of(device), LAW, components=[part]))
         state = solver.system.rest()
         for pressure in (0.01, 0.02, 0.03):
             solver.factorise(state)

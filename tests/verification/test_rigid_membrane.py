@@ -49,7 +49,9 @@ class Plated:
         self.exact, self.limit = [path[k] for k in AT], shooting.limit(path)
         plate = Rigid("plate", name="plate", mass=self.weight / G)
         self.solver = Solver(
-            System(body_of(membrane), law, parts=[plate, Gravity("-z", density=0.0), Force("plate", "z", name="cell")])
+            System(
+                body_of(membrane), law, components=[plate, Gravity("-z", density=0.0), Force("plate", "z", name="cell")]
+            )
         )
         self.system = self.solver.system
 
@@ -151,8 +153,8 @@ def test_the_default_mesh_turns_over_its_clamp(shooting, figure):
         WIDE.radius, WIDE.thickness, shooting.Yeoh(law.c1, law.c2, law.c3), WIDE.plate_radius, weight
     )
     path = exact.path(np.linspace(0.3, 1.05, 26) * WIDE.radius)
-    parts = (Rigid("plate", name="plate", mass=1.5), Gravity("-z", density=0.0))
-    run = inflate(WIDE, law, volumes="500,800,1300 ml", parts=parts)
+    components = (Rigid("plate", name="plate", mass=1.5), Gravity("-z", density=0.0))
+    run = inflate(WIDE, law, volumes="500,800,1300 ml", components=components)
     assert run.limit is None
     asked = [row for row in run.rows if row["requested"]]
     found = np.array([(row["pressure_Pa"], row["plate_z_mm"] * 1e-3) for row in asked])

@@ -31,7 +31,7 @@ def test_a_shell_swells_in_a_hollow_sphere(bodies, body_of, figure):
     """Without shape change the radii follow from the volume; the mould presses evenly."""
     shell = bodies.Sphere(through=4, along=16)
     mould = RigidShape("sphere", "outer", (0.0, 0.0, 0.0), 1.02 * shell.outer, hollow=True)
-    equations = Solver(System(body_of(shell), LAW, parts=[mould]))
+    equations = Solver(System(body_of(shell), LAW, components=[mould]))
     system, k, size = equations.system, mould.stiffness, shell.size
     rest = system.rest()
     state = rest
@@ -53,7 +53,7 @@ def test_a_shell_swells_in_a_hollow_sphere(bodies, body_of, figure):
 def test_a_shape_grows_harder_before_it_is_passed():
     """A contact so soft that at a constant stiffness a state of 0.6 ml would be refused."""
     ball = dataclasses.replace(BALL, stiffness=3.0, name="ball")
-    run = sm.inflate(SECTION, LAW, volumes="0,1.2 ml", parts=[ball])
+    run = sm.inflate(SECTION, LAW, volumes="0,1.2 ml", components=[ball])
     assert run.added_volume[-1] == pytest.approx(1.2e-6) and 0.2 < run.path["ball_depth_mm"][-1] < 0.5
 
 
@@ -104,7 +104,7 @@ def test_hertz(body_of, figure):
     ground = Ground()
     R, top = 0.050, ground.extent
     ball = RigidShape("sphere", "top", (0.0, 0.0, top + R), R, stiffness=1e5)
-    equations = Solver(System(body_of(ground, OpenBody), NeoHookean(30e3, 0.4999), parts=[ball]))
+    equations = Solver(System(body_of(ground, OpenBody), NeoHookean(30e3, 0.4999), components=[ball]))
     system, term = equations.system, equations.system.potential.terms["sphere"]
     state, found = system.rest(), []
     for d in (1e-5, 3e-5, 6e-5):
@@ -118,7 +118,7 @@ def test_hertz(body_of, figure):
 @pytest.fixture(scope="module")
 def pressed(body_of, solved):
     """The disk's section under a ball that stands half a millimetre above it."""
-    equations = Solver(System(body_of(SECTION), NeoHookean(28e3), parts=[BALL]))
+    equations = Solver(System(body_of(SECTION), NeoHookean(28e3), components=[BALL]))
     _, points, end = solved(equations, [0.4])
     assert end is None
     return equations, points
@@ -150,7 +150,7 @@ def test_no_step_goes_through_the_ball(pressed):
 
 def test_a_case_keeps_its_shapes_and_refuses_what_makes_none(body_of):
     tube = RigidShape("cylinder", "outer", (0.0, 0.0, 0.0), 0.03, (0.0, 0.0, 2.0), hollow=True, name="tube")
-    case = Case("disk", SECTION, LAW, pressures_cm=(10.0,), parts=(BALL, tube))
+    case = Case("disk", SECTION, LAW, pressures_cm=(10.0,), components=(BALL, tube))
     assert Case.from_toml(case.to_toml()) == case
     for changes, words in (
         ({"faces": ""}, "needs the faces"),
@@ -172,11 +172,11 @@ def test_a_case_keeps_its_shapes_and_refuses_what_makes_none(body_of):
         (HollowDisk(), dataclasses.replace(BALL, at=(0.0, 0.002, 0.03)), "crosses the cut plane"),
     ):
         with pytest.raises(CaseError, match=words):
-            Case("disk", device, LAW, pressures_cm=(10.0,), parts=(shape,))
+            Case("disk", device, LAW, pressures_cm=(10.0,), components=(shape,))
     for shape, words in (
         (dataclasses.replace(BALL, faces="lid"), "no face 'lid'"),
         (dataclasses.replace(BALL, at=(0.0, 0.0, 0.02)), "at rest the device lies"),
         (dataclasses.replace(tube, radius=0.01), "outside of the hollow cylinder"),
     ):
         with pytest.raises(ComponentError, match=words):
-            System(body_of(SECTION), LAW, parts=[shape])
+            System(body_of(SECTION), LAW, components=[shape])

@@ -107,7 +107,7 @@ def test_sheet_on_the_thin_side_lessens_the_stretch(body_of, solved, inflated):
     from softmodels.mechanics.system import System
 
     plain = inflated()[-1]
-    equations = Solver(System(body_of(SeminarActuator(**COARSE)), LAW, sheet=Sheet("bottom", 1000.0)))
+    equations = Solver(System(body_of(SeminarActuator(**COARSE)), LAW, components=[Sheet("bottom", 1000.0)]))
     _, points, end = solved(equations, [PRESSURES[-1] / equations.system.stress_unit])
     with_sheet = Fields(equations).figures(points[-1].state)
     assert end is None

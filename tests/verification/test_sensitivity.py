@@ -168,11 +168,11 @@ LOADED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("actuator", "law", "parts", "volumes"), LOADED.values(), ids=LOADED.keys())
-def test_rates_under_dead_loads(actuator, law, parts, volumes, body_of, figure):
+@pytest.mark.parametrize(("actuator", "law", "components", "volumes"), LOADED.values(), ids=LOADED.keys())
+def test_rates_under_dead_loads(actuator, law, components, volumes, body_of, figure):
     """Weights keep their newtons while the material changes, and a thicker membrane is heavier: where the device hangs, and
     before and past its limit point, with the volume kept and with the pressure kept."""
-    equations = Solver(System(body_of(actuator), law, parts=parts))
+    equations = Solver(System(body_of(actuator), law, components=components))
     rates = Sensitivity(equations, Reshaping(equations.system.body, actuator.variable))
     dead, cavities = equations.system.dead, np.zeros(len(actuator.ratios))
     hung = inflate_from(
@@ -200,7 +200,7 @@ def test_rates_of_a_slice(equilibrium, solved, sensitivity, figure):
 def test_rates_with_a_sheet(body_of, solved, figure):
     """A bonded sheet keeps its own stiffness as the silicone's changes."""
     law, disk = LAWS["neo-hookean"], dataclasses.replace(THIN, membrane=0.003)
-    equations = Solver(System(body_of(disk), law, sheet=Sheet("top", 30.0)))
+    equations = Solver(System(body_of(disk), law, components=[Sheet("top", 30.0)]))
     making = Sensitivity(equations, reshaping(equations))
     rates = check(figure, equations, lambda _: making, law, at(solved, equations, BEFORE).state)
     assert np.linalg.norm(rates["shear_modulus"].w) > 0.0

@@ -14,8 +14,9 @@ import pytest
 
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.materials.laws import MaterialError, NeoHookean
+from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import sphere_pressure
+from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
@@ -47,7 +48,7 @@ def found(solved, equations):
 @pytest.mark.parametrize("stiffness", [30.0, 3000.0])  # a tenth of the wall's own 3 mu t, and ten times it
 def test_sphere_in_a_sheet_axisymmetric(stiffness, bodies, body_of, solved, figure):
     shell = bodies.Sphere(through=4, along=12)
-    equations = Solver(System(body_of(shell), LAW, sheet=Sheet("outer", stiffness)))
+    equations = Solver(System(body_of(shell), LAW, components=[Sheet("outer", stiffness)]))
     _, pressures = found(solved, equations)
     figure(SPHERE, "pressure on the section", pressures / exact(shell, "outer", stiffness) - 1, 7.5e-5)
 
@@ -57,7 +58,7 @@ def test_sphere_in_a_sheet_axisymmetric(stiffness, bodies, body_of, solved, figu
 )  # integrated at one point per facet the stiffer one is 8 to 19 % off
 def test_sphere_in_a_sheet_octant(stiffness, bodies, body_of, solved, figure):
     shell = bodies.Octant(cell_size=0.004)
-    equations = Solver(System(body_of(shell), LAW, sheet=Sheet("outer", stiffness)))
+    equations = Solver(System(body_of(shell), LAW, components=[Sheet("outer", stiffness)]))
     points, pressures = found(solved, equations)
     figure(SPHERE, "pressure on a 3-D octant", pressures / exact(shell, "outer", stiffness) - 1, 3e-3)
     # The stored energy counts the sheet: the work of the pressure is all of it.
@@ -75,7 +76,7 @@ def test_another_material_leaves_the_sheet_as_it_is(bodies, body_of, solved, fig
     """Stresses inside are in shear moduli; the sheet's stiffness is not the silicone's."""
     shell = bodies.Sphere(through=4, along=12)
     equations = Solver(
-        System(body_of(shell), dataclasses.replace(LAW, shear_modulus=90e3), sheet=Sheet("outer", 3000.0))
+        System(body_of(shell), dataclasses.replace(LAW, shear_modulus=90e3), components=[Sheet("outer", 3000.0)])
     )
     equations.system.set_material(LAW)
     _, pressures = found(solved, equations)
@@ -88,7 +89,7 @@ def test_disk_with_a_sheet_rises_and_stretches_less(body_of, solved):
     disk = HollowDisk(section="axisymmetric")
     figures = {}
     for stiffness in (None, 100.0, 1000.0, 10000.0):
-        equations = Solver(System(body_of(disk), LAW, sheet=Sheet("top", stiffness) if stiffness else None))
+        equations = Solver(System(body_of(disk), LAW, components=[Sheet("top", stiffness)] if stiffness else []))
         _, points, end = solved(equations, [15e3 / equations.system.stress_unit])
         assert end is None
         figures[stiffness] = Fields(equations).figures(points[-1].state)
@@ -101,18 +102,18 @@ def test_disk_with_a_sheet_rises_and_stretches_less(body_of, solved):
 def test_case_keeps_its_sheet():
     from geometries import HollowDisk
 
-    case = Case("disk", HollowDisk(), LAW, pressures_cm=(10.0,), sheet=Sheet("top", 51234.5))
+    case = Case("disk", HollowDisk(), LAW, pressures_cm=(10.0,), components=[Sheet("top", 51234.5)])
     assert Case.from_toml(case.to_toml()) == case and "stiffness" in case.to_toml()
     with pytest.raises(CaseError, match="no face of HollowDisk"):
-        dataclasses.replace(case, sheet=Sheet("outer", 1e3))
+        dataclasses.replace(case, components=[Sheet("outer", 1e3)])
     for text, words in (
         ('face = "top"', "both its face and its stiffness"),
         ('face = "top"\nstiffness = "3 kPa"', "cannot be read in N/m"),
         ('face = "top"\nstiffness = "1 N/m"\nthickness = 1', "unknown entry 'thickness'"),
         ('face = "top"\nstiffness = "0 N/m"', "N/m are taken"),
     ):
-        plain = dataclasses.replace(case, sheet=None).to_toml()
+        plain = dataclasses.replace(case, components=()).to_toml()
         with pytest.raises(CaseError, match=words):
             Case.from_toml(f"{plain}\n[sheet]\n{text}\n")
-    with pytest.raises(MaterialError):
+    with pytest.raises(ComponentError):
         Sheet("top", float("nan"))

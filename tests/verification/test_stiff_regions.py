@@ -22,7 +22,7 @@ BASE = sm.Region(sm.NeoHookean(180e3, 0.49), name="base")
 
 def test_a_finger_with_paper_hangs_under_its_weight():
     """With a twentieth of it: before, no step from 0.0227 of it on, at a residual that rounding had left."""
-    case = Case("finger", FINGER, LAW, parts=(BASE, PAPER, sm.Gravity("-z")), driven=LoadRequest("share", (0.05,)))
+    case = Case("finger", FINGER, LAW, components=(BASE, PAPER, sm.Gravity("-z")), driven=LoadRequest("share", (0.05,)))
     run = sm.run(case)
     assert run.limit is None and -3.0 < run.path["tip_mm"][-1] < -1.0
     assert not run.path["negative_eigenvalues"].any()
@@ -31,7 +31,7 @@ def test_a_finger_with_paper_hangs_under_its_weight():
 
 
 def test_what_rounding_leaves_of_a_stiff_sheet(body_of):
-    system = System(body_of(FINGER), LAW, parts=[BASE, PAPER])
+    system = System(body_of(FINGER), LAW, components=[BASE, PAPER])
     assert spread(system.matter) == pytest.approx(1e9 / 2.6 / 15.4e3)
     thinnest = 2.2e-16 * spread(system.matter) / rounding_of_stress(system) * FINGER.size
     assert 0.3 * FINGER.paper < thinnest < 1.01 * FINGER.paper

@@ -23,7 +23,7 @@ PRESSURE = 9.8e3  # Pa: 1 m of water, where the disk without a sheet rises by 24
 @pytest.fixture(scope="module")
 def sheeted(body_of):
     """Return a function that gives a disk with a sheet of a stiffness in N/m on its top."""
-    return lambda stiffness: Solver(System(body_of(DISK), NeoHookean(30e3, 0.49), sheet=Sheet("top", stiffness)))
+    return lambda stiffness: Solver(System(body_of(DISK), NeoHookean(30e3, 0.49), components=[Sheet("top", stiffness)]))
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_the_matrix_of_a_state_is_the_derivative_of_its_forces(sheeted, figure):
 )
 def test_a_lost_path_names_the_sheet_and_whether_it_locks(actuator, stiffness, locks):
     sheet = Sheet(actuator.faces[0], stiffness)
-    case = Case("device", actuator, NeoHookean(30e3, 0.49), pressures_cm=(10.0,), sheet=sheet)
+    case = Case("device", actuator, NeoHookean(30e3, 0.49), pressures_cm=(10.0,), components=[sheet])
     text = advice(case, {"max_stretch": 1.1, "J_min": 0.99})
     assert f"{stiffness / 1e3:g} kN/m" in text and "--sheet-stiffness" in text and "pressed together" not in text
     assert ("50 kN/m hardly stretch" in text) == ("a stiffer one locks" in text) == locks

@@ -64,11 +64,11 @@ def test_the_gap_is_exact_on_a_flat_wall_and_known_on_a_ball(stl_files):
 
 def test_a_ball_of_triangles_stops_the_disk_as_the_ball_does(tmp_path, stl_files):
     file = stl_files.write_stl(tmp_path / "ball.stl", *stl_files.ball(RADIUS, 96, 48))
-    parts = [
+    components = [
         sm.RigidShape("sphere", "top", AT, RADIUS, name="ball"),
         sm.RigidShape("stl", "top", AT, file=str(file), rounding=0.0012, name="ball"),
     ]
-    true, found = (sm.inflate(DISK, LAW, "0,40 cm", parts=[part]).path for part in parts)
+    true, found = (sm.inflate(DISK, LAW, "0,40 cm", components=[part]).path for part in components)
     for column, bound in (("ball_force_z_N", 0.03), ("apex_mm", 0.03)):
         assert found[column][-1] == pytest.approx(true[column][-1], rel=bound)
     assert found["ball_depth_mm"][-1] == pytest.approx(true["ball_depth_mm"][-1], abs=0.015)
@@ -83,9 +83,9 @@ def test_a_side_of_a_box_is_a_plane(hollow, tmp_path, stl_files):
     )
     file = stl_files.write_stl(tmp_path / "box.stl", *stl_files.box(low, high))
     device = sm.HollowDisk(cell_size=0.005, angle=90)
-    plane = sm.inflate(device, LAW, "0,40 cm", obstacle=sm.Obstacle("top", f"z = {ceiling * 1e3} mm"))
+    plane = sm.inflate(device, LAW, "0,40 cm", components=[sm.Obstacle("top", f"z = {ceiling * 1e3} mm")])
     lid = sm.RigidShape("stl", "top", (0.0, 0.0, 0.0), file=str(file), hollow=hollow, rounding=0.002, name="lid")
-    run = sm.inflate(device, LAW, "0,40 cm", parts=[lid])
+    run = sm.inflate(device, LAW, "0,40 cm", components=[lid])
     assert run.added_volume[-1] == pytest.approx(plane.added_volume[-1], rel=3e-3)
     pushed = run.path["lid_force_z_N"][-1]
     assert pushed > 0.0 and pushed == pytest.approx(plane.path["contact_force_N"][-1], rel=0.02)
@@ -101,7 +101,9 @@ def test_what_cannot_be_meant_is_refused(tmp_path, stl_files):
 
     def refused(match, device=DISK, **fields):
         with pytest.raises((ComponentError, FieldError, sm.CaseError), match=match):
-            sm.inflate(device, LAW, "0,5 cm", parts=[sm.RigidShape("stl", "top", **{"at": AT, "file": file, **fields})])
+            sm.inflate(
+                device, LAW, "0,5 cm", components=[sm.RigidShape("stl", "top", **{"at": AT, "file": file, **fields})]
+            )
 
     refused("needs that file", file="")
     refused("leave out radius", radius=0.01)
@@ -121,10 +123,14 @@ def test_the_file_counts_by_its_content(tmp_path, stl_files):
 
     file = stl_files.write_stl(tmp_path / "ball.stl", *stl_files.ball(RADIUS))
     case = sm.Case(
-        "disk", DISK, LAW, pressures_cm=(5.0,), parts=(sm.RigidShape("stl", "top", AT, file=str(file), name="ball"),)
+        "disk",
+        DISK,
+        LAW,
+        pressures_cm=(5.0,),
+        components=(sm.RigidShape("stl", "top", AT, file=str(file), name="ball"),),
     )
     before = identity(case)
-    elsewhere = dataclasses.replace(case.parts[0], file=str(shutil.copy(file, tmp_path / "other.stl")))
-    assert identity(dataclasses.replace(case, parts=(elsewhere,))) == before
+    elsewhere = dataclasses.replace(case.components[0], file=str(shutil.copy(file, tmp_path / "other.stl")))
+    assert identity(dataclasses.replace(case, components=(elsewhere,))) == before
     stl_files.write_stl(file, *stl_files.ball(0.9 * RADIUS))
     assert identity(case) != before

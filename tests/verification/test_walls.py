@@ -159,8 +159,8 @@ def test_two_shells_meet_as_one_meets_its_mirror_plane(bodies, pair_of_shells, b
     k, pressures = 3000.0, [0.2, 0.3, 0.4]
     shell, pair = bodies.Sphere(through=2, along=24), pair_of_shells(through=2, along=24)
     plane = f"z = {1e3 * (pair.outer + pair.gap / 2)} mm"
-    one = Solver(System(body_of(shell, tube_body), RUBBER, obstacle=Obstacle("outer", plane, 2 * k)))
-    two = Solver(System(body_of(pair, tube_body), RUBBER, parts=[Walls("lower, upper", k)]))
+    one = Solver(System(body_of(shell, tube_body), RUBBER, components=[Obstacle("outer", plane, 2 * k)]))
+    two = Solver(System(body_of(pair, tube_body), RUBBER, components=[Walls("lower, upper", k)]))
     found = {}
     for name, equations in (("one", one), ("two", two)):
         _, points, end = solved(equations, pressures)
@@ -172,7 +172,7 @@ def test_two_shells_meet_as_one_meets_its_mirror_plane(bodies, pair_of_shells, b
         system.load(states[-1])
     figure(MIRROR, "added volume of two", np.abs(found["two"] / found["one"] / 2 - 1).max(), 1e-3)
     figures = two.system.potential.terms["walls"].figures(two.system)
-    force = one.system.contact_force() * one.system.stress_unit * one.system.length_unit**2
+    force = one.system.potential.terms["contact"].figures(one.system)["contact_force_N"]
     figure(MIRROR, "force of two", figures["walls_contact_N"] / force - 1, 0.01)
     assert figures["walls_overlap_mm"] < 0.01 * 1e3 * (pair.outer - pair.inner)
 
@@ -212,7 +212,7 @@ def test_a_patch(bodies, body_of, figure):
 
             return -self.displacement(w)[1] * ufl.FacetNormal(self.mesh)[1] * self.hoop
 
-    equations = Solver(System(body_of(Stack(), Loaded), RUBBER, parts=[Walls("under, over")]))
+    equations = Solver(System(body_of(Stack(), Loaded), RUBBER, components=[Walls("under, over")]))
     system = equations.system
     w = system.rest().w.copy()
     lift = int(np.argmax(np.abs(system.body.skew[:, 1])))
@@ -235,7 +235,7 @@ def test_a_patch(bodies, body_of, figure):
 def test_every_step_ends_in_the_same_state(pair_of_shells, body_of, solved, tube_body, figure):
     """One state by many steps of the pressure and by a few of the volume."""
     pair = pair_of_shells(through=2, along=24)
-    equations = Solver(System(body_of(pair, tube_body), RUBBER, parts=[Walls("lower, upper")]))
+    equations = Solver(System(body_of(pair, tube_body), RUBBER, components=[Walls("lower, upper")]))
     _, points, end = solved(equations, [0.3])
     assert end is None
     rest, goal = equations.system.rest(), points[-1].state.V
@@ -252,7 +252,7 @@ def test_a_case_keeps_its_walls_and_refuses_what_makes_none(body_of):
         disk,
         RUBBER,
         pressures_cm=(10.0,),
-        parts=(Walls("cavity", name="inside"), Walls("top", 100.0, name="above")),
+        components=(Walls("cavity", name="inside"), Walls("top", 100.0, name="above")),
     )
     assert Case.from_toml(case.to_toml()) == case
     for faces, stiffness, words in (
@@ -266,4 +266,4 @@ def test_a_case_keeps_its_walls_and_refuses_what_makes_none(body_of):
     with pytest.raises(CaseError, match="unknown entry 'face'"):
         Case.from_toml(case.to_toml() + "\n[walls.other]\nface = 'top'\n")
     with pytest.raises(ComponentError, match="no face 'lid'"):
-        System(body_of(disk), RUBBER, parts=[Walls("lid")])
+        System(body_of(disk), RUBBER, components=[Walls("lid")])

@@ -485,20 +485,22 @@ class DeviceModel:
 # Dead loads of a measured device: constants of the bench, which act in every photograph, that at zero pressure too.
 
 
-def measured_parts(parts: Sequence[Component], actuator: Actuator, material: Material | None) -> tuple[Component, ...]:
+def measured_parts(
+    components: Sequence[Component], actuator: Actuator, material: Material | None
+) -> tuple[Component, ...]:
     """A case's parts as a fit takes them: the weight that of the case's silicone, whatever the fitted law is called.
 
     Args:
-        parts: Of the case.
+        components: Of the case.
         actuator: The device as it is fitted.
         material: The case's; None if nothing is known of it.
 
     Raises:
         FitError: A load that tilts the outline, or one of which nobody says how large it was.
     """
-    for load in (part for part in parts if isinstance(part, LoadPart)):
+    for load in (part for part in components if isinstance(part, LoadPart)):
         _check(load, actuator)
-    return tuple(parts) if material is None else weighed(parts, material)
+    return tuple(components) if material is None else weighed(components, material)
 
 
 def _check(load: LoadPart, actuator: Actuator) -> None:
@@ -536,7 +538,7 @@ class MeasuredDevice:
         name: What reports call it.
         material: What it is known to be made of, whose modulus a fit is held against; None if that is not known.
         formulation: See `softmodels.case.case.Case`.
-        parts: What else is added to it.
+        components: What else is added to it.
         solver: See `softmodels.case.case.Case`.
         heights_from: What heights count from where it hangs under loads or its top is not flat, see
             `softmodels.fitting.outlines.device.Hanging`.
@@ -546,7 +548,7 @@ class MeasuredDevice:
     name: str = "device"
     material: Material | None = None
     formulation: str = "mixed"
-    parts: tuple[Component, ...] = ()
+    components: tuple[Component, ...] = ()
     solver: str = "auto"
     heights_from: str = ""
 
@@ -559,17 +561,17 @@ class MeasuredDevice:
         """
         if isinstance(device, MeasuredDevice):
             section = as_section(device.actuator)
-            parts = measured_parts(device.parts, section, device.material)
-            return dataclasses.replace(device, actuator=section, parts=parts)
+            components = measured_parts(device.components, section, device.material)
+            return dataclasses.replace(device, actuator=section, components=components)
         if isinstance(device, Case):
-            if rubbing := [part.where for part in device.parts if part.remembers]:
+            if rubbing := [part.where for part in device.components if part.remembers]:
                 raise FitError(
                     f"{rubbing[0]} has friction, whose derivatives by the material a fit does not know; leave it out "
                     "(friction = 0)"
                 )
             case, section = device, as_section(device.actuator)
-            parts = measured_parts(case.parts, section, case.material)
-            around = (parts, case.solver)
+            components = measured_parts(case.components, section, case.material)
+            around = (components, case.solver)
             return cls(section, case.name, case.material, case.formulation, *around)
         one_of("device", device, Actuator, "a device, such as sm.HollowDisk(), or a Case")
         return cls(as_section(device), device.name)
@@ -596,7 +598,7 @@ class MeasuredDevice:
             with compiling():
                 body = Body.from_file(self.actuator, mesh, comm)
                 material = choice.material(choice.from_modulus(30e3))
-                around = (self.parts,)
+                around = (self.components,)
                 system = System(body, material, self.formulation, *around)
                 modulus = self.material.shear_modulus_0 if self.material and system.dead.loads else MODULUS
                 return DeviceModel(Solver(system, self.solver), choice, self.heights_from, modulus)
