@@ -68,6 +68,8 @@ if TYPE_CHECKING:
     from softmodels.common.calls import ImplausibleWarning as ImplausibleWarning
     from softmodels.common.folders import InUseError as InUseError
     from softmodels.common.folders import OwnFolderError as OwnFolderError
+    from softmodels.components.clamps import Clamp as Clamp
+    from softmodels.components.rigid import Rigid as Rigid
     from softmodels.design.loads import DesignError as DesignError
     from softmodels.design.optimise import optimise as optimise
     from softmodels.design.problem import DesignProblem as DesignProblem
@@ -108,7 +110,6 @@ if TYPE_CHECKING:
     from softmodels.mechanics.contact import RigidShape as RigidShape
     from softmodels.mechanics.fibres import Fabric as Fabric
     from softmodels.mechanics.fibres import Fibres as Fibres
-    from softmodels.mechanics.holds import Clamp as Clamp
     from softmodels.mechanics.loads import (
         Force as Force,
     )
@@ -122,7 +123,6 @@ if TYPE_CHECKING:
         Moment as Moment,
     )
     from softmodels.mechanics.mpi import StartError as StartError
-    from softmodels.mechanics.rigid import Rigid as Rigid
     from softmodels.mechanics.sheet import Sheet as Sheet
     from softmodels.mechanics.walls import Walls as Walls
     from softmodels.path.supply import SupplyError as SupplyError
@@ -174,11 +174,11 @@ _PLACES = {
     "softmodels.materials.silicones": ("silicone",),
     "softmodels.mechanics.contact": ("Obstacle", "RigidShape"),
     "softmodels.mechanics.fibres": ("Fabric", "Fibres"),
-    "softmodels.mechanics.holds": ("Clamp",),
+    "softmodels.components.clamps": ("Clamp",),
     "softmodels.mechanics.loads": ("Gravity", "Mass", "Force", "Moment"),
     "softmodels.mechanics.mpi": ("StartError",),
     "softmodels.mechanics.component": ("ComponentError",),
-    "softmodels.mechanics.rigid": ("Rigid",),
+    "softmodels.components.rigid": ("Rigid",),
     "softmodels.mechanics.sheet": ("Sheet",),
     "softmodels.mechanics.walls": ("Walls",),
     "softmodels.path.supply": ("SupplyError", "Syringe"),

@@ -24,18 +24,17 @@ from softmodels.case.entries import (
 from softmodels.case.materials import Region
 from softmodels.common.errors import FieldError
 from softmodels.common.schema import Text, Words, about
-from softmodels.mechanics.component import COMPONENTS, Component, ComponentError
+from softmodels.components.clamps import Clamp
+from softmodels.components.rigid import Rigid
+from softmodels.mechanics.component import COMPONENTS, Component, ComponentError, gravity_of
 from softmodels.mechanics.contact import Obstacle, RigidShape
 from softmodels.mechanics.fibres import Fabric, Fibres
-from softmodels.mechanics.holds import Clamp
 from softmodels.mechanics.loads import (
     Force,
     Gravity,
     Mass,
     Moment,
-    gravity_of,
 )
-from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.walls import Walls
 

@@ -30,9 +30,11 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
 from softmodels.common.arrays import Array
+from softmodels.components.clamps import Clamp
+from softmodels.components.rigid import Rigid
 from softmodels.materials.laws import Material
 from softmodels.mechanics import contact as contact_module
-from softmodels.mechanics.component import Component, names_in
+from softmodels.mechanics.component import Component, gravity_of, names_in
 from softmodels.mechanics.contact import (
     HARDENS,
     HARDER,
@@ -51,10 +53,10 @@ from softmodels.mechanics.fibres import (
     helix_at,
     slope_of,
 )
-from softmodels.mechanics.holds import Clamp, held_with
-from softmodels.mechanics.loads import FaceLoad, Mass, gravity_of
+from softmodels.mechanics.holds import held_with
+from softmodels.mechanics.loads import FaceLoad, Mass
 from softmodels.mechanics.pressing import HardeningPenalty, Penalty, Stand
-from softmodels.mechanics.rigid import Freedom, Rigid
+from softmodels.mechanics.rigid import Freedom
 from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.system import System, nodal_forces
 from softmodels.mechanics.walls import Walls

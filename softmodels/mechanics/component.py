@@ -155,6 +155,11 @@ class Component(abc.ABC):
         """Whether that mass stands beside the device, which lifts it, and is no load on it otherwise."""
         return False
 
+    @property
+    def acceleration(self) -> Array | None:
+        """Of gravity in m/s2, shape (3,), in device coordinates, where it is gravity; else None."""
+        return None
+
     def check_under(self, gravity: Array) -> None:  # noqa: B027
         """Raise `ComponentError` where it cannot be under gravity's acceleration in m/s2, shape (3,), in device coordinates."""
 
@@ -350,6 +355,13 @@ class EnergyTerm:
 
 COMPONENTS: dict[str, type[Component]] = {}
 """Every kind by its table; those that always have a name by ``table.``: ``[contact.ball]`` is none of ``[contact]``."""
+
+
+def gravity_of(components: Sequence[Component]) -> Array:
+    """Acceleration of gravity in m/s2, shape (3,), in device coordinates; zero where no component is one."""
+    import numpy as np
+
+    return next((part.acceleration for part in components if part.acceleration is not None), np.zeros(3))
 
 
 def register_component[P: type[Component]](kind: P) -> P:

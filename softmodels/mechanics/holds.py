@@ -1,30 +1,18 @@
-"""Clamps: faces, edges or regions that are held, or gripped so that they slip in one direction.
-
-They come on top of what holds the device by itself. A role that the device holds by itself is held as the clamp says instead:
-``[hold.bench]`` with ``face = "support"`` and ``along = "z"`` lets a glued disk slide on its bench.
-"""
+"""What holds a device: its own holds and those of clamps, as conditions on its displacement."""
 
 from __future__ import annotations
 
-import dataclasses
+import abc
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from geometries import Actuator, Hold
-from geometries.actuator import Vector
-from softmodels.common.errors import known_are
-from softmodels.common.schema import Words, field_of
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.component import (
-    INSIDE,
     Component,
     ComponentError,
-    direction,
-    names_in,
-    register_component,
 )
 from softmodels.mechanics.regions import RegionPart
 
@@ -36,97 +24,22 @@ FREE = 1e-6
 """Least singular value of the held rigid motions, in sizes of the device, below which one of them is free."""
 
 
-@register_component
-@dataclasses.dataclass(frozen=True)
-class Clamp(Component):
-    """What is held.
-
-    Attributes:
-        face: Roles of faces, edges or points, or names of regions, with commas between: ``"clamp, clamp_top"``.
-        along: Direction along which they are held, such as ``"z"``; all directions if empty.
-        slip: Direction in which alone they slip; none if empty.
-    """
-
-    face: str = field_of(Words(), "faces, edges or regions that are held, such as top")
-    along: str = field_of(Words(), "direction along which they are held, such as z: they slip across it", "")
-    slip: str = field_of(Words(), "direction in which they slip, such as x: they are held across it", "")
-
-    table: ClassVar[str] = "hold"
-    needs: ClassVar[str] = "[hold] needs face, which is held, such as face = 'top'"
-
-    def check(self) -> None:
-        if not self.roles:
-            raise ComponentError(self.needs)
-        if self.along and self.slip:
-            raise ComponentError(
-                f"{self.where} has both along and slip; give the one direction that is held or that is free"
-            )
-        for text in filter(None, (self.along, self.slip)):
-            direction(text, self.where)
+class HoldingPart(Component):
+    """Something that holds faces, edges or regions of a device."""
 
     @property
+    @abc.abstractmethod
     def roles(self) -> list[str]:
-        return names_in(self.face)
+        """Names of what it holds."""
 
-    def check_on(self, actuator: Actuator) -> None:
-        """Raise `ComponentError` where a device has no such face, or its mesh no such direction."""
-        known = list(dict.fromkeys([*actuator.faces, *actuator.regions, *(hold.role for hold in actuator.holds)]))
-        for role in self.roles:
-            if role not in known:
-                raise ComponentError(
-                    f"{self.where}: {type(actuator).__name__} has no {role!r}; {known_are(role, known)}"
-                )
-        self.holds(actuator)
-
-    def undesigned(self, actuator: Actuator) -> str:
-        return INSIDE if set(self.roles) & set(actuator.regions) else ""
-
+    @abc.abstractmethod
     def holds(self, actuator: Actuator) -> list[Hold]:
-        """What it holds on a device.
-
-        Raises:
-            ComponentError: A direction that an axisymmetric section does not have.
-        """
-        points = {hold.role for hold in actuator.holds if hold.point}
-        return [Hold(role, way, role in points) for role in self.roles for way in self._ways(actuator)]
-
-    def _ways(self, actuator: Actuator) -> list[Vector | None]:
-        text = self.along or self.slip
-        if not text:
-            return [None]
-        way = direction(text, self.where)
-        if actuator.dimension == 2 and max(abs(way[0]), abs(way[2])) < 1 - 1e-12:
-            raise ComponentError(
-                f"{self.where}: a section knows the directions x (away from its axis) and z, not {text!r}"
-            )
-        if self.along:
-            return [way]
-        return _across(way, actuator)
-
-    @property
-    def label(self) -> str:
-        """Not its name alone, which a region or a load may bear too."""
-        return f"hold_{self.name}" if self.name else self.table
-
-
-def _across(way: Vector, actuator: Actuator) -> list[Vector | None]:
-    """Unit vectors square to a direction and to each other, those of the device's own planes and holds first."""
-    known = [plane.normal for plane in actuator.cut_planes]
-    known += [hold.direction for hold in actuator.holds if hold.direction is not None]
-    axes = np.eye(3)[[0, 2]] if actuator.dimension == 2 else np.eye(3)
-    found: list[npt.NDArray[np.float64]] = []
-    for candidate in [*np.array(known).reshape(-1, 3), *axes]:
-        if abs(candidate @ np.array(way)) < 1e-9 and all(abs(candidate @ one) < 1e-9 for one in found):
-            found.append(candidate / np.linalg.norm(candidate))
-    if actuator.dimension == 3 and len(found) < 2:
-        first = found[0] if found else np.linalg.svd(np.array([way]))[2][1]
-        found = [first, np.cross(way, first)]
-    return [(float(x), float(y), float(z)) for x, y, z in found]
+        """What it holds on a device, and in which directions."""
 
 
 def held_with(own: Sequence[Hold], actuator: Actuator, components: Sequence[Component]) -> list[Hold]:
     """What holds a device: its own holds, but where clamps name their roles, and the clamps'."""
-    clamps = [part for part in components if isinstance(part, Clamp)]
+    clamps = [part for part in components if isinstance(part, HoldingPart)]
     roles = {role for clamp in clamps for role in clamp.roles}
     kept = [hold for hold in own if hold.role not in roles]
     return [*kept, *(hold for clamp in clamps for hold in clamp.holds(actuator))]
@@ -138,7 +51,7 @@ def clamped(body: Body, components: Sequence[Component]) -> Body:
     Raises:
         ComponentError: A role that the mesh lacks, or a device that nothing keeps in its place any more.
     """
-    clamps = [part for part in components if isinstance(part, Clamp)]
+    clamps = [part for part in components if isinstance(part, HoldingPart)]
     if not clamps:
         return body
     for clamp in clamps:
@@ -148,7 +61,7 @@ def clamped(body: Body, components: Sequence[Component]) -> Body:
                 raise ComponentError(f"{clamp.where}: the mesh has no {role!r}; it has {known}")
     held = body.held_by(held_with(body.holds, body.actuator, components))
     replaced = {hold.role for hold in body.holds} & {role for clamp in clamps for role in clamp.roles}
-    if replaced and all(isinstance(part, Clamp | RegionPart) for part in components):  # other parts may keep it
+    if replaced and all(isinstance(part, HoldingPart | RegionPart) for part in components):  # other parts may keep it
         _check_place(held, clamps[0].where)
     return held
 

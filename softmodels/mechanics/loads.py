@@ -304,11 +304,6 @@ class Moment(FaceLoad):
             return Weighed([form], self.amount)
 
 
-def gravity_of(components: Sequence[Component]) -> npt.NDArray[np.float64]:
-    """Acceleration of gravity in m/s2, shape (3,), in device coordinates; zero where no part is one."""
-    return next((part.acceleration for part in components if isinstance(part, Gravity)), np.zeros(3))
-
-
 def weighed(components: Sequence[Component], material: Material) -> tuple[Component, ...]:
     """Parts whose gravity says how dense the silicone is: as dense as this material, where they leave that out."""
     return tuple(

@@ -27,9 +27,9 @@ from softmodels.mechanics.component import (
     EnergyComponent,
     FormContext,
     MixedPointStress,
+    gravity_of,
 )
 from softmodels.mechanics.controls import Coupling
-from softmodels.mechanics.loads import gravity_of
 from softmodels.mechanics.regions import Regions, constants
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from softmodels.materials.silicones import material_of
 from softmodels.mechanics.assembly import numbered
 from softmodels.mechanics.body import Body, cell_measure
 from softmodels.mechanics.component import Component, ComponentError, check_regions
-from softmodels.mechanics.rigid import Rigid
+from softmodels.mechanics.rigid import RigidPart
 
 if TYPE_CHECKING:
     import ufl
@@ -114,7 +114,9 @@ class Regions:
         self._parts = [part for part in components if isinstance(part, RegionPart)]
         named = {part.name for part in self._parts}
         # Its p is its own and its strain is none, whatever it is of: see `rigid_nodes.still_pressures`.
-        rigid = [part for part in components if isinstance(part, Rigid) and part.region and part.region not in named]
+        rigid = [
+            part for part in components if isinstance(part, RigidPart) and part.region and part.region not in named
+        ]
         self._parts += [RigidRegion(material, name=part.region) for part in rigid]
         self.numbers: npt.NDArray[np.int32] | None = None
         if not self._parts:

@@ -1,44 +1,24 @@
-"""Rigid parts bonded to a device: plates and rings that move but keep their shape.
-
-The constraint is exact: the dofs on a part follow its own few unknowns (`mechanics.unknowns`), and nothing is penalised. Which
-motions there are is a matter of the device's symmetry: six in a whole solid, three in a half, the axial translation in a wedge
-or an axisymmetric section.
-"""
+"""How rigid parts move: rotations, a part's few unknowns and the dofs that follow them, and the forces on it."""
 
 from __future__ import annotations
 
+import abc
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
-from softmodels.common.schema import (
-    Choice,
-    Quantity,
-    Several,
-    Words,
-    field_of,
-)
-from softmodels.mechanics.body import in_section, in_space
-from softmodels.mechanics.component import (
-    INSIDE,
-    ComponentError,
-    check_regions,
-    register_component,
-)
-from softmodels.mechanics.dead_loads import (
-    DistributedLoad,
-    HeavyPart,
-    Weighed,
-    check_finite,
-)
+from softmodels.mechanics.component import Component
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+
+STILL = 1e-9
+"""Motion of a held dof per motion of a part, in sizes of the device, up to which the part does not move it."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -294,174 +274,21 @@ class RigidMotion:
         return both[:3], both[3:]
 
 
-KINDS = ("free", "guided", "held")
-STILL = 1e-9
-"""Motion of a held dof per motion of a part, in sizes of the device, up to which the part does not move it."""
-
-
-@register_component
-@dataclasses.dataclass(frozen=True)
-class Rigid(HeavyPart):
-    """A rigid part bonded to a face, or a region that is rigid.
+class RigidPart(Component):
+    """A part that moves but keeps its shape; a kind is a dataclass of it with the fields below.
 
     Attributes:
-        face: Role of the facets that it is bonded to, such as ``"top"``; empty for a region.
+        face: Role of the facets that it is bonded to; empty for a region.
         region: Physical group of cells that is rigid; empty for a face.
-        kind: ``"free"`` in all motions that the device's symmetry allows, ``"guided"`` along a direction, or ``"held"``.
-        direction: That direction in device coordinates; the device's lift if empty.
-        mass: Of the part, of the whole device; it weighs where the case has gravity, in the middle of the undeformed face.
     """
 
-    face: str = field_of(Words(), "face of the device that the rigid part is bonded to, such as top", "")
-    kind: str = field_of(Choice(KINDS), "whether it is free, guided along a direction, or held", "free")
-    direction: tuple[float, ...] = field_of(
-        Several(Quantity()), "direction along which it is guided, such as [0, 0, 1]; the device's lift if left out", ()
-    )
+    face: str
+    region: str
 
-    mass: float = field_of(Quantity("kg"), "mass of the rigid part, which gravity pulls at", 0.0)
-    region: str = field_of(Words(), "region of the device that is rigid, in place of a face", "")
-
-    table: ClassVar[str] = "rigid"
-    needs: ClassVar[str] = (
-        "a rigid part needs the face it is bonded to, such as face = 'top' in [rigid.plate], or a region"
-    )
-
-    figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
-        r"(\w+)_turn_([xyz])_deg": (
-            "turn of {0} about {1}",
-            "rotation of that rigid part: component of axis times angle",
-        ),
-        r"(\w+)_force_N": (
-            "force on {0}",
-            "with which the device, its weight included, and its air push on that rigid part, along its guide or the device's "
-            "lift; at rest it is what holds the part, or its own weight and the forces on its face",
-        ),
-        r"(\w+)_force_([xyz])_N": ("force on {0} along {1}", "the same along that direction"),
-        r"(\w+)_moment_([xyz])_Nmm": (
-            "moment on {0} about {1}",
-            "with which the device and its air turn it about its centre",
-        ),
-    }
-
-    def check(self) -> None:
-        if bool(self.face) == bool(self.region):
-            raise ComponentError(f"{self.where}: {self.needs}, and not both")
-        if self.region and self.mass:
-            raise ComponentError(f"{self.where}: a region weighs what its density says; leave its mass out")
-        if self.direction and self.kind != "guided":
-            raise ComponentError(f"{self.where}: a direction belongs to a guided part, and this one is {self.kind}")
-        if self.direction and (len(self.direction) != 3 or not np.linalg.norm(self.direction) > 0):
-            raise ComponentError(
-                f"{self.where}: direction is {list(self.direction)}; it has three numbers, such as [0, 0, 1]"
-            )
-
-        if self.mass:
-            check_finite(self.mass, self.where, "mass")
-
-    @property
-    def weighs(self) -> float:
-        return self.mass
-
-    def masses(self, on: DistributedLoad, along: Array) -> list[Weighed]:
-        return [Weighed([on.mean(along, self.face)], self.mass)] if self.mass else []
-
-    def check_on(self, actuator: Actuator) -> None:
-        if self.region:
-            check_regions(self.where, actuator, [self.region])
-        elif self.face not in actuator.faces:
-            raise ComponentError(
-                f"{self.where}: {type(actuator).__name__} has no face {self.face!r} that a rigid part can be bonded to; it has "
-                f"{', '.join(actuator.faces) or 'none'}"
-            )
-        if any(hold.role == self.face for hold in actuator.holds) and self.kind != "held":
-            raise ComponentError(
-                f"{self.where}: the face {self.face!r} is the device's support, which is held, so a rigid part on it cannot "
-                "move; use another face, or kind = 'held'"
-            )
-        self.freedom(actuator, np.zeros(actuator.dimension))
-
-    def undesigned(self, actuator: Actuator) -> str:
-        if self.region:
-            return INSIDE
-        turns = len(self.freedom(actuator, np.zeros(actuator.dimension)).axes) > 0
-        return "which can turn about a point that its design moves; guide it (kind = 'guided')" if turns else ""
-
+    @abc.abstractmethod
     def freedom(self, actuator: Actuator, centre: Array) -> Freedom:
-        """The motions left to it.
-
-        Args:
-            actuator: The device.
-            centre: The point that it turns about.
+        """The motions left to it about the point that it turns about.
 
         Raises:
-            ComponentError: The symmetry forbids what it is guided along, or leaves no motion.
+            ComponentError: The symmetry of the device's model leaves it none.
         """
-        d = actuator.dimension
-        if self.kind == "held":
-            return Freedom(centre, np.empty((0, d)), np.empty((0, 3)))
-        directions, axes = symmetric_motions(actuator)
-        if self.kind == "guided":
-            wanted = np.asarray(self.direction or actuator.lift, dtype=float)
-            wanted /= np.linalg.norm(wanted)
-            inside = in_section(wanted, d)
-            if (
-                np.linalg.norm(inside @ directions.T @ directions - inside) > STILL
-                or np.linalg.norm(inside) < 1 - STILL
-            ):
-                raise ComponentError(
-                    f"{self.where}: guided along {_shown(wanted)} it would leave the symmetry of the device's model, which "
-                    f"allows {_allowed(directions)}; use another direction, or {actuator.fuller}"
-                )
-            return Freedom(centre, inside[None, :], np.empty((0, 3)))
-        if not len(directions) + len(axes):
-            raise ComponentError(
-                f"{self.where}: the symmetry of the device's model leaves a rigid part no motion; use {actuator.fuller}, or "
-                "kind = 'held'"
-            )
-        return Freedom(centre, directions, axes)
-
-
-def symmetric_motions(actuator: Actuator) -> tuple[Array, Array]:
-    """Rigid motions that keep the device's cut planes where they are.
-
-    Returns:
-        Orthonormal directions of translations in the mesh's coordinates, shape (k, d), and axes of rotations, shape (m, 3).
-    """
-    d = actuator.dimension
-    normals = [in_section(plane.normal, d) for plane in actuator.cut_planes]
-    if d == 2:
-        normals.append(np.array([1.0, 0.0]))  # off the axis
-    directions: list[Array] = []
-    for axis in np.eye(d)[::-1]:
-        left = axis.copy()
-        for _ in range(3):  # oblique normals are not square to each other: once is not enough
-            for known in (*_basis(normals), *directions):
-                left -= (left @ known) * known
-        if np.linalg.norm(left) > 1e-6:
-            directions.append(left / np.linalg.norm(left))
-    directions.reverse()
-    planes = _basis(normals)
-    axes = np.empty((0, 3)) if d == 2 or len(planes) > 1 else np.array(planes) if planes else np.eye(3)
-    return np.array(directions).reshape(-1, d), axes
-
-
-def _basis(vectors: Sequence[Array]) -> list[Array]:
-    """Orthonormal vectors that span the same."""
-    found: list[Array] = []
-    for vector in vectors:
-        left = np.array(vector, dtype=float)
-        for known in found:
-            left -= (left @ known) * known
-        if np.linalg.norm(left) > 1e-6 * np.linalg.norm(vector):
-            found.append(left / np.linalg.norm(left))
-    return found
-
-
-def _shown(direction: Array) -> str:
-    return "(" + ", ".join(f"{x:.3g}" for x in direction) + ")"
-
-
-def _allowed(directions: Array) -> str:
-    if not len(directions):
-        return "no translation"
-    return "translations along " + " and ".join(_shown(v) for v in in_space(directions))

@@ -40,7 +40,7 @@ from softmodels.mechanics.mpi import any_rank, largest, total
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.products import TangentOperator
 from softmodels.mechanics.regions import MaterialRegion, check_compressible
-from softmodels.mechanics.rigid import STILL, Rigid, RigidMotion
+from softmodels.mechanics.rigid import STILL, RigidMotion, RigidPart
 
 if TYPE_CHECKING:
     import ufl
@@ -440,7 +440,7 @@ class Nodes:
         every = np.arange(len(self.places) * d) if parents is None else np.asarray(parents)
         self.dofs = every.astype(np.int32).reshape(-1, d)
 
-    def on(self, body: Body, part: Rigid) -> npt.NDArray[np.int32]:
+    def on(self, body: Body, part: RigidPart) -> npt.NDArray[np.int32]:
         """The local nodes on a part's face, or of its region.
 
         Raises:
@@ -474,7 +474,7 @@ def unknowns_of(
         ComponentError: A rigid part on no face of the mesh, two that meet, or one that meets what holds the device.
     """
     n = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    rigid = [part for part in components if isinstance(part, Rigid)]
+    rigid = [part for part in components if isinstance(part, RigidPart)]
     if not rigid:
         return Unknowns(n)
     comm, nodes = body.mesh.comm, Nodes(space)
@@ -501,7 +501,7 @@ def unknowns_of(
         raise ComponentError(str(few)) from None
 
 
-def _centre(body: Body, part: Rigid) -> Array:
+def _centre(body: Body, part: RigidPart) -> Array:
     """Centre of a part's whole undeformed face or region, in sizes of the device: what lies beyond cut planes counts too."""
     import ufl
     from dolfinx import fem
@@ -528,7 +528,7 @@ def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[C
     """
     from dolfinx import fem
 
-    regions = [part.region for part in components if isinstance(part, Rigid) and part.region]
+    regions = [part.region for part in components if isinstance(part, RigidPart) and part.region]
     if not regions or space.dofmap.index_map_bs != 1:
         return []
     rows = np.array(space.sub(1).dofmap.list)

@@ -18,12 +18,13 @@ from softmodels.case.requests import (
     followed_text,
 )
 from softmodels.common.arrays import Array
+from softmodels.components.rigid import symmetric_motions
 from softmodels.mechanics.body import in_section, in_space
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import Tangent
 from softmodels.mechanics.mpi import largest, summed, total
-from softmodels.mechanics.rigid import RigidMotion, rotation_vector, symmetric_motions
+from softmodels.mechanics.rigid import RigidMotion, rotation_vector
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System, held_force
 from softmodels.runs.grid import Grid

@@ -16,8 +16,8 @@ import numpy as np
 from mpi4py import MPI
 
 import softmodels as sm
+from softmodels.components.rigid import Rigid
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 

@@ -13,12 +13,12 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import LoadRequest
 from softmodels.case.materials import Region
+from softmodels.components.rigid import Rigid
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.silicones import silicone
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.contact import Obstacle, RigidShape
 from softmodels.mechanics.loads import Force, Gravity, Mass
-from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.walls import Walls
 from softmodels.path.program import Series
 

@@ -10,11 +10,11 @@ from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
+from softmodels.components.clamps import Clamp
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.holds import Clamp
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 

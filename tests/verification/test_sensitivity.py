@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from geometries import GeometryError, HollowDisk, Membrane
+from softmodels.components.rigid import Rigid
 from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from softmodels.mechanics.body import Reshaping
 from softmodels.mechanics.controls import Coupling, pressure_control, volume_control
 from softmodels.mechanics.loads import Force, Gravity, Mass
-from softmodels.mechanics.rigid import Rigid
 from softmodels.mechanics.sensitivity import Sensitivity, known_parameters
 from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Solver
