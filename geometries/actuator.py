@@ -19,11 +19,7 @@ from collections.abc import (
     Mapping,
 )
 from pathlib import Path
-from typing import (
-    Any,
-    ClassVar,
-    Self,
-)
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt

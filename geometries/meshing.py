@@ -24,11 +24,7 @@ from collections.abc import (
     Sequence,
 )
 from pathlib import Path
-from typing import (
-    Any,
-    ClassVar,
-    Protocol,
-)
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray

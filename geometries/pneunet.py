@@ -22,11 +22,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import (
-    Any,
-    ClassVar,
-    Self,
-)
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray

@@ -28,11 +28,7 @@ import itertools
 import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from typing import (
-    ClassVar,
-    NamedTuple,
-    Self,
-)
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 import scipy

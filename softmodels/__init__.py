@@ -69,7 +69,25 @@ if TYPE_CHECKING:
     from softmodels.common.folders import InUseError as InUseError
     from softmodels.common.folders import OwnFolderError as OwnFolderError
     from softmodels.components.clamps import Clamp as Clamp
+    from softmodels.components.contact import Obstacle as Obstacle
+    from softmodels.components.contact import RigidShape as RigidShape
+    from softmodels.components.fibres import Fabric as Fabric
+    from softmodels.components.fibres import Fibres as Fibres
+    from softmodels.components.loads import (
+        Force as Force,
+    )
+    from softmodels.components.loads import (
+        Gravity as Gravity,
+    )
+    from softmodels.components.loads import (
+        Mass as Mass,
+    )
+    from softmodels.components.loads import (
+        Moment as Moment,
+    )
     from softmodels.components.rigid import Rigid as Rigid
+    from softmodels.components.sheets import Sheet as Sheet
+    from softmodels.components.walls import Walls as Walls
     from softmodels.design.loads import DesignError as DesignError
     from softmodels.design.optimise import optimise as optimise
     from softmodels.design.problem import DesignProblem as DesignProblem
@@ -106,25 +124,7 @@ if TYPE_CHECKING:
     )
     from softmodels.materials.silicones import silicone as silicone
     from softmodels.mechanics.component import ComponentError as ComponentError
-    from softmodels.mechanics.contact import Obstacle as Obstacle
-    from softmodels.mechanics.contact import RigidShape as RigidShape
-    from softmodels.mechanics.fibres import Fabric as Fabric
-    from softmodels.mechanics.fibres import Fibres as Fibres
-    from softmodels.mechanics.loads import (
-        Force as Force,
-    )
-    from softmodels.mechanics.loads import (
-        Gravity as Gravity,
-    )
-    from softmodels.mechanics.loads import (
-        Mass as Mass,
-    )
-    from softmodels.mechanics.loads import (
-        Moment as Moment,
-    )
     from softmodels.mechanics.mpi import StartError as StartError
-    from softmodels.mechanics.sheet import Sheet as Sheet
-    from softmodels.mechanics.walls import Walls as Walls
     from softmodels.path.supply import SupplyError as SupplyError
     from softmodels.path.supply import Syringe as Syringe
     from softmodels.runs.api import (
@@ -172,15 +172,15 @@ _PLACES = {
     ),
     "softmodels.materials.laws": ("NeoHookean", "MooneyRivlin", "Yeoh", "Ogden", "Gent", "Material", "MaterialError"),
     "softmodels.materials.silicones": ("silicone",),
-    "softmodels.mechanics.contact": ("Obstacle", "RigidShape"),
-    "softmodels.mechanics.fibres": ("Fabric", "Fibres"),
+    "softmodels.components.contact": ("Obstacle", "RigidShape"),
+    "softmodels.components.fibres": ("Fabric", "Fibres"),
     "softmodels.components.clamps": ("Clamp",),
-    "softmodels.mechanics.loads": ("Gravity", "Mass", "Force", "Moment"),
+    "softmodels.components.loads": ("Gravity", "Mass", "Force", "Moment"),
     "softmodels.mechanics.mpi": ("StartError",),
     "softmodels.mechanics.component": ("ComponentError",),
     "softmodels.components.rigid": ("Rigid",),
-    "softmodels.mechanics.sheet": ("Sheet",),
-    "softmodels.mechanics.walls": ("Walls",),
+    "softmodels.components.sheets": ("Sheet",),
+    "softmodels.components.walls": ("Walls",),
     "softmodels.path.supply": ("SupplyError", "Syringe"),
     "softmodels.case.case": ("Case", "CaseError"),
     "softmodels.case.materials": ("Region",),

@@ -25,18 +25,23 @@ from softmodels.case.materials import Region
 from softmodels.common.errors import FieldError
 from softmodels.common.schema import Text, Words, about
 from softmodels.components.clamps import Clamp
-from softmodels.components.rigid import Rigid
-from softmodels.mechanics.component import COMPONENTS, Component, ComponentError, gravity_of
-from softmodels.mechanics.contact import Obstacle, RigidShape
-from softmodels.mechanics.fibres import Fabric, Fibres
-from softmodels.mechanics.loads import (
+from softmodels.components.contact import Obstacle, RigidShape
+from softmodels.components.fibres import Fabric, Fibres
+from softmodels.components.loads import (
     Force,
     Gravity,
     Mass,
     Moment,
 )
-from softmodels.mechanics.sheet import Sheet
-from softmodels.mechanics.walls import Walls
+from softmodels.components.rigid import Rigid
+from softmodels.components.sheets import Sheet
+from softmodels.components.walls import Walls
+from softmodels.mechanics.component import (
+    COMPONENTS,
+    Component,
+    ComponentError,
+    gravity_of,
+)
 
 Parts = tuple[Component, ...]
 

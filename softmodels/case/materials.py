@@ -31,6 +31,7 @@ from softmodels.common.schema import (
 )
 from softmodels.common.toml_file import TomlError, read_toml
 from softmodels.common.units import exact_text
+from softmodels.components.loads import check_density
 from softmodels.materials.laws import (
     LAWS,
     SOFTEST,
@@ -50,7 +51,6 @@ from softmodels.materials.silicones import (
 )
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.component import ComponentError, register_component
-from softmodels.mechanics.loads import check_density
 from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.sensitivity import known_parameters
 
@@ -486,7 +486,7 @@ class Region(RegionPart):
 
     Attributes:
         material: Its law and parameters.
-        density: In kg/m3; if None that of the named silicone's data sheet, or else of `softmodels.mechanics.loads.Gravity`.
+        density: In kg/m3; if None that of the named silicone's data sheet, or else of `softmodels.components.loads.Gravity`.
         name: Physical group of its cells, one of `Actuator.regions`.
 
     Raises:

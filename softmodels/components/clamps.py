@@ -23,12 +23,10 @@ from softmodels.mechanics.component import (
     names_in,
     register_component,
 )
+from softmodels.mechanics.holds import HoldingPart
 
 if TYPE_CHECKING:
     pass
-
-
-from softmodels.mechanics.holds import HoldingPart
 
 
 @register_component

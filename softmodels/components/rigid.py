@@ -1,8 +1,8 @@
 """Rigid parts bonded to a device: plates and rings that move but keep their shape.
 
-The constraint is exact: the dofs on a part follow its own few unknowns (`softmodels.mechanics.system`), and nothing is penalised. Which
-motions there are is a matter of the device's symmetry: six in a whole solid, three in a half, the axial translation in a wedge
-or an axisymmetric section.
+The constraint is exact: the dofs on a part follow its own few unknowns (`softmodels.mechanics.system`), and nothing is
+penalised. Which motions there are is a matter of the device's symmetry: six in a whole solid, three in a half, the axial
+translation in a wedge or an axisymmetric section.
 """
 
 from __future__ import annotations
@@ -35,12 +35,11 @@ from softmodels.mechanics.dead_loads import (
     Weighed,
     check_finite,
 )
+from softmodels.mechanics.rigid import STILL, Freedom, RigidPart
 
 if TYPE_CHECKING:
     pass
 
-
-from softmodels.mechanics.rigid import STILL, Freedom, RigidPart
 
 KINDS = ("free", "guided", "held")
 

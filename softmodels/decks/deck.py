@@ -30,12 +30,9 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
 from softmodels.common.arrays import Array
+from softmodels.components import contact as contact_module
 from softmodels.components.clamps import Clamp
-from softmodels.components.rigid import Rigid
-from softmodels.materials.laws import Material
-from softmodels.mechanics import contact as contact_module
-from softmodels.mechanics.component import Component, gravity_of, names_in
-from softmodels.mechanics.contact import (
+from softmodels.components.contact import (
     HARDENS,
     HARDER,
     ONSET,
@@ -46,20 +43,23 @@ from softmodels.mechanics.contact import (
     copies_around,
     obstacle_of,
 )
-from softmodels.mechanics.dead_loads import LoadPart
-from softmodels.mechanics.fibres import (
+from softmodels.components.fibres import (
     Fabric,
     Fibres,
     helix_at,
     slope_of,
 )
+from softmodels.components.loads import FaceLoad, Mass
+from softmodels.components.pressing import HardeningPenalty, Penalty, Stand
+from softmodels.components.rigid import Rigid
+from softmodels.components.sheets import Sheet
+from softmodels.components.walls import Walls
+from softmodels.materials.laws import Material
+from softmodels.mechanics.component import Component, gravity_of, names_in
+from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.mechanics.holds import held_with
-from softmodels.mechanics.loads import FaceLoad, Mass
-from softmodels.mechanics.pressing import HardeningPenalty, Penalty, Stand
 from softmodels.mechanics.rigid import Freedom
-from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.system import System, nodal_forces
-from softmodels.mechanics.walls import Walls
 from softmodels.path.program import begins_at_rest
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -405,7 +405,7 @@ class Springs:
 # Contact as springs: one for each integration point of the stopped faces, with the same energy of its depth.
 #
 # Contact's energy is a function of the distance of integration points to a plane, a point or a line (see
-# `softmodels.mechanics.contact` and `softmodels.mechanics.contact`). That is the length of a spring from there to the point,
+# `softmodels.components.contact` and `softmodels.components.contact`). That is the length of a spring from there to the point,
 # projected onto what is square to the plane or the line.
 
 
@@ -534,7 +534,7 @@ def _row(onto: Array, nodes: npt.NDArray[np.int64], values: Array) -> Terms:
 # Fibres and yarns as springs: one for each integration point and family, with the same energy of its stretch.
 #
 # A fibre along a has an energy of |F a|, and F a is a sum of the displacements of a cell's nodes, on a face of a facet's. So it
-# is the length of a spring whose end moves by that sum (`softmodels.mechanics.fibres`, `softmodels.mechanics.fibres`). A
+# is the length of a spring whose end moves by that sum (`softmodels.components.fibres`, `softmodels.components.fibres`). A
 # fabric's two families of yarns are such fibres, as long as they do not contract each other and their shear costs nothing.
 
 
@@ -554,11 +554,11 @@ class Family:
         label: The part's name.
         roles: Faces that they are laid on, or regions; the whole body if empty.
         on_faces: Whether they are on faces.
-        axis, angle: Of their direction, in degrees; see `softmodels.mechanics.fibres.Helix`.
+        axis, angle: Of their direction, in degrees; see `softmodels.components.fibres.Helix`.
         hand: -1 of the helix that winds the other way.
         across: Whether they run square to that direction, in the face.
         stiffness: In N/m on faces, in Pa else.
-        law, exponent, slack: See `softmodels.mechanics.fibres.Fibres`.
+        law, exponent, slack: See `softmodels.components.fibres.Fibres`.
     """
 
     label: str

@@ -14,6 +14,8 @@ import numpy.typing as npt
 from geometries.mesh_arrays import Ints
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.components.contact import Obstacle, RigidShape
+from softmodels.components.fibres import Fabric, Fibres
 from softmodels.decks.deck import (
     WRITTEN,
     Deck,
@@ -21,8 +23,6 @@ from softmodels.decks.deck import (
     Rigged,
     check,
 )
-from softmodels.mechanics.contact import Obstacle, RigidShape
-from softmodels.mechanics.fibres import Fabric, Fibres
 
 Node = ElementTree.Element
 

@@ -32,6 +32,7 @@ from softmodels.common.units import (
     number_and_unit,
     quantity,
 )
+from softmodels.components.walls import Walls
 from softmodels.design.loads import (
     PRESSURE,
     VOLUME,
@@ -45,7 +46,6 @@ from softmodels.design.loads import (
 from softmodels.design.quantities.base import DesignQuantity
 from softmodels.design.quantities.gaps import LeastGap
 from softmodels.design.trials import Evaluation, Trial
-from softmodels.mechanics.walls import Walls
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -44,7 +44,7 @@ class RegionPart(Component):
 
     @property
     def own_density(self) -> float | None:
-        """In kg/m3; None for that of `softmodels.mechanics.loads.Gravity`."""
+        """In kg/m3; None for that of `softmodels.components.loads.Gravity`."""
         return None
 
 

@@ -26,7 +26,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.commands import unswept
 from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError
 from softmodels.common.terminal import say
-from softmodels.mechanics.contact import obstacle_of
+from softmodels.components.contact import obstacle_of
 from softmodels.pictures import (
     curves,
     offscreen,

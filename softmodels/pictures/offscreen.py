@@ -17,7 +17,7 @@ import numpy.typing as npt
 from PIL import Image as Picture
 
 from softmodels.common.arrays import Array
-from softmodels.mechanics.contact import RigidShape, obstacle_of, surface_of
+from softmodels.components.contact import RigidShape, obstacle_of, surface_of
 from softmodels.pictures.style import (
     DPI,
     EDGE,

@@ -28,8 +28,8 @@ from softmodels.common.files import check_file, read_text, write_text
 from softmodels.common.page import data_uri, image_uri, render
 from softmodels.common.schema import about
 from softmodels.common.units import readable
+from softmodels.components.contact import obstacle_of
 from softmodels.materials.laws import parameter_fields
-from softmodels.mechanics.contact import obstacle_of
 from softmodels.path.program import named
 from softmodels.pictures import curves
 from softmodels.pictures.offscreen import Look

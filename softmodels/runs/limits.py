@@ -32,6 +32,7 @@ from softmodels.common.units import (
     number,
     quantity,
 )
+from softmodels.components.loads import weighed
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import (
     PRODUCTS,
@@ -44,7 +45,6 @@ from softmodels.materials.silicones import (
 )
 from softmodels.mechanics.compiling import compiling
 from softmodels.mechanics.component import Component, ComponentError
-from softmodels.mechanics.loads import weighed
 from softmodels.mechanics.mpi import on_root
 
 if TYPE_CHECKING:

@@ -21,7 +21,10 @@ from softmodels.case.materials import Region
 from softmodels.case.requests import followed_text
 from softmodels.common.commands import FULL
 from softmodels.components.clamps import Clamp
+from softmodels.components.contact import obstacle_of
+from softmodels.components.loads import Gravity
 from softmodels.components.rigid import Rigid
+from softmodels.components.walls import Walls
 from softmodels.materials.silicones import (
     broken,
     density_of,
@@ -40,10 +43,7 @@ from softmodels.materials.stability import (
 )
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import PathFailure, names_in
-from softmodels.mechanics.contact import obstacle_of
-from softmodels.mechanics.loads import Gravity
 from softmodels.mechanics.mpi import petsc_reason
-from softmodels.mechanics.walls import Walls
 from softmodels.path.program import LOAD_KEYS, step_text
 from softmodels.runs.band import SourceRows, span_sentence
 from softmodels.runs.columns import StateLabels, loads_words, state_labels

@@ -30,8 +30,8 @@ def exact():
 
 
 def main(cells: list[float]) -> None:
+    from softmodels.components.loads import Force, Gravity
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.loads import Force, Gravity
     from softmodels.mechanics.mpi import start
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System

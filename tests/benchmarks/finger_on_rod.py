@@ -20,13 +20,13 @@ def main() -> None:
     """Print the forces."""
     comm = start()
     from geometries import PneuNet
+    from softmodels.components.contact import RigidShape
+    from softmodels.components.walls import Walls
     from softmodels.materials.silicones import SILICONES
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.component import EnergyComponent
-    from softmodels.mechanics.contact import RigidShape
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.mechanics.walls import Walls
     from softmodels.path.continuation import Continuation, trace
 
     def follow(device: PneuNet, part: EnergyComponent) -> None:

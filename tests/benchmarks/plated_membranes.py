@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 import softmodels as sm
+from softmodels.components.loads import Gravity
 from softmodels.components.rigid import Rigid
-from softmodels.mechanics.loads import Gravity
 
 FOLDER = Path(__file__).parents[1] / "verification"
 WEIGHTS = (1.5, 2.5, 4.0)

@@ -16,11 +16,16 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import LoadRequest
 from softmodels.common.schema import Choice, Length, about
+from softmodels.components.fibres import Fabric, Fibres
+from softmodels.components.loads import (
+    Force,
+    Gravity,
+    Mass,
+    Moment,
+)
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.dead_loads import LoadPart
-from softmodels.mechanics.fibres import Fabric, Fibres
-from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
 from softmodels.path.program import Series
 
 IMPORTED = ("ImportedActuator", "ImportedMesh")

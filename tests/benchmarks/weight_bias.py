@@ -19,11 +19,11 @@ from matplotlib.figure import Figure
 import softmodels as sm
 from geometries import Actuator, HollowDisk, Membrane
 from softmodels.case.case import Case
+from softmodels.components.loads import Gravity, Mass
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
 from softmodels.fitting.problem import LawChoice
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.loads import Gravity, Mass
 from softmodels.mechanics.mpi import start
 
 DOWN = Gravity("-z")

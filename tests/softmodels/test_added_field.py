@@ -14,7 +14,13 @@ from softmodels.case.case import Case
 from softmodels.cli.run import run
 from softmodels.materials.laws import NeoHookean
 from softmodels.runs.columns import COLUMNS, PathColumn, term
-from softmodels.runs.fields import FIELDS, MEASURES, Extreme, ForceMeasure, OutputField
+from softmodels.runs.fields import (
+    FIELDS,
+    MEASURES,
+    Extreme,
+    ForceMeasure,
+    OutputField,
+)
 
 SMALLEST = OutputField(
     "smallest_stretch",

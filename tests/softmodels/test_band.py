@@ -12,7 +12,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import LoadRequest
 from softmodels.case.materials import MaterialErrors, SourceBand, band_of
-from softmodels.mechanics.loads import Gravity, Mass
+from softmodels.components.loads import Gravity, Mass
 from softmodels.pictures.style import headline
 from softmodels.runs.columns import state_labels, term
 from softmodels.runs.notes import band_notes

@@ -12,10 +12,10 @@ import softmodels as sm
 from geometries import Bellows, BendingBellows, HollowDisk, PneuNet
 from softmodels.case.case import Case
 from softmodels.case.components import without_walls
+from softmodels.components.walls import WallTerm
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.system import System
-from softmodels.mechanics.walls import WallTerm
 from softmodels.pictures.style import WARNING, headline, title_colour
 from softmodels.runs.columns import state_labels
 from softmodels.runs.notes import contact_notes, left_out

@@ -13,7 +13,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.mechanics.contact import ONSET, distances
+from softmodels.components.contact import ONSET, distances
 from softmodels.path.program import from_tables
 
 LAW = sm.Yeoh(14e3, 60.0, 0.0, 0.49)

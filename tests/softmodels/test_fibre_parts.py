@@ -12,9 +12,9 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.own_modules import VARIABLE, own_modules
+from softmodels.components.fibres import Fabric, Fibres, fibre_law
+from softmodels.components.walls import Walls
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.fibres import Fabric, Fibres, fibre_law
-from softmodels.mechanics.walls import Walls
 from softmodels.runs.columns import term
 from softmodels.runs.notes import advice
 

@@ -21,8 +21,8 @@ from softmodels.case.case import Case, difference, identity
 from softmodels.case.materials import DEFAULT
 from softmodels.common import folders
 from softmodels.common.folders import OwnFolder
+from softmodels.components.contact import Obstacle
 from softmodels.disk import command
-from softmodels.mechanics.contact import Obstacle
 from softmodels.runs.row import Row
 from softmodels.runs.store import Results
 

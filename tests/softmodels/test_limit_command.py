@@ -19,11 +19,11 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.cli.limit_command import LimitArguments
 from softmodels.common.schema import about
+from softmodels.components.loads import Gravity, Mass
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.materials.silicones import SILICONES, density_of
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.iterative import Multigrid
-from softmodels.mechanics.loads import Gravity, Mass
 from softmodels.runs.limits import Tolerance, check_varied, find_limit, samples
 
 THIN = HollowDisk.variant("shadow", support="base", fillet=0.0, base_fillet=0.0, section="axisymmetric")

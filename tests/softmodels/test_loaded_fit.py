@@ -21,13 +21,18 @@ from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.cli.fit_command import fit_material
 from softmodels.cli.score_command import score
+from softmodels.components.loads import (
+    Force,
+    Gravity,
+    Mass,
+    Moment,
+)
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.residuals import Height
 from softmodels.fitting.outlines.silhouette import shadow_of
 from softmodels.fitting.outlines.simulated import correlated, half_outline
 from softmodels.materials.specimens import respond
-from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
 from softmodels.pictures.curves import profile
 from softmodels.runs.grid import QuadraticCurve
 

@@ -5,7 +5,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.load import LoadRequest
-from softmodels.mechanics.fibres import Reinforced, least_resistance
+from softmodels.components.fibres import Reinforced, least_resistance
 from softmodels.runs.notes import advice
 from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from geometries import HollowDisk
+from softmodels.components.loads import Gravity, Mass
 from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import StressError, residuals_of
@@ -32,7 +33,6 @@ from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
 from softmodels.fitting.problem import BENCH, CannotEvaluate, Extra, LawChoice, Prior
 from softmodels.materials.specimens import respond
-from softmodels.mechanics.loads import Gravity, Mass
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)
 THIN = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)

@@ -141,7 +141,7 @@ def test_a_curled_edge_is_not_called_a_soft_contact():
     from geometries import HollowDisk
     from softmodels.case.case import Case
     from softmodels.case.materials import DEFAULT
-    from softmodels.mechanics.contact import Obstacle
+    from softmodels.components.contact import Obstacle
     from softmodels.runs.notes import depth_notes
 
     case = Case("disk", HollowDisk(), DEFAULT, (10.0,), components=[Obstacle("top", "z = 20 mm")])

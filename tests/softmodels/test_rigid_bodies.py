@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.mechanics.contact import RigidShape
+from softmodels.components.contact import RigidShape
 from softmodels.pictures.offscreen import (
     look,
     shape_layers,

@@ -11,78 +11,106 @@ from pathlib import Path
 import pytest
 
 TOP = Path(__file__).parents[2]
-ROOMS = {
-    "softmodels": (
-        "materials",
-        "mechanics",
-        "path",
-        "case",
-        "results",
-        "fitting",
-        "design",
-        "pictures",
-        "runs",
-        "cli",
-        "",
-    ),
-    "measurement": ("common", "camera", "screen", "edge", "outline", "series", "synthetic", "cli", ""),
-}
-"""From the lowest to the highest. The last are the public names and the commands as users call them."""
-COMMON = {"measurement": "common"}
-"""Rank of modules that stand in no room: files, folders, units and endings, which every program here shares."""
+PACKAGES = ("softmodels", "geometries", "measurement")
+ROOMS = (
+    "softmodels/common",
+    "geometries",
+    "measurement",
+    "measurement/camera",
+    "measurement/screen",
+    "measurement/edge",
+    "measurement/outline",
+    "measurement/series",
+    "measurement/synthetic",
+    "measurement/cli",
+    "softmodels/materials",
+    "softmodels/mechanics",
+    "softmodels/components",
+    "softmodels/path",
+    "softmodels/case",
+    "softmodels/runs",
+    "softmodels/fitting",
+    "softmodels/design",
+    "softmodels/casting",
+    "softmodels/decks",
+    "softmodels/pictures",
+    "softmodels/cli",
+)
+"""From the lowest to the highest."""
 DOORS = ("__init__", "__main__", "disk", "seminar")
+"""Directly in a package: its public names and its commands, above all rooms."""
 
 
-def _module(package, parts):
-    place = TOP.joinpath(package, *parts)
+def _module(parts):
+    place = TOP.joinpath(*parts)
     if place.is_dir():
         place = place / "__init__"
     return place.relative_to(TOP).as_posix() if place.with_suffix(".py").is_file() else None
 
 
 def _imports(path):
-    """Modules of its own package that a file imports, as paths without suffix."""
-    package, found = path.relative_to(TOP).parts[0], set()
+    """Modules of the three packages that a file imports, as paths without suffix."""
+    found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == package:
-            parts = node.module.split(".")[1:]
-            found |= {_module(package, [*parts, alias.name]) or _module(package, parts) for alias in node.names}
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in PACKAGES:
+            parts = node.module.split(".")
+            found |= {_module([*parts, alias.name]) or _module(parts) for alias in node.names}
         elif isinstance(node, ast.Import):
             names = [alias.name.split(".") for alias in node.names]
-            found |= {_module(package, name[1:]) for name in names if name[0] == package}
+            found |= {_module(name) for name in names if name[0] in PACKAGES}
     return found - {None}
 
 
 def _rank(module):
-    package, *parts = module.split("/")
-    room = parts[0] if len(parts) > 1 else "" if parts[0] in DOORS else COMMON.get(package, "")
-    return ROOMS[package].index(room)
+    """A door stands above all; what is imported from a package's door comes from a room, which is looked at by itself."""
+    if module in {f"{package}/{door}" for package in PACKAGES for door in DOORS}:
+        return len(ROOMS)
+    room = max((room for room in ROOMS if module.startswith(f"{room}/")), key=len)
+    return ROOMS.index(room)
+
+
+def _public(module):
+    """Whether a module is a package's door as others use it: ``from geometries import Actuator``."""
+    return module in {f"{package}/__init__" for package in PACKAGES}
 
 
 GRAPH = {
     path.relative_to(TOP).with_suffix("").as_posix(): _imports(path)
-    for package in ROOMS
+    for package in PACKAGES
     for path in sorted((TOP / package).rglob("*.py"))
 }
 
 
-@pytest.mark.parametrize("package", ROOMS)
-def test_every_room_has_a_rank(package):
-    rooms = {path.name for path in (TOP / package).iterdir() if any(path.glob("*.py"))}
-    assert rooms == set(ROOMS[package]) - {"", COMMON.get(package)}
-    assert (
-        sum(len(GRAPH[module]) for module in GRAPH if module.startswith(package)) > 100
-    )  # the imports are really seen
+def test_every_folder_is_in_a_room():
+    folders = {
+        path.parent.relative_to(TOP).as_posix() for package in PACKAGES for path in (TOP / package).rglob("*.py")
+    }
+    assert {room for room in ROOMS if room not in folders} == set()
+    assert all(any(f"{folder}/".startswith(f"{room}/") for room in (*ROOMS, "softmodels")) for folder in folders)
+    assert all(sum(len(GRAPH[m]) for m in GRAPH if m.startswith(package)) > 60 for package in PACKAGES)  # they are seen
 
 
 @pytest.mark.parametrize("module", sorted(GRAPH))
 def test_imports_point_downwards(module):
-    wrong = {other for other in GRAPH[module] if _rank(other) > _rank(module)}
+    wrong = {other for other in GRAPH[module] if not _public(other) and _rank(other) > _rank(module)}
     assert not wrong, f"{module} imports from higher rooms"
+    assert "softmodels/__init__" not in GRAPH[module] or _rank(module) == len(ROOMS), (
+        f"{module} imports the public names"
+    )
 
 
 def test_no_cycles():
-    list(graphlib.TopologicalSorter(GRAPH).static_order())  # else a CycleError names one
+    graph = {module: {other for other in GRAPH[module] if not _public(other)} for module in GRAPH}
+    list(graphlib.TopologicalSorter(graph).static_order())  # else a CycleError names one
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_room_has_a_first_page(room):
+    """It says what lives there and where to begin: every file of the room is named."""
+    page = ast.get_docstring(ast.parse((TOP / room / "__init__.py").read_text(encoding="utf-8"))) or ""
+    inside = [path.stem for path in (TOP / room).glob("*.py") if path.stem not in ("__init__", *DOORS)]
+    inside += [path.name for path in (TOP / room).iterdir() if (path / "__init__.py").exists()]
+    assert [name for name in inside if f"`{name}`" not in page] == []
 
 
 @pytest.mark.skipif(not (TOP / ".git").exists() or shutil.which("git") is None, reason="not a checkout")

@@ -13,7 +13,12 @@ import softmodels as sm
 from softmodels.common.errors import spoken, written
 from softmodels.common.schema import Quantity, field_of
 from softmodels.disk import command
-from softmodels.path.supply import SUPPLIES, AirSupply, Stroke, register
+from softmodels.path.supply import (
+    SUPPLIES,
+    AirSupply,
+    Stroke,
+    register,
+)
 from softmodels.runs.api import inflate  # noqa: F401  (says what its arguments are)
 from softmodels.runs.columns import term
 from softmodels.runs.notes import explain, explain_failure

@@ -130,9 +130,9 @@ def loaded(comm, section: Path) -> list[float]:
     """Volume, what the loads move, and signature of a disk that hangs under weights, is inflated and then pushed in."""
     import numpy as np
 
+    from softmodels.components.loads import Force, Gravity, Mass
     from softmodels.materials.laws import NeoHookean
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.loads import Force, Gravity, Mass
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.continuation import Continuation, trace
@@ -156,12 +156,12 @@ def loaded(comm, section: Path) -> list[float]:
 
 def meeting(comm, wedge: Path) -> list[float]:
     """A wedge that is sucked empty until the cavity's floor and ceiling press on each other, images across the cuts too."""
+    from softmodels.components.walls import Walls
     from softmodels.materials.laws import NeoHookean
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.controls import volume_control
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
-    from softmodels.mechanics.walls import Walls
 
     equations = Solver(System(Body.from_file(WEDGE, wedge, comm), NeoHookean(30e3, 0.49), components=[Walls("cavity")]))
     system = equations.system

@@ -7,11 +7,11 @@ import tempfile
 from pathlib import Path
 
 from geometries import HollowDisk
+from softmodels.components.contact import RigidShape
+from softmodels.components.loads import Gravity
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.contact import RigidShape
 from softmodels.mechanics.controls import volume_control
-from softmodels.mechanics.loads import Gravity
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver

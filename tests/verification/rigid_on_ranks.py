@@ -16,10 +16,10 @@ COMM = start()
 import numpy as np  # noqa: E402
 
 import softmodels as sm  # noqa: E402
+from softmodels.components.loads import Force  # noqa: E402
 from softmodels.components.rigid import Rigid  # noqa: E402
 from softmodels.mechanics.body import Body  # noqa: E402
 from softmodels.mechanics.controls import pressure_control  # noqa: E402
-from softmodels.mechanics.loads import Force  # noqa: E402
 from softmodels.mechanics.rigid import rotation_vector  # noqa: E402
 from softmodels.mechanics.solver import Solver  # noqa: E402
 from softmodels.mechanics.system import System  # noqa: E402

@@ -7,9 +7,9 @@ from pathlib import Path
 
 def figures(comm, device, mesh: Path) -> list[float]:
     """Volume, forces, slip and work at the ends of both ways."""
+    from softmodels.components.contact import RigidShape
     from softmodels.materials.laws import NeoHookean
     from softmodels.mechanics.body import Body
-    from softmodels.mechanics.contact import RigidShape
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.program import KEYS, Series

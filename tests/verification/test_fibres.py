@@ -15,7 +15,7 @@ import pytest
 from scipy.optimize import brentq, root
 
 import softmodels as sm
-from softmodels.mechanics.fibres import ONSET, Fabric, Fibres
+from softmodels.components.fibres import ONSET, Fabric, Fibres
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path.continuation import Continuation, trace

@@ -9,11 +9,18 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.components.contact import RigidShape, slopes
+from softmodels.components.pressing import (
+    Grip,
+    HardeningPenalty,
+    PressedByDistance,
+    Rubbed,
+    Rubbing,
+    Surface,
+)
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.problem import FitError
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.contact import RigidShape, slopes
-from softmodels.mechanics.pressing import Grip, HardeningPenalty, PressedByDistance, Rubbed, Rubbing, Surface
 
 LAW = sm.NeoHookean(30e3, 0.49)
 SECTION = sm.HollowDisk(section="axisymmetric")

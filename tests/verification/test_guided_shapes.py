@@ -11,11 +11,17 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import LoadRequest
+from softmodels.components.contact import RigidShape, slopes
+from softmodels.components.pressing import (
+    GivingWay,
+    HardeningPenalty,
+    PressedByDistance,
+    Stand,
+    Surface,
+)
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.contact import RigidShape, slopes
 from softmodels.mechanics.controls import volume_control
-from softmodels.mechanics.pressing import GivingWay, HardeningPenalty, PressedByDistance, Stand, Surface
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from softmodels.components.sheets import Sheet
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import sphere_pressure
-from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.runs.fields import Fields

@@ -11,9 +11,9 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.cli.run import run
+from softmodels.components.loads import Force
 from softmodels.components.rigid import Rigid
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.loads import Force
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.schedule import hang

@@ -13,10 +13,15 @@ from scipy.optimize import brentq, minimize_scalar
 from geometries import Actuator, Beam, Hold, HollowDisk
 from softmodels.case.materials import Region
 from softmodels.common.schema import length_field, number_field
+from softmodels.components.loads import (
+    Force,
+    Gravity,
+    Mass,
+    Moment,
+)
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.loads import Force, Gravity, Mass, Moment
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System

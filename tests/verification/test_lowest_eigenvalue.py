@@ -11,11 +11,11 @@ import scipy.linalg
 import scipy.sparse
 
 from geometries import HollowDisk, PneuNet, SeminarActuator
+from softmodels.components.walls import Walls
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.mechanics.walls import Walls
 from softmodels.path import stability
 from softmodels.path.stability import lowest
 

@@ -12,9 +12,10 @@ from scipy.optimize import fsolve
 from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.components.contact import ONSET, Obstacle
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.strain import HomogeneousStrain
-from softmodels.mechanics.contact import ONSET, ComponentError, Obstacle
+from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System, held_force

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.components.contact import Obstacle, RigidShape
+from softmodels.components.loads import Force, Gravity, Mass
 from softmodels.components.rigid import Rigid
-from softmodels.mechanics.contact import Obstacle, RigidShape
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.loads import Force, Gravity, Mass
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import Nodes, System, held_force
 from softmodels.path.schedule import hang, inflate_from

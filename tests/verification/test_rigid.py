@@ -22,10 +22,10 @@ from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
 from softmodels.common.schema import choice_field, length_field
 from softmodels.components.clamps import Clamp
+from softmodels.components.loads import Force
+from softmodels.components.rigid import Rigid
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
-from softmodels.mechanics.loads import Force
-from softmodels.components.rigid import Rigid
 from softmodels.mechanics.rigid import (
     Turn,
     amounts,

@@ -13,9 +13,9 @@ from scipy.interpolate import CubicHermiteSpline
 
 from geometries import Membrane
 from softmodels import inflate, silicone
+from softmodels.components.loads import Force, Gravity
 from softmodels.components.rigid import Rigid
 from softmodels.materials.laws import NeoHookean, Yeoh
-from softmodels.mechanics.loads import Force, Gravity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import Nodes, System
 from softmodels.path.continuation import Concentration, Continuation, trace

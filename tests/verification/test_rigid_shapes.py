@@ -13,10 +13,10 @@ from geometries import CutPlane, Hold, HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common.schema import length_field
+from softmodels.components.contact import ONSET_PRESSURE, RigidShape
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.contact import ONSET_PRESSURE, RigidShape
 from softmodels.mechanics.controls import pressure_control, volume_control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System, held_force

@@ -14,10 +14,10 @@ import pytest
 
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.components.sheets import Sheet
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.runs.fields import Fields

@@ -7,8 +7,8 @@ import pytest
 
 from geometries import HollowDisk, SeminarActuator
 from softmodels.case.case import Case
+from softmodels.components.sheets import Sheet
 from softmodels.materials.laws import NeoHookean
-from softmodels.mechanics.sheet import Sheet
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path.continuation import Continuation, trace

@@ -10,10 +10,15 @@ import pytest
 
 import softmodels as sm
 from softmodels.common.errors import FieldError
+from softmodels.components.contact import _winding
+from softmodels.components.pressing import (
+    FixedWall,
+    Penalty,
+    PressedOn,
+    Surface,
+)
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.contact import _winding
-from softmodels.mechanics.pressing import FixedWall, Penalty, PressedOn, Surface
 
 LAW = NeoHookean(30e3, 0.45)
 DISK = sm.HollowDisk(cell_size=0.004, angle=30)

@@ -13,15 +13,20 @@ from geometries.actuator import reflected
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common.schema import length_field, number_field
+from softmodels.components.contact import Obstacle
+from softmodels.components.pressing import (
+    Pairs,
+    Penalty,
+    Pressed,
+    Surface,
+)
+from softmodels.components.walls import Walls, passes
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.contact import Obstacle
 from softmodels.mechanics.controls import pressure_control, volume_control
-from softmodels.mechanics.pressing import Pairs, Penalty, Pressed, Surface
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
-from softmodels.mechanics.walls import Walls, passes
 from softmodels.runs.grid import Grid
 from softmodels.runs.state_values import Sampling
 

@@ -22,6 +22,12 @@ from softmodels.case.case import Case
 from softmodels.common.arrays import Array
 from softmodels.common.calls import checked, one_of
 from softmodels.common.schema import about
+from softmodels.components.loads import (
+    STANDARD_GRAVITY,
+    DirectedLoad,
+    FaceLoad,
+    weighed,
+)
 from softmodels.fitting.outlines.shapes import OutlineFitError
 from softmodels.fitting.outlines.silhouette import Silhouette, crest, edge_heights
 from softmodels.fitting.problem import CannotEvaluate, FitError, LawChoice
@@ -36,12 +42,6 @@ from softmodels.mechanics.controls import (
     volume_control,
 )
 from softmodels.mechanics.dead_loads import LoadPart
-from softmodels.mechanics.loads import (
-    STANDARD_GRAVITY,
-    DirectedLoad,
-    FaceLoad,
-    weighed,
-)
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import Rate, Sensitivity

@@ -38,6 +38,7 @@ from softmodels.common.schema import (
     number_field,
     shown,
 )
+from softmodels.components.sheets import locking
 from softmodels.materials.laws import Material
 from softmodels.materials.strain import Expression, HomogeneousStrain
 from softmodels.mechanics.body import Body, cell_measure
@@ -56,7 +57,6 @@ from softmodels.mechanics.component import (
     names_in,
     register_component,
 )
-from softmodels.mechanics.sheet import locking
 
 if TYPE_CHECKING:
     import ufl
@@ -144,7 +144,7 @@ class StrainTerm(EnergyTerm):
 
         Args:
             part: What is laid there, for messages.
-            direction: Of a face's normal, see `softmodels.mechanics.fibres.Helix.field`.
+            direction: Of a face's normal, see `softmodels.components.fibres.Helix.field`.
             equations: Compile and integrate.
 
         Raises:
@@ -706,7 +706,7 @@ class FibreTerm(StrainTerm):
             self._means.append([equations.form(self.integral(integrand, place)) for integrand in integrands])
 
     def breakdown(self, equations: Equations) -> PathFailure | None:
-        """Kinks of fibres that are compressed in the silicone; see `softmodels.mechanics.fibres`."""
+        """Kinks of fibres that are compressed in the silicone; see `softmodels.components.fibres`."""
         if self.in_face or self._part.slack:
             return None
         body, u, found = self.setting.body, self.setting.displacement, []
@@ -739,8 +739,8 @@ class FibreTerm(StrainTerm):
 #     W = (k1 E11^2 + 2 v k2 E11 E22 + k2 E22^2) / (2 (1 - r v^2)) + 2 g E12^2
 #
 # (Saint-Venant and Kirchhoff's orthotropic membrane; v is the contraction across for a pull along). A fabric that bears no
-# compression lets each yarn go slack by itself, over a small strain as `softmodels.mechanics.fibres` has it; v is 0 then. It
-# bends as freely as a sheet does, and locks as one on solid meshes: see `softmodels.mechanics.sheet`.
+# compression lets each yarn go slack by itself, over a small strain as `softmodels.components.fibres` has it; v is 0 then. It
+# bends as freely as a sheet does, and locks as one on solid meshes: see `softmodels.components.sheets`.
 
 
 @register_component

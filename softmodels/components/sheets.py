@@ -23,11 +23,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 from geometries import Actuator
-from softmodels.common.schema import (
-    Quantity,
-    Words,
-    field_of,
-)
+from softmodels.common.schema import Quantity, Words, field_of
 from softmodels.mechanics.component import (
     ComponentError,
     EnergyComponent,

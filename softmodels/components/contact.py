@@ -41,6 +41,22 @@ from softmodels.common.schema import (
     length_field,
     list_field,
 )
+from softmodels.components.pressing import (
+    FixedWall,
+    GivingWay,
+    Grip,
+    HardeningPenalty,
+    Penalty,
+    PressedByDistance,
+    PressedOn,
+    PressedSamples,
+    PressingTerm,
+    Rubbed,
+    Rubbing,
+    Stand,
+    Surface,
+    TooFineError,
+)
 from softmodels.mechanics.assembly import FaceNodes, check_mesh_faces
 from softmodels.mechanics.body import Body, in_section, in_space
 from softmodels.mechanics.component import (
@@ -57,22 +73,6 @@ from softmodels.mechanics.component import (
     register_component,
 )
 from softmodels.mechanics.mpi import largest
-from softmodels.mechanics.pressing import (
-    FixedWall,
-    GivingWay,
-    Grip,
-    HardeningPenalty,
-    Penalty,
-    PressedByDistance,
-    PressedOn,
-    PressedSamples,
-    PressingTerm,
-    Rubbed,
-    Rubbing,
-    Stand,
-    Surface,
-    TooFineError,
-)
 
 if TYPE_CHECKING:
     import scipy
@@ -139,7 +139,7 @@ class ContactPart(EnergyComponent):
 
 
 class StoppingShape(Protocol):
-    """What all rigid shapes have; see `softmodels.mechanics.contact.RigidShape`."""
+    """What all rigid shapes have; see `softmodels.components.contact.RigidShape`."""
 
     @property
     def where(self) -> str: ...
@@ -258,7 +258,7 @@ def slopes(places: Array, numbers: Numbers) -> tuple[Array, Array, Array]:
 # ----------------------------------------------------------------------------------------------------------------------
 # Rigid shapes that give way along a line when the device presses on them: on a spring, or with a mass that is lifted.
 #
-# The place on the line is that of least energy, see `softmodels.mechanics.pressing`; the shape does not turn.
+# The place on the line is that of least energy, see `softmodels.components.pressing`; the shape does not turn.
 
 
 class Guided(StoppingShape, Protocol):
@@ -385,7 +385,7 @@ class GuidedShapeTerm(PressingTerm[GivingWay]):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Rigid shapes that stand still and that faces rub on; the law is in `softmodels.mechanics.pressing`.
+# Rigid shapes that stand still and that faces rub on; the law is in `softmodels.components.pressing`.
 
 
 MOST = 3.0
@@ -589,7 +589,7 @@ class ShapeTerm(EnergyTerm):
 
 
 class SampledShapeTerm(PressingTerm[PressedByDistance]):
-    """The same energy as sums over samples, for a shape that gives way (`softmodels.mechanics.contact`).
+    """The same energy as sums over samples, for a shape that gives way (`softmodels.components.contact`).
 
     Args:
         shape: The shape.
@@ -629,7 +629,7 @@ class SampledShapeTerm(PressingTerm[PressedByDistance]):
 # ----------------------------------------------------------------------------------------------------------------------
 # Rigid shapes from an STL file, that faces of the device come to rest on, from outside or from within.
 #
-# The distance from the file's triangles is the smooth gap of `softmodels.mechanics.pressing`, with samples that stand still:
+# The distance from the file's triangles is the smooth gap of `softmodels.components.pressing`, with samples that stand still:
 # exact on flat parts, rounded at edges over the kernel's radius, and twice differentiable everywhere. A sphere of radius r
 # appears larger by a tenth of the kernel's radius squared over r.
 
@@ -803,9 +803,9 @@ def _winding(places: Array, corners: Array) -> Array:
 # ----------------------------------------------------------------------------------------------------------------------
 # Rigid shapes that faces of the device come to rest on: a sphere, a cylinder, a capsule, from outside or from within; a plane.
 #
-# One from an STL file is in `softmodels.mechanics.contact`, the distance from others in `softmodels.mechanics.contact`.
+# One from an STL file is in `softmodels.components.contact`, the distance from others in `softmodels.components.contact`.
 # With the signed distance g of a deformed place x to the shape, the energy per undeformed area is that of a plane's contact,
-# phi(max(-g, 0)); see `softmodels.mechanics.contact`. A shape stands still, and faces may rub on it, or gives way along a line.
+# phi(max(-g, 0)); see `softmodels.components.contact`. A shape stands still, and faces may rub on it, or gives way along a line.
 
 
 SHAPES = ("sphere", "cylinder", "capsule", "plane", "stl")

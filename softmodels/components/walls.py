@@ -15,6 +15,17 @@ from geometries import Actuator
 from geometries.actuator import cavity_roles, reflected
 from softmodels.common.arrays import Array
 from softmodels.common.schema import Quantity, Words, field_of
+from softmodels.components.contact import ONSET_PRESSURE, ContactPart
+from softmodels.components.pressing import (
+    MOST_IMAGES,
+    Near,
+    Pairs,
+    Penalty,
+    Pressed,
+    PressingTerm,
+    Surface,
+    facing,
+)
 from softmodels.mechanics.assembly import FaceNodes, check_mesh_faces
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.component import (
@@ -25,17 +36,6 @@ from softmodels.mechanics.component import (
     check_on_mesh,
     names_in,
     register_component,
-)
-from softmodels.mechanics.contact import ONSET_PRESSURE, ContactPart
-from softmodels.mechanics.pressing import (
-    MOST_IMAGES,
-    Near,
-    Pairs,
-    Penalty,
-    Pressed,
-    PressingTerm,
-    Surface,
-    facing,
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -249,7 +249,7 @@ def _clear(nodes: FaceNodes, body: Body, groups: Sequence[Sequence[str]], found:
 
 
 class WallTerm(PressingTerm[Pressed]):
-    """Contact of deformable walls; see `softmodels.mechanics.pressing`.
+    """Contact of deformable walls; see `softmodels.components.pressing`.
 
     Args:
         part: The walls.
