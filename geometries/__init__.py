@@ -9,6 +9,13 @@ Every device is a frozen dataclass in SI units. Its ``write`` makes a second-ord
 The same from a shell is ``python -m geometries HollowDisk --membrane 4mm -o disk.msh``. A new device is one subclass of
 `Actuator`, here or in a file of one's own; with `register` above it, command lines and settings files find it by its name.
 Every name is loaded when it is first used.
+
+Begin with `actuator`: a device is a frozen dataclass of it that is registered (`registry`).
+
+- `disk`, `seminar`, `pneunet`, `membrane`, `balloon`, `bellows`, `bending_bellows`, `cylinder`, `beam`: one file for
+  each device: its lengths, their checks, its mesh and its outline. `imported`: parts from files.
+- `revolved`: half sections of bodies of revolution. `meshing`, `apart`: Gmsh, in a process of its own where it takes long.
+- `mesh_arrays`: meshes as arrays. `options`: command-line options of a device.
 """
 
 from __future__ import annotations

@@ -59,6 +59,23 @@ if TYPE_CHECKING:
     from geometries import (
         SeminarActuator as SeminarActuator,
     )
+    from softmodels.api.calls import (
+        export as export,
+    )
+    from softmodels.api.calls import (
+        inflate as inflate,
+    )
+    from softmodels.api.calls import (
+        limit as limit,
+    )
+    from softmodels.api.calls import (
+        load as load,
+    )
+    from softmodels.api.calls import (
+        run as run,
+    )
+    from softmodels.api.run import Run as Run
+    from softmodels.api.run import SolvedState as SolvedState
     from softmodels.case.case import Case as Case
     from softmodels.case.entries import CaseError as CaseError
     from softmodels.case.materials import Region as Region
@@ -127,25 +144,8 @@ if TYPE_CHECKING:
     from softmodels.mechanics.mpi import StartError as StartError
     from softmodels.path.supply import SupplyError as SupplyError
     from softmodels.path.supply import Syringe as Syringe
-    from softmodels.runs.api import (
-        export as export,
-    )
-    from softmodels.runs.api import (
-        inflate as inflate,
-    )
-    from softmodels.runs.api import (
-        limit as limit,
-    )
-    from softmodels.runs.api import (
-        load as load,
-    )
-    from softmodels.runs.api import (
-        run as run,
-    )
     from softmodels.runs.limits import Limit as Limit
     from softmodels.runs.outcomes import RunError as RunError
-    from softmodels.runs.run import Run as Run
-    from softmodels.runs.run import SolvedState as SolvedState
     from softmodels.runs.store import ResultsError as ResultsError
 
 
@@ -197,8 +197,8 @@ _PLACES = {
     "softmodels.runs.store": ("ResultsError",),
     "softmodels.casting.settings": ("MouldError",),
     "softmodels.casting.files": ("mould",),
-    "softmodels.runs.api": ("export", "inflate", "run", "load", "limit"),
-    "softmodels.runs.run": ("Run", "SolvedState"),
+    "softmodels.api.calls": ("export", "inflate", "run", "load", "limit"),
+    "softmodels.api.run": ("Run", "SolvedState"),
 }
 _NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)
 

@@ -1,1 +1,7 @@
-"""The mould of a device: bodies to print or mill, and what the bench has to know to cast with them."""
+"""The mould of a device: bodies to print or mill, and what the bench needs to cast with them.
+
+Begin with `make`.
+
+- `settings`: what a workshop sets. `bodies`: the parts of the mould in the CAD kernel. `facets`: their surfaces, measured.
+- `sheet`, `pictures`: the sheet for the bench. `files`: STEP, STL and the call `sm.mould`.
+"""

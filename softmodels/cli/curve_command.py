@@ -10,6 +10,7 @@ from typing import Unpack
 import click
 import numpy as np
 
+from geometries.options import QuantityType
 from softmodels.case.materials import material_from
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import (
@@ -22,7 +23,6 @@ from softmodels.cli.tensile_options import (
 )
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.folders import OwnFolderError
-from softmodels.common.options import QuantityType
 from softmodels.common.terminal import say
 from softmodels.common.units import exact_text, with_prefix
 from softmodels.fitting.curves.curve import TensileError

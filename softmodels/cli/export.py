@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from softmodels.api.calls import export
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.cli.options import fail
 from softmodels.common.commands import status_of
@@ -14,7 +15,6 @@ from softmodels.common.terminal import say
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.compiling import CompilingError
 from softmodels.mechanics.mpi import launched, speaks, start
-from softmodels.runs.api import export
 from softmodels.runs.outcomes import FAILED
 
 

@@ -11,6 +11,7 @@ from typing import Unpack
 
 import click
 
+from geometries.options import QuantityType
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.cli.options import fail
@@ -27,7 +28,6 @@ from softmodels.cli.tensile_options import (
 )
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.folders import OwnFolderError, ResultFolder
-from softmodels.common.options import QuantityType
 from softmodels.common.terminal import say
 from softmodels.common.units import UnitError
 from softmodels.fitting.comparison import FitReport, separate_file

@@ -26,6 +26,12 @@ from geometries import (
     HollowDisk,
     MeshingError,
 )
+from geometries.options import (
+    QuantityType,
+    check_meaning,
+    device_options,
+    device_told,
+)
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import material_from
@@ -41,12 +47,6 @@ from softmodels.cli.options import (
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.files import write_text
 from softmodels.common.folders import OwnFolderError, ResultFolder
-from softmodels.common.options import (
-    QuantityType,
-    check_meaning,
-    device_options,
-    device_told,
-)
 from softmodels.common.schema import shown
 from softmodels.common.terminal import say
 from softmodels.common.units import WATER_DENSITY

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import click
 
+from geometries.options import field_option
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.casting.files import write_bodies
 from softmodels.casting.make import Made, made
+from softmodels.casting.pictures import write_sheet
 from softmodels.casting.settings import (
     Asked,
     MouldError,
@@ -19,11 +21,9 @@ from softmodels.cli.options import fail
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.errors import MeshingError
 from softmodels.common.folders import OwnFolderError
-from softmodels.common.options import field_option
 from softmodels.common.schema import about
 from softmodels.common.terminal import say
 from softmodels.mechanics.mpi import speaks
-from softmodels.pictures.moulds import write_sheet
 from softmodels.runs.outcomes import FAILED
 
 

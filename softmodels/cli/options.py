@@ -35,6 +35,12 @@ from geometries import (
     MeshingStopped,
     meshing,
 )
+from geometries.options import (
+    device_options,
+    device_told,
+    field_option,
+    flag,
+)
 from softmodels.case.case import Case, entries
 from softmodels.case.entries import INPUT_ERRORS, MISSING, CaseError
 from softmodels.case.materials import DEFAULT, material_from, material_options_of
@@ -50,12 +56,6 @@ from softmodels.common.commands import (
     written,
 )
 from softmodels.common.errors import meant
-from softmodels.common.options import (
-    device_options,
-    device_told,
-    field_option,
-    flag,
-)
 from softmodels.common.processes import cores
 from softmodels.common.terminal import COLUMNS, columns, say
 from softmodels.common.units import exact_text

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Unpack
 
 import click
 
+from geometries.options import QuantityType
 from softmodels.cli.curve_command import read_material
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import (
@@ -20,7 +21,6 @@ from softmodels.cli.tensile_options import (
 )
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.folders import OwnFolderError
-from softmodels.common.options import QuantityType
 from softmodels.common.terminal import say
 from softmodels.common.units import UnitError
 from softmodels.fitting.curves.curve import TensileError

@@ -9,7 +9,7 @@ from typing import TypedDict
 
 import click
 
-from softmodels.common.options import QuantityType
+from geometries.options import QuantityType
 from softmodels.common.units import (
     UnitError,
     brief,

@@ -1,4 +1,4 @@
-"""How the commands of ``python -m measurement`` and ``python -m geometries`` are started."""
+"""How commands start, where their results go, and how they end: by themselves, stopped, or with a closed pipe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can go wrong with a geometry: parameters that make no device, a mesher that gives up, a file that is no mesh."""
+"""Errors whose message is a sentence for the user, how options are spelt in it, and the system's reasons in words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opening files that a user names or that came with somebody else's folder: regular files only, up to a size.
+"""Files of users: opened safely, recognised as a program's own, and written whole or not at all.
 
 A named pipe waits for ever, a device such as ``/dev/zero`` never ends, and both can be behind a name in a foreign case file,
 list of photographs or folder of results. What is refused is an `OSError`, so that whoever reads a file has one kind of error.

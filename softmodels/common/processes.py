@@ -1,4 +1,4 @@
-"""How much of the machine this process may use."""
+"""Cores of the machine, signal handlers of compiled code, and one thread at a time in what cannot be shared."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from softmodels.common.units import exact_text
 # What kinds of values there are: how each is read from a text or a table, written, and checked where code gives it.
 #
 # A field of a dataclass names its kind; from that come its entry in a settings file (`softmodels.common.schema`), its option
-# on a command line (`softmodels.common.options`) and the sentences about what cannot be meant.
+# on a command line (`geometries.options`) and the sentences about what cannot be meant.
 
 
 Text = Callable[[float, str], str]

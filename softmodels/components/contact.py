@@ -803,9 +803,8 @@ def _winding(places: Array, corners: Array) -> Array:
 # ----------------------------------------------------------------------------------------------------------------------
 # Rigid shapes that faces of the device come to rest on: a sphere, a cylinder, a capsule, from outside or from within; a plane.
 #
-# One from an STL file is in `softmodels.components.contact`, the distance from others in `softmodels.components.contact`.
 # With the signed distance g of a deformed place x to the shape, the energy per undeformed area is that of a plane's contact,
-# phi(max(-g, 0)); see `softmodels.components.contact`. A shape stands still, and faces may rub on it, or gives way along a line.
+# phi(max(-g, 0)), as above. A shape stands still, and faces may rub on it, or gives way along a line.
 
 
 SHAPES = ("sphere", "cylinder", "capsule", "plane", "stl")

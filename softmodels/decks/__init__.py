@@ -1,1 +1,4 @@
-"""A case for other programs: the same mesh, silicones, supports and loads in CalculiX's and in FEBio's words."""
+"""A case for other programs.
+
+- `deck`: the same mesh, silicones, supports and loads. `calculix`, `febio`: in the words of each program.
+"""

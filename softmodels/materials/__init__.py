@@ -1,3 +1,10 @@
-"""Laws of silicones: energies, test specimens, stability, and the library of named products."""
+"""Silicones: laws, test specimens, stability, and the library of named products.
+
+Begin with `laws`; a law added with `register_law` stands in one file.
+
+- `laws`: what a law is, and every law. `strain`: measures of strain for UFL and for numpy, and dual numbers.
+- `specimens`: closed forms: tension, shear, balloons, thick walls. `stability`: where a law stops being a material.
+- `silicones`: named products with all their sources, and how they are mixed.
+"""
 
 from softmodels.materials import laws as laws

@@ -1,1 +1,11 @@
-"""A body, its one potential, and the solver of its equilibrium."""
+"""A body, its potential, and the solver of its equilibrium.
+
+One Newton step is read in `potential` (energy, residual, tangent in UFL), `system` (assembled), `newton` (SNES, bordered
+equations, acceptance) and `solver` (which calls it), with the linear solve in `direct` or `iterative`.
+
+- `body`: mesh and roles, dimensionless, with slip planes. `regions`: several materials. `holds`: what holds it.
+- `component`: what can be added to a device. `dead_loads`: loads as drivers. `rigid`: unknowns of rigid parts.
+- `controls`: lines in the pressure-volume plane; coupled cavities. `assembly`: matrices, terms that UFL does not have.
+- `products`: tangent times vector from second derivatives at quadrature points; `c_library`: their C code.
+- `sensitivity`: derivatives of states by parameters. `compiling`: the cache of compiled forms. `mpi`: ranks.
+"""

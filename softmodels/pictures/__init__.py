@@ -1,1 +1,7 @@
-"""Pictures, films and pages of runs and fits."""
+"""Pictures, films and pages.
+
+Begin with `draw`, which draws a folder of results; `draw_design` draws a design.
+
+- `solid`, `section`, `curves`, `film`: what is drawn of a run. `report`: one page with all of it.
+- `offscreen`, `style`: rendering; colours and titles. `fits`, `limits`: fits and scatter. `design_files`: names of files.
+"""

@@ -25,7 +25,6 @@ from PIL import ImageDraw, ImageFont
 from softmodels.case.entries import CaseError
 from softmodels.common.files import replace, write_bytes
 from softmodels.common.processes import cores
-from softmodels.pictures import film
 from softmodels.pictures.offscreen import (
     Image,
     Look,
@@ -56,7 +55,7 @@ HEAD, FOOT = 48, 64
 """Pixels above and below the device, for the pressure and the colours."""
 
 
-def frames(look: Look, count: int = FRAMES) -> list[Image]:
+def render_frames(look: Look, count: int = FRAMES) -> list[Image]:
     """Pictures of states evenly spaced along the path (see `States.along`); between steps, shapes go straight."""
     states = look.states
     steps = list(range(len(states.rows)))
@@ -266,10 +265,10 @@ class Film:
 
 def make(shown: Look, folder: Path, wanted: Callable[[], bool] = lambda: True) -> Made:
     """Render the frames and write the film in each format, as long as it is wanted."""
-    frames = film.frames(shown)
+    frames = render_frames(shown)
     written: list[Path] = []
     left_out: list[str] = []
-    encoders = {"film.gif": film.gif, "film.webp": film.webp}
+    encoders = {"film.gif": gif, "film.webp": webp}
     with ThreadPoolExecutor(len(encoders)) as both:  # encoders are written in C and let each other run
         encoded = {name: both.submit(encoder, frames) for name, encoder in encoders.items()}
     for name, data in encoded.items():
@@ -277,9 +276,9 @@ def make(shown: Look, folder: Path, wanted: Callable[[], bool] = lambda: True) -
             return written, left_out
         write_bytes(folder / name, data.result())
         written.append(folder / name)
-    if film.can_mp4() and wanted():
+    if can_mp4() and wanted():
         try:
-            film.write_mp4(folder / "film.mp4", frames)
+            write_mp4(folder / "film.mp4", frames)
             written.append(folder / "film.mp4")
         except RuntimeError as error:
             left_out.append(str(error))
@@ -297,7 +296,7 @@ def _answer_to(pipe: Connection, others: Connection) -> None:
             return
         if rehearsal:
             with contextlib.suppress(ResultsError, CaseError, OSError):  # reported when the film is made
-                film.frames(look(States(*place)), 1)
+                render_frames(look(States(*place)), 1)
             continue
         try:
             # A folder whose drawing was broken off may be another run's by now.

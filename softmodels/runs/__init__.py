@@ -1,1 +1,9 @@
-"""From a case to a run: solving it state by state, keeping it in a folder or in memory, and the calls of a notebook."""
+"""From a case to a run: solved state by state, kept in memory or in a folder.
+
+Begin with `simulation`, which yields states; `recording` writes them.
+
+- `fields`, `state_values`, `self_contact`, `grid`: fields and figures of a state, and where they live.
+- `columns`, `row`: what stands in ``path.csv``. `notes`: warnings and explanations. `outcomes`: exit statuses.
+- `store`, `stored`, `resume`: the results folder: written, read, continued.
+- `limits`: limit pressure and its scatter. `band`: 95 % bands and the sources of a silicone.
+"""

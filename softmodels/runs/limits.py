@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
+from geometries.options import flag
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import STIFFNESS_RANGE
-from softmodels.common.options import flag
 from softmodels.common.schema import (
     Length,
     Quantity,

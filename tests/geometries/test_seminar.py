@@ -12,6 +12,7 @@ import pytest
 from geometries import GeometryError, SeminarActuator
 from geometries.actuator import parameter_names
 from geometries.meshing import private_model, summarize
+from geometries.options import device_options, device_told
 from geometries.registry import from_table, to_table
 from geometries.seminar import (
     edge_distance,
@@ -19,7 +20,6 @@ from geometries.seminar import (
     half_fan,
     outline_area,
 )
-from softmodels.common.options import device_options, device_told
 
 COARSE = {"around": 5.0, "channels": 3, "spread": 60.0}
 

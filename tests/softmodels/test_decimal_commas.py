@@ -15,6 +15,7 @@ from measurement.__main__ import main as measure
 from measurement.cli.shared import per_metre
 from measurement.screen.setup import SetupError
 from softmodels.__main__ import softmodels
+from softmodels.api.run import case_of
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common.errors import GeometryError
@@ -23,7 +24,6 @@ from softmodels.fitting.outlines.residuals import read_heights
 from softmodels.fitting.outlines.shapes import OutlineFitError
 from softmodels.runs.limits import Tolerance
 from softmodels.runs.notes import typed_notes
-from softmodels.runs.run import case_of
 from softmodels.seminar import command as seminar
 
 LOAD = "--pressure-cm=0:10"

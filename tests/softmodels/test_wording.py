@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 import softmodels as sm
+from softmodels.api.calls import inflate  # noqa: F401  (says what its arguments are)
 from softmodels.common.errors import spoken, written
 from softmodels.common.schema import Quantity, field_of
 from softmodels.disk import command
@@ -19,7 +20,6 @@ from softmodels.path.supply import (
     Stroke,
     register,
 )
-from softmodels.runs.api import inflate  # noqa: F401  (says what its arguments are)
 from softmodels.runs.columns import term
 from softmodels.runs.notes import explain, explain_failure
 

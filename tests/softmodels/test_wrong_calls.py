@@ -18,6 +18,7 @@ import pytest
 
 import softmodels as sm
 from geometries import Actuator
+from softmodels.api.run import case_of
 from softmodels.common.errors import OWN
 from softmodels.common.schema import (
     Choice,
@@ -31,7 +32,6 @@ from softmodels.common.schema import (
 )
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Material
-from softmodels.runs.run import case_of
 
 LEAST = 300
 """Wrong calls that are made at least."""
@@ -280,9 +280,9 @@ def nothing_starts(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     for place in (
         "geometries.actuator.Actuator.write", "softmodels.mechanics.system.System.__init__",
-        "softmodels.runs.api.start", "softmodels.casting.files.made", "softmodels.design.optimise.start",
-        "softmodels.runs.run.start", "softmodels.fitting.curves.fit.fit_law_to_curves",
-        "softmodels.fitting.outlines.fit.start", "softmodels.runs.run.begin",
+        "softmodels.api.calls.start", "softmodels.casting.files.made", "softmodels.design.optimise.start",
+        "softmodels.api.run.start", "softmodels.fitting.curves.fit.fit_law_to_curves",
+        "softmodels.fitting.outlines.fit.start", "softmodels.api.run.begin",
     ):  # fmt: skip
         monkeypatch.setattr(place, started)
 

@@ -11,6 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometries import Actuator
+from softmodels.api.run import (
+    Ended,
+    InFolder,
+    InMemory,
+    Run,
+    Values,
+    case_of,
+    temporary_folder,
+)
 from softmodels.case.case import Case
 from softmodels.case.components import without_walls
 from softmodels.case.entries import CaseError
@@ -55,15 +64,6 @@ from softmodels.runs.recording import (
 )
 from softmodels.runs.resume import begin_together
 from softmodels.runs.row import Row
-from softmodels.runs.run import (
-    Ended,
-    InFolder,
-    InMemory,
-    Run,
-    Values,
-    case_of,
-    temporary_folder,
-)
 from softmodels.runs.simulation import (
     Listener,
     PathEnded,
