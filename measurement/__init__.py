@@ -9,8 +9,8 @@ Every name is loaded when it is first used. Numbers are in SI units. Nothing is 
 sentence that the command line prints.
 
 A photograph goes through `camera`, `screen` (pixels to metres), `edge` (the shadow's edge) and `outline` (heights above the
-zero plane); `series` measures a whole run. `robust`: fits that outliers do not move. `synthetic`: photographs whose truth is known.
-`cli`: the commands.
+zero plane); `series` measures a whole run. `robust`: fits that outliers do not move. `synthetic`: photographs whose truth is
+known. `cli`: the commands.
 """
 
 from __future__ import annotations

@@ -12,8 +12,9 @@ import softmodels
 
 FUNCTION_LINES, PARAMETERS, ENTRIES = 60, 7, 20
 """Most lines of a function, most parameters, and most entries directly in ``softmodels/``."""
-MOST_ANY = 93
-"""Most times that ``softmodels/`` says `Any`, imports included: where a library has no types, or wrong ones."""
+MOST_ANY = 35
+"""Most times that ``softmodels/`` says `Any`, imports included: where a library has no types, or wrong ones. In ``common/``
+values come from files and command lines, and may be anything."""
 PACKAGES = [Path(package.__file__).parent for package in (softmodels, measurement, geometries)]
 
 MANY_PARAMETERS: set[str] = {
@@ -75,7 +76,11 @@ def test_few_entries_at_the_top():
 
 
 def test_any_stays_rare():
-    found = {file: len(re.findall(r"\bAny\b", text)) for file, text in _files() if file.startswith("softmodels/")}
+    found = {
+        file: len(re.findall(r"\bAny\b", text))
+        for file, text in _files()
+        if file.startswith("softmodels/") and "/common/" not in file
+    }
     most = ", ".join(f"{file} {count}" for file, count in found.items() if count)
     assert sum(found.values()) <= MOST_ANY, (
         f"Any is said more than {MOST_ANY} times, where object or a type would do: {most}"
