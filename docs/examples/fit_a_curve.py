@@ -1,4 +1,4 @@
-"""A tensile curve as a test machine writes it, fitted by two laws; which one the data prefer, and the error bars.
+"""Fit two laws to a tensile curve of a test machine: which one the data prefer, and its confidence interval.
 
 uv run python docs/examples/fit_a_curve.py
 """

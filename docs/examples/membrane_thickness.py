@@ -1,4 +1,4 @@
-"""How the rise of a disk depends on the thickness of its membrane: a study is a loop.
+"""Rise of a disk against the thickness of its membrane: a study is a loop.
 
 uv run python docs/examples/membrane_thickness.py
 """

@@ -1,4 +1,4 @@
-"""A disk blown up by a pump with twenty litres of air behind it: from some stroke on the air pushes by itself, and it jumps.
+"""A disk on a pump with twenty litres of air: at the limit point of the stroke it snaps through.
 
 uv run python docs/examples/syringe.py
 """
@@ -8,14 +8,14 @@ import matplotlib.pyplot as plt
 import softmodels as sm
 
 disk = sm.HollowDisk.variant("shadow", section="axisymmetric", support="base")
-pump = sm.Syringe(syringe=1e-3, dead_volume=20e-3)
+pump = sm.Syringe(syringe="1000 ml", dead_volume="20000 ml")
 run = sm.inflate(disk, sm.NeoHookean(20e3), strokes="0:720 ml", supply=pump)
 stroke = run.path["stroke_ml"]
 turn = int(run.path["stroke_limit"].argmax())
 landed = int(run.path["jump"].argmax())
 
 figure, axes = plt.subplots()
-axes.plot(stroke, run.apex * 1e3, ".-", label="states of rest")
+axes.plot(stroke, run.apex * 1e3, ".-", label="equilibrium")
 axes.annotate(
     "", (stroke[landed], run.apex[landed] * 1e3), (stroke[turn], run.apex[turn] * 1e3), arrowprops={"arrowstyle": "->"}
 )

@@ -1,4 +1,4 @@
-"""A thin disk driven by volume past its limit point: pressure over added volume, and where it would balloon.
+"""A thin disk under volume control, past its limit point: pressure against added volume.
 
 uv run python docs/examples/thin_disk_past_its_limit.py
 """
@@ -17,7 +17,7 @@ limit = sm.limit(disk, silicone)
 figure, axes = plt.subplots()
 axes.plot(run.added_volume * 1e6, run.pressure / 1e3, ".-", label="states")
 axes.plot(limit.added_volume * 1e6, limit.pressure / 1e3, "o", mfc="none", ms=10, label="limit point")
-axes.set(xlabel="added volume in ml", ylabel="pressure in kPa", title="A thin disk, driven by volume")
+axes.set(xlabel="added volume in ml", ylabel="pressure in kPa", title="A thin disk under volume control")
 axes.legend()
 figure.savefig("thin_disk_past_its_limit.png", dpi=150)
 

@@ -22,7 +22,8 @@ Measured with CalculiX 2.20, where `Actuator.probes` are:
 | | 12 cm | -4.417798 mm | -4.417594 mm | -4.112043 mm | -4.111884 mm |
 
 which is 2e-7 under loads alone, and 1e-6 to 5e-5 with the air, where CalculiX' tolerance on the residual shows. With rigid
-parts it is 9e-6 at most, with contact 7e-5, where the steps of the springs' tables show; docs/pages/parts.md has these figures.
+parts it is 9e-6 at most, with contact 7e-5, where the steps of the springs' tables show; figures in
+docs/pages/explanation/verification.md.
 """
 
 from __future__ import annotations

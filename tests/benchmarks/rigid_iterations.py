@@ -3,7 +3,7 @@
     python tests/benchmarks/rigid_iterations.py
 
 Prints a row per device and formulation: unknowns, iterations of a solve to 1e-7 and seconds of a set-up at rest, both without
-and with the parts. Figures of one core of a busy machine (read ratios) are in docs/pages/large.md.
+and with the parts. Figures of one core of a busy machine (read ratios) are in docs/pages/explanation/solvers.md.
 """
 
 from __future__ import annotations

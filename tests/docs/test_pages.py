@@ -10,12 +10,19 @@ from pathlib import Path
 import pytest
 
 TOP = Path(__file__).parents[2]
+SITE = TOP / "docs" / "pages"
 EXAMPLES = sorted((TOP / "docs" / "examples").glob("*.py"))
-PAGES = [
-    page
-    for page in [TOP / "README.md", *sorted((TOP / "docs" / "pages").glob("*.md"))]
-    if "```python" in page.read_text()
-]
+TEXTS = [TOP / "README.md", TOP / "CHANGELOG.md", *sorted(SITE.rglob("*.md"))]
+
+
+def blocks(page):
+    """Python blocks of a page; files of ``docs/examples`` are shown in blocks that begin with ``{ .python }``."""
+    return re.findall(r"^```python\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
+
+
+PAGES = [page for page in TEXTS if blocks(page)]
+LARGEST_PICTURE = 120_000
+"""Bytes of a picture in the gallery."""
 
 
 def _run(words, folder):
@@ -27,7 +34,7 @@ def _run(words, folder):
 
 
 def test_there_are_examples_and_pages():
-    assert len(EXAMPLES) >= 3 and {page.name for page in PAGES} >= {"README.md", "python.md"}
+    assert len(EXAMPLES) >= 8 and {page.name for page in PAGES} >= {"README.md", "python.md", "python-loop.md"}
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
@@ -40,6 +47,30 @@ def test_examples_assert_a_number_and_draw_a_picture(example, tmp_path):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
 def test_python_on_pages_runs(page, tmp_path):
-    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
-    (tmp_path / "page.py").write_text("\n".join(blocks))
+    (tmp_path / "page.py").write_text("\n".join(blocks(page)))
     _run(["page.py"], tmp_path)
+
+
+def test_each_example_is_on_a_page_beside_its_picture():
+    shown = {}
+    for page in SITE.rglob("*.md"):
+        for name in re.findall(r'--8<-- "(\w+)\.py"', page.read_text()):
+            shown[name] = page.read_text()
+    assert set(shown) == {example.stem for example in EXAMPLES}
+    for name, text in shown.items():
+        assert f"img/gallery/{name}.png)" in text, name
+        assert (SITE / "img" / "gallery" / f"{name}.png").stat().st_size < LARGEST_PICTURE, name
+
+
+def test_links_and_pictures_lead_somewhere():
+    for page in TEXTS:
+        text = re.sub(r"^ *```.*?^ *```", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+        for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):
+            if "://" not in target and not target.startswith("mailto:") and "/reference/" not in f"/{target}":
+                assert (page.parent / target).exists(), f"{page.relative_to(TOP)}: {target}"
+
+
+def test_pages_load_nothing_from_the_network():
+    for page in SITE.rglob("*.md"):
+        assert not re.search(r"!\[[^\]]*\]\(https?:|<(script|link|iframe|img)\b", page.read_text()), page.name
+    assert re.search(r"^  font: false", (TOP / "docs" / "mkdocs.yml").read_text(), re.MULTILINE)

@@ -30,7 +30,7 @@ from softmodels.fitting.problem import LawChoice
 from softmodels.materials.specimens import nominal_stress
 
 TOP = Path(__file__).parents[2]
-PAGES = [TOP / "README.md", *sorted((TOP / "docs" / "pages").glob("*.md"))]
+PAGES = [TOP / "README.md", *sorted((TOP / "docs" / "pages").rglob("*.md"))]
 FILE = re.compile(r"\.(toml|csv|jpg|step|msh)$|/")
 
 

@@ -1,0 +1,103 @@
+"""Reference pages: one for each public name of ``softmodels``, one for each of the packages beside it."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from typing import TYPE_CHECKING
+
+import geometries
+import measurement
+import softmodels
+
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.files import Files
+
+GROUPS = {
+    "Runs": "inflate run limit load Case Run SolvedState Limit Syringe",
+    "Devices": "HollowDisk SeminarActuator PneuNet BendingBellows Cylinder Membrane Balloon Bellows Beam ImportedActuator "
+    "ImportedMesh",
+    "Materials": "NeoHookean MooneyRivlin Yeoh Ogden Gent silicone Material Region",
+    "Loads, contact and parts": "Gravity Mass Force Moment Rigid RigidShape Obstacle Walls Fibres Fabric Sheet Clamp",
+    "Fits": "fit fit_heights fit_curves score FitOptions TensileCurve Score",
+    "Design, mould, export": "optimise DesignProblem Keep mould export",
+}
+"""Names by subject. A public name that is in no group is listed under "More"; errors and warnings have a group of their own."""
+PACKAGES = {"measurement": measurement, "geometries": geometries}
+
+
+def groups() -> dict[str, list[str]]:
+    """Return every public name of ``softmodels``, each in exactly one group."""
+    public = [name for name in softmodels.__all__ if not name.startswith("_")]
+    grouped = {title: [name for name in names.split() if name in public] for title, names in GROUPS.items()}
+    rest = [name for name in public if not any(name in names for names in grouped.values())]
+    grouped["More"] = [name for name in rest if not name.endswith(("Error", "Warning"))]
+    grouped["Errors and warnings"] = [name for name in rest if name.endswith(("Error", "Warning"))]
+    return {title: names for title, names in grouped.items() if names}
+
+
+def place(name: str) -> str:
+    """Return the page of a name. ``Run`` and ``run`` differ by case only, so classes and functions have a folder each."""
+    return f"reference/{'classes' if name[0].isupper() else 'functions'}/{name}.md"
+
+
+def fields_table(item: object) -> str:
+    """Return a table of a dataclass' arguments with their units, defaults and help; empty where they have no help."""
+    if not (isinstance(item, type) and dataclasses.is_dataclass(item)):
+        return ""
+    rows = []
+    for field in dataclasses.fields(item):
+        about = field.metadata.get("about")
+        text = field.metadata.get("help") or getattr(about, "help", "")
+        unit = field.metadata.get("unit") or getattr(getattr(about, "kind", None), "unit", "")
+        default = "" if field.default is dataclasses.MISSING else f"`{field.default!r}`"
+        if text:
+            rows.append(f"| `{field.name}` | {default} | {unit} | {text.replace('|', '/')} |")
+    return "\n".join(["| argument | default | unit | meaning |", "|---|---|---|---|", *rows]) + "\n" if rows else ""
+
+
+def pages() -> dict[str, str]:
+    """Return the text of every reference page by its path."""
+    texts = {}
+    for name in itertools.chain(*groups().values()):
+        table = fields_table(getattr(softmodels, name))
+        # Arguments and class docstring are what a user needs of a device, a law or a part; the rest is for the solver.
+        options = (
+            "    options: {members: false, merge_init_into_class: false, show_signature: false}\n\n" if table else "\n"
+        )
+        texts[place(name)] = f"::: softmodels.{name}\n{options}{table}"
+    for package, module in PACKAGES.items():
+        own = [name for name in module.__all__ if name[0] != "_" and name not in softmodels.__all__]
+        texts[f"reference/{package}.md"] = f"# {package}\n\n" + "\n".join(
+            f"::: {package}.{name}\n    options: {{heading_level: 2}}\n" for name in own
+        )
+    lists = "\n".join(
+        f"\n## {title}\n\n" + "\n".join(f"- [`sm.{name}`]({place(name).removeprefix('reference/')})" for name in names)
+        for title, names in groups().items()
+    )
+    intro = (
+        "Public names of `import softmodels as sm`, and of the packages [measurement](measurement.md) and "
+        "[geometries](geometries.md).\n"
+    )
+    texts["reference/index.md"] = f"# Reference\n\n{intro}{lists}\n"
+    return texts
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """MkDocs calls this before it reads the pages: fill the part "Reference" of the navigation."""
+    entries: list[object] = ["reference/index.md"]
+    entries += [{title: [{name: place(name)} for name in names]} for title, names in groups().items()]
+    entries += [{package: f"reference/{package}.md"} for package in PACKAGES]
+    assert config.nav is not None
+    config.nav = [{"Reference": entries} if "Reference" in entry else entry for entry in config.nav]
+    return config
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """MkDocs calls this with the list of pages: add those of the reference."""
+    from mkdocs.structure.files import File
+
+    for path, text in pages().items():
+        files.append(File.generated(config, path, content=text))
+    return files

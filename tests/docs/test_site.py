@@ -1,0 +1,52 @@
+"""The site: a reference page for each public name and nothing private, a build without warnings that needs no network."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import softmodels
+
+DOCS = Path(__file__).parents[2] / "docs"
+LOADED = re.compile(r"<(?:script|link|img|iframe)\b[^>]*(?:src|href)=\"(?:https?:)?//[^>]*>")
+
+
+@pytest.fixture(scope="module")
+def reference():
+    spec = importlib.util.spec_from_file_location("reference", DOCS / "reference.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_each_public_name_has_a_page_and_is_listed_once(reference):
+    public = [name for name in softmodels.__all__ if not name.startswith("_")]
+    grouped = [name for names in reference.groups().values() for name in names]
+    assert sorted(grouped) == sorted(public)
+    pages = reference.pages()
+    assert {reference.place(name) for name in public} <= set(pages)
+    assert len({path.lower() for path in pages}) == len(pages), "two pages differ by case only"
+
+
+def test_arguments_of_devices_and_laws_are_explained(reference):
+    for name in ("HollowDisk", "Yeoh", "Rigid"):
+        assert "| argument |" in reference.fields_table(getattr(softmodels, name)), name
+    assert reference.fields_table(softmodels.inflate) == ""
+
+
+def test_site_builds_without_warnings_and_needs_no_network(tmp_path):
+    pytest.importorskip("mkdocs", reason="uv sync --group docs brings MkDocs")
+    words = ["-m", "mkdocs", "build", "--strict", "-q", "-f", str(DOCS / "mkdocs.yml"), "-d", str(tmp_path / "site")]
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    pages = list((tmp_path / "site").rglob("*.html"))
+    assert len(pages) > 80
+    for page in pages:
+        loaded = [tag for tag in LOADED.findall(page.read_text()) if 'rel="canonical"' not in tag]
+        assert not loaded, f"{page}: {loaded}"
