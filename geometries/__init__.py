@@ -7,7 +7,7 @@ Every device is a frozen dataclass in SI units. Its ``write`` makes a second-ord
     HollowDisk(membrane=0.004).write("disk.msh")
 
 The same from a shell is ``python -m geometries HollowDisk --membrane 4mm -o disk.msh``. A new device is one subclass of
-`Actuator`, here or in a file of one's own; with `register` above it, command lines and settings files find it by its name.
+`Actuator`, here or in a file of one's own; with `register_device` above it, commands and settings files find it by its name.
 Every name is loaded when it is first used.
 
 Begin with `actuator`: a device is a frozen dataclass of it that is registered (`registry`).
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from geometries.membrane import Membrane as Membrane
     from geometries.pneunet import PneuNet as PneuNet
     from geometries.registry import ACTUATORS as ACTUATORS
-    from geometries.registry import register as register
+    from geometries.registry import register_device as register_device
     from geometries.seminar import SeminarActuator as SeminarActuator
     from softmodels.common.errors import (
         GeometryError as GeometryError,
@@ -62,7 +62,7 @@ _NAMES, __getattr__, __dir__ = lazy_names(
         **{place: (name,) for name, place in PLACES.items()},
         "geometries.actuator": ("Actuator", "CutPlane", "Hold"),
         "softmodels.common.errors": ("GeometryError", "MeshFileError", "MeshingError", "MeshingStopped"),
-        "geometries.registry": ("ACTUATORS", "register"),
+        "geometries.registry": ("ACTUATORS", "register_device"),
     },
 )
 

@@ -29,7 +29,7 @@ from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
 from geometries.actuator import Hold, Vector
-from geometries.registry import register
+from geometries.registry import register_device
 from geometries.revolved import (
     Panel,
     Place,
@@ -353,7 +353,7 @@ class _Maker:
         ))]  # fmt: skip
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Balloon(Revolved):
     """A hollow sphere or spheroid with or without a neck, as an axisymmetric profile or a wedge.

@@ -17,7 +17,7 @@ from geometries.actuator import (
     Vector,
 )
 from geometries.meshing import check_cell_count
-from geometries.registry import register
+from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
 from softmodels.common.schema import choice_field, length_field, shown
 
@@ -31,7 +31,7 @@ GMSH_BOX = 1e-6
 """By how much Gmsh's boxes may be wider, in m."""
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Beam(MirroredHalf):
     """A beam of rectangular section with no cavity, along x, clamped at x = 0; z is up.

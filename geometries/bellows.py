@@ -37,7 +37,7 @@ from geometries.actuator import (
     Vector,
     tip_field,
 )
-from geometries.registry import register
+from geometries.registry import register_device
 from geometries.revolved import (
     Panel,
     Place,
@@ -243,7 +243,7 @@ def _plate(bellows: Bellows, cut: Cut, level: float, cells: Callable[[float], in
                               Side(d, a, up, ends[0])))  # fmt: skip
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Bellows(HeldTip, Revolved):
     """A round bellows between two plates, as an axisymmetric profile or a wedge.

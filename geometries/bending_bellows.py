@@ -42,7 +42,7 @@ from geometries.meshing import (
     one_solid,
     set_sizes,
 )
-from geometries.registry import register
+from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
 from softmodels.common.schema import (
     LONGEST,
@@ -384,7 +384,7 @@ def _role(bellows: BendingBellows, tag: int) -> str:
     return "cavity" if on else "folds"
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BendingBellows(Bending, MirroredHalf, HeldTip):
     """Half-round folds on a flat base that bend towards the base.

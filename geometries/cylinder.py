@@ -37,7 +37,7 @@ from geometries.actuator import (
     parameter_names,
 )
 from geometries.meshing import check_cell_count
-from geometries.registry import register
+from geometries.registry import register_device
 from geometries.revolved import Side, carried_along
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.schema import (
@@ -399,7 +399,7 @@ def _name(dimension: int, roles: dict[str, list[int]]) -> None:
         gmsh.model.addPhysicalGroup(dimension, tags, name=role)
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Cylinder(Sectioned, Halved):
     """A tube closed by a cap: straight as an axisymmetric section, bending as half of it, twisting as the whole.

@@ -42,7 +42,7 @@ from geometries.actuator import (
     parameter_names,
 )
 from geometries.meshing import check_cell_count
-from geometries.registry import register
+from geometries.registry import register_device
 from geometries.revolved import carried_along
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
@@ -723,7 +723,7 @@ def _name(dimension: int, tags: list[int], role: str) -> None:
     gmsh.model.addPhysicalGroup(dimension, tags, name=role)
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HollowDisk(Wedged):
     """A hollow disk, as a wedge of any angle that divides the circle or as an axisymmetric profile.

@@ -24,7 +24,7 @@ from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
 from geometries.actuator import Hold, Vector
-from geometries.registry import register
+from geometries.registry import register_device
 from geometries.revolved import (
     ROUNDING,
     Panel,
@@ -272,7 +272,7 @@ ROUNDED = 1 / 3
 """Width and depth of the slope at the held edge, in thicknesses, where a plate is bonded on."""
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Membrane(Revolved):
     """A clamped disk membrane over an air chamber, as an axisymmetric profile or a wedge.

@@ -46,7 +46,7 @@ from geometries.meshing import (
     one_solid,
     set_sizes,
 )
-from geometries.registry import register
+from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
 from softmodels.common.schema import (
     LONGEST,
@@ -374,7 +374,7 @@ def _role(finger: PneuNet, tag: int) -> str:
     return "chamber_walls" if flat == 0 else "outer"
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PneuNet(Bending, MirroredHalf, HeldTip):
     """A finger of air chambers on a base that bends towards the base.

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import importlib
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from geometries.actuator import Actuator
 from softmodels.common import schema
 from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError, GeometryError
+from softmodels.common.registry import Registry
 from softmodels.common.schema import Text, about
 from softmodels.common.units import exact_text
 
@@ -29,33 +29,7 @@ PLACES = {
     "PneuNet": "geometries.pneunet",
     "SeminarActuator": "geometries.seminar",
 }
-"""The modules of the library's own devices, which register them when they are loaded."""
-
-
-class Devices(Mapping[str, "type[Actuator]"]):
-    """Every device by the name of its class; one of the library's own is loaded when it is looked up."""
-
-    def __init__(self) -> None:
-        self.loaded: dict[str, type[Actuator]] = {}
-
-    def __getitem__(self, name: str) -> type[Actuator]:
-        if name not in self.loaded and name in PLACES:
-            importlib.import_module(PLACES[name])
-        return self.loaded[name]
-
-    def __iter__(self) -> Iterator[str]:
-        yield from PLACES
-        yield from (name for name in list(self.loaded) if name not in PLACES)
-
-    def __contains__(self, name: object) -> bool:
-        return name in PLACES or name in self.loaded
-
-    def __len__(self) -> int:
-        return len(PLACES.keys() | self.loaded.keys())
-
-
-ACTUATORS = Devices()
-"""Every device by the name of its class."""
+"""The modules of the library's own devices, which register_device them when they are loaded."""
 
 
 def _list_variant_fields(device: type[Actuator]) -> None:
@@ -75,23 +49,9 @@ def _list_variant_fields(device: type[Actuator]) -> None:
     device.variant = classmethod(checked(variant))  # type: ignore[assignment]
 
 
-def register[Device: type[Actuator]](device: Device) -> Device:
-    """Let settings files and command lines find a device by the name of its class; a class decorator.
-
-    A class of the same module and name, as a notebook defines it anew, takes the place of the one before.
-
-    Raises:
-        ValueError: Another device has this name.
-    """
-    name = device.__name__
-    place = (PLACES.get(name, device.__module__), name if name in PLACES else device.__qualname__)
-    if known := ACTUATORS.loaded.get(name):
-        place = (known.__module__, known.__qualname__)
-    if place != (device.__module__, device.__qualname__):
-        raise ValueError(f"there is a device of the name {name!r} already, in {place[0]}")
-    ACTUATORS.loaded[name] = checked(device)
-    _list_variant_fields(device)
-    return device
+ACTUATORS: Registry[Actuator] = Registry("device", lambda device: device.__name__, PLACES, _list_variant_fields)
+"""Every device by the name of its class."""
+register_device = ACTUATORS.register
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -43,7 +43,7 @@ from geometries.actuator import (
     tip_field,
 )
 from geometries.meshing import Mirror, check_cell_count
-from geometries.registry import register
+from geometries.registry import register_device
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.schema import (
@@ -1564,7 +1564,7 @@ def _to_faces(slab: SeminarActuator, points: Array) -> Array:
     return 1.0 / np.sum([1.0 / gap for gap in gaps], axis=0)
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SeminarActuator(MirroredHalf, HeldTip):
     """A triangular slab with a network of air channels that bends out of its plane.

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from geometries import GeometryError, HollowDisk, register
+from geometries import GeometryError, HollowDisk, register_device
 from geometries.actuator import changed
 from softmodels.common.schema import length_field
 from softmodels.design import model, problem
@@ -23,7 +23,7 @@ from softmodels.design.trials import DesignFailure
 DENSITY = 1070.0
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FakeDisk(HollowDisk):
     """A disk that a design may change."""

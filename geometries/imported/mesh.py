@@ -32,7 +32,7 @@ from geometries.imported.part import (
     region_name,
 )
 from geometries.mesh_arrays import TO_GMSH, Ints, Tetrahedra
-from geometries.registry import register
+from geometries.registry import register_device
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.files import GEOMETRY, check_file, read_file
 from softmodels.common.schema import choice_field, length_field
@@ -526,7 +526,7 @@ def _size(mesh: Tetrahedra, piece: Ints) -> float:
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedMesh(ImportedPart):
     """A part from a mesh: ``.msh`` of Gmsh, ``.inp`` of Abaqus and CalculiX, or an ``.stl`` of its surfaces, air's included.

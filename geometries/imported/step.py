@@ -27,7 +27,7 @@ from geometries.imported.part import (
     solid_names,
     surface_points,
 )
-from geometries.registry import register
+from geometries.registry import register_device
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.schema import (
     choice_field,
@@ -488,7 +488,7 @@ def _gauge(part: ImportedActuator, support: list[int]) -> Vector:
     return float(x), float(y), float(z)
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedActuator(ImportedPart):
     """A part from a STEP file, whose own unit counts; see `ImportedPart`.

@@ -4,7 +4,7 @@ A law is a frozen dataclass below `Material`. Two things it has to state: `Mater
 `Material.shear_modulus_0`. Its parameters are fields made by `parameter`, each with its unit, a help text and the bounds that
 a fit keeps. All else has a default that a law may replace: whether it is linear in its parameters, where a fit starts, in
 which other parameters or conventions it is written, at which strain it ends. So a law is one class, also outside of this
-library; `register` lets command lines and files find it by its name.
+library; `register_law` lets command lines and files find it by its name.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError, Spoken
+from softmodels.common.registry import Registry
 from softmodels.common.schema import Quantity, Several
 from softmodels.common.units import with_prefix
 from softmodels.materials.strain import Expression, StrainMeasures
@@ -294,21 +295,9 @@ def _field(law: type[Material], name: str) -> dataclasses.Field[Any]:
     return fields[name] if name in fields else fields[name.rstrip("0123456789")]
 
 
-LAWS: dict[str, type[Material]] = {}
+LAWS: Registry[Material] = Registry("law", lambda law: law.name)
 """Every law by the name that a command line or a case file uses."""
-
-
-def register[Law: type[Material]](law: Law) -> Law:
-    """Let command lines and files find a law by its name; a class decorator.
-
-    Raises:
-        ValueError: Another law has this name.
-    """
-    checked(law)
-    if LAWS.get(law.name, law) is not law:
-        raise ValueError(f"there is a law of the name {law.name!r} already: {LAWS[law.name].__name__}")
-    LAWS[law.name] = law
-    return law
+register_law = LAWS.register
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -325,7 +314,7 @@ MODULUS_BOUNDS = (1.0, 1e9)
 """Bounds of a fit on a shear modulus in Pa."""
 
 
-@register
+@register_law
 @dataclasses.dataclass(frozen=True)
 class NeoHookean(Material):
     """Neo-Hookean silicone, compressible: the thesis' law made stress-free.
@@ -396,7 +385,7 @@ class NeoHookean(Material):
         return cls(2 * c1, d1 / (2 * (c1 + d1)))
 
 
-@register
+@register_law
 @dataclasses.dataclass(frozen=True)
 class MooneyRivlin(Material):
     """Mooney-Rivlin: W = c10 (I1_bar - 3) + c01 (I2_bar - 3); mu = 2 (c10 + c01). Rivlin 1948, doi 10.1098/rsta.1948.0024."""
@@ -424,7 +413,7 @@ class MooneyRivlin(Material):
         return {"c10": 0.4 * modulus, "c01": 0.1 * modulus}
 
 
-@register
+@register_law
 @dataclasses.dataclass(frozen=True)
 class Yeoh(Material):
     """Yeoh: W = c1 k + c2 k^2 + c3 k^3 with k = I1_bar - 3; mu = 2 c1. Yeoh 1993, doi 10.5254/1.3538343."""
@@ -454,7 +443,7 @@ class Yeoh(Material):
         return {"c1": modulus / 2, "c2": 0.01 * modulus / strain, "c3": 0.0}
 
 
-@register
+@register_law
 @dataclasses.dataclass(frozen=True)
 class Ogden(Material):
     """Ogden: W = sum_i mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3), isochoric stretches; mu = sum mu_i alpha_i / 2.
@@ -554,7 +543,7 @@ def _terms(values: Expression) -> range:
     return range(shape[0] if shape else len(values))
 
 
-@register
+@register_law
 @dataclasses.dataclass(frozen=True)
 class Gent(Material):
     """Gent: W = -mu/2 Jm ln(1 - (I1_bar - 3)/Jm); chains are taut at I1_bar = 3 + Jm. Gent 1996, doi 10.5254/1.3538357."""

@@ -31,8 +31,8 @@ import numpy as np
 from geometries import Actuator
 from geometries.actuator import Vector, cavity_roles
 from softmodels.common import schema
-from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError, Spoken
+from softmodels.common.registry import Registry
 from softmodels.common.schema import (
     Text,
     about,
@@ -353,8 +353,13 @@ class EnergyTerm:
         return True
 
 
-COMPONENTS: dict[str, type[Component]] = {}
+def _key(kind: type[Component]) -> str:
+    return f"{kind.table}." if kind.always_named else kind.table
+
+
+COMPONENTS: Registry[Component] = Registry("component", _key)
 """Every kind by its table; those that always have a name by ``table.``: ``[contact.ball]`` is none of ``[contact]``."""
+register_component = COMPONENTS.register
 
 
 def gravity_of(components: Sequence[Component]) -> Array:
@@ -362,22 +367,6 @@ def gravity_of(components: Sequence[Component]) -> Array:
     import numpy as np
 
     return next((part.acceleration for part in components if part.acceleration is not None), np.zeros(3))
-
-
-def register_component[P: type[Component]](kind: P) -> P:
-    """Let case files find a kind of part by its table; a class decorator.
-
-    A class of the same module and name, as a notebook defines it anew, takes the place of the one before.
-
-    Raises:
-        ValueError: Another kind has this table.
-    """
-    key = f"{kind.table}." if kind.always_named else kind.table
-    known = COMPONENTS.get(key, kind)
-    if (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
-        raise ValueError(f"there is a part with the table {kind.table!r} already, in {known.__module__}")
-    COMPONENTS[key] = checked(kind)
-    return kind
 
 
 # ----------------------------------------------------------------------------------------------------------------------

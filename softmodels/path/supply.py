@@ -17,8 +17,8 @@ import math
 from typing import ClassVar
 
 from softmodels.common import errors
-from softmodels.common.calls import checked
 from softmodels.common.errors import Spoken
+from softmodels.common.registry import Registry
 from softmodels.common.schema import (
     Choice,
     Quantity,
@@ -33,7 +33,8 @@ from softmodels.path.points import Supply
 # What a case says of the supply that drives the air, where that is neither the pressure nor the volume itself.
 #
 # A supply is one class below `AirSupply`, also in a file of one's own: its fields, made by `softmodels.common.schema`, are its
-# entries in a case's table ``[supply]`` and its options, and `AirSupply.control` gives the path what it follows. `register`
+# entries in a case's table ``[supply]`` and its options, and `AirSupply.control` gives the path what it follows.
+# `register_supply`
 # lets case files and command lines find it by its name.
 
 
@@ -104,25 +105,17 @@ class AirSupply:
         raise NotImplementedError
 
 
-SUPPLIES: dict[str, type[AirSupply]] = {}
-"""Every supply by its name."""
-
-
-def register[Class: type[AirSupply]](supply: Class) -> Class:
-    """Let case files and command lines find a supply by its name; a class decorator.
-
-    Raises:
-        ValueError: Another supply has this name.
-    """
-    known = SUPPLIES.get(supply.name, supply)
-    if (known.__module__, known.__qualname__) != (supply.__module__, supply.__qualname__):
-        raise ValueError(f"there is a supply of the name {supply.name!r} already: {known.__name__}")
-    SUPPLIES[supply.name] = checked(supply)
+def _name_options(supply: type[AirSupply]) -> None:
+    """Say how messages spell the options of a supply."""
     errors.call(f"supply {supply.name}", f"supply={supply.__name__}(...)")
     for name, field in about(supply).items():
         if field.option:
             errors.call(field.option.replace("_", "-"), name)
-    return supply
+
+
+SUPPLIES: Registry[AirSupply] = Registry("supply", lambda supply: supply.name, made_known=_name_options)
+"""Every supply by its name."""
+register_supply = SUPPLIES.register
 
 
 GASES = {"isothermal": 1.0, "adiabatic": 1.4, "liquid": math.inf}
@@ -130,7 +123,7 @@ GASES = {"isothermal": 1.0, "adiabatic": 1.4, "liquid": math.inf}
 AMBIENT = 101.325e3
 
 
-@register
+@register_supply
 @dataclasses.dataclass(frozen=True)
 class Syringe(AirSupply):
     """A syringe and its tubes; SI units.

@@ -10,7 +10,7 @@ import pytest
 
 import geometries
 from geometries import ACTUATORS, HollowDisk, registry
-from geometries.registry import PLACES, register
+from geometries.registry import PLACES, register_device
 
 
 def test_the_librarys_devices_are_loaded_when_they_are_looked_up():
@@ -39,13 +39,13 @@ def table(monkeypatch):
 def test_a_librarys_name_is_taken_before_its_device_is_loaded(table):
     other = dataclasses.make_dataclass("Balloon", [], bases=(HollowDisk,), frozen=True)
     with pytest.raises(ValueError, match=r"name .Balloon. already, in geometries\.balloon"):
-        register(other)
+        register_device(other)
     assert not table.loaded
 
 
 def test_a_device_of_ones_own_stands_behind_the_librarys(table):
     own = dataclasses.make_dataclass("Own", [], bases=(HollowDisk,), frozen=True)
-    assert "Own" not in table and register(own) is own
+    assert "Own" not in table and register_device(own) is own
     assert "Own" in table and table["Own"] is own and [*table][-1] == "Own" and len(table) == len(PLACES) + 1
     with pytest.raises(KeyError):
         table["Nothing"]

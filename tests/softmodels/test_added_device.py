@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from geometries import Actuator, GeometryError, Hold, HollowDisk, register
+from geometries import Actuator, GeometryError, Hold, HollowDisk, register_device
 from softmodels.case.case import Case
 from softmodels.case.own_modules import VARIABLE
 from softmodels.cli.options import device_command, main
@@ -28,7 +28,7 @@ from softmodels.materials.specimens import sphere_pressure
 from softmodels.pictures.offscreen import can_render
 
 
-@register
+@register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HalfBall(Actuator):
     """Half a hollow ball on a slippery table, as an axisymmetric section."""
@@ -166,8 +166,8 @@ def test_a_name_is_of_one_device():
 
     Stranger.__name__ = HollowDisk.__name__
     with pytest.raises(ValueError, match="HollowDisk"):
-        register(Stranger)
-    assert register(HalfBall) is HalfBall
+        register_device(Stranger)
+    assert register_device(HalfBall) is HalfBall
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ from softmodels.materials.laws import (
     NeoHookean,
     parameter,
     poissons_ratio,
-    register,
+    register_law,
 )
 from softmodels.materials.specimens import nominal_stress, respond, sphere_pressure
 
@@ -70,7 +70,7 @@ class EightChain(Material):
 @pytest.fixture
 def law():
     """The law, known by its name for one test."""
-    yield register(EightChain)
+    yield register_law(EightChain)
     del LAWS[EightChain.name]
 
 
@@ -81,8 +81,8 @@ def strip():
 
 def test_another_law_of_a_name_is_refused(law):
     with pytest.raises(ValueError, match="'eight-chain' already"):
-        register(dataclasses.dataclass(frozen=True)(type("Other", (EightChain,), {})))
-    assert register(law) is LAWS["eight-chain"]
+        register_law(dataclasses.dataclass(frozen=True)(type("Other", (EightChain,), {})))
+    assert register_law(law) is LAWS["eight-chain"]
 
 
 def test_the_law_needs_no_name_to_be_fitted_to_a_curve(capfd):

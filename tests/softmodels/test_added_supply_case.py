@@ -17,7 +17,7 @@ from softmodels.path.supply import (
     AirSupply,
     Stroke,
     SupplyError,
-    register,
+    register_supply,
 )
 
 
@@ -39,7 +39,7 @@ class Bottle(AirSupply):
 
 @pytest.fixture(autouse=True)
 def registered():
-    register(Bottle)
+    register_supply(Bottle)
     yield
     del SUPPLIES["bottle"]
 

@@ -18,7 +18,7 @@ from softmodels.path.supply import (
     SUPPLIES,
     AirSupply,
     Stroke,
-    register,
+    register_supply,
 )
 from softmodels.runs.columns import term
 from softmodels.runs.notes import explain, explain_failure
@@ -56,7 +56,7 @@ class Flask(AirSupply):
 
 @pytest.fixture
 def flask():
-    register(Flask)
+    register_supply(Flask)
     yield Flask(1e-3)
     del SUPPLIES["flask"]
 

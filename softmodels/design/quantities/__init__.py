@@ -10,7 +10,7 @@ from softmodels.design.quantities import (
     peaks,
     places,
 )
-from softmodels.design.quantities.base import QUANTITIES, DesignQuantity, quantity
+from softmodels.design.quantities.base import QUANTITIES, DesignQuantity, register_quantity
 
 __all__ = [
     "QUANTITIES",
@@ -23,5 +23,5 @@ __all__ = [
     "outline",
     "peaks",
     "places",
-    "quantity",
+    "register_quantity",
 ]

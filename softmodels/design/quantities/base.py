@@ -1,6 +1,6 @@
 """What a design is judged by: a quantity that is named and has a unit, and how it is measured on a meshed device.
 
-One more quantity is one class with `@quantity`, also from outside.
+One more quantity is one class with `@register_quantity`, also from outside.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from softmodels.common.arrays import Array
+from softmodels.common.registry import Registry
 from softmodels.common.units import quantity as read_quantity
 from softmodels.design.loads import JudgedLoad
 
@@ -21,16 +22,6 @@ if TYPE_CHECKING:
 
     from softmodels.design.body import DesignedBody
     from softmodels.mechanics.system import State
-
-
-QUANTITIES: dict[str, type[DesignQuantity]] = {}
-"""Every known quantity by its name in problem files."""
-
-
-def quantity[T: type[DesignQuantity]](cls: T) -> T:
-    """Make a quantity known by its name."""
-    QUANTITIES[cls.name] = cls
-    return cls
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -216,3 +207,8 @@ class FormMeasure(Measure):
 def scaled(factor: float) -> Combine:
     """The sum of the integrals times a factor."""
     return lambda values: (factor * float(values.sum()), np.full(len(values), factor))
+
+
+QUANTITIES: Registry[DesignQuantity] = Registry("quantity", lambda quantity: quantity.name)
+"""Every known quantity by its name in problem files."""
+register_quantity = QUANTITIES.register

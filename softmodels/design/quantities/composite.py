@@ -15,7 +15,7 @@ from softmodels.design.quantities.base import (
     DesignQuantity,
     Measure,
     length,
-    quantity,
+    register_quantity,
 )
 from softmodels.design.quantities.places import AXES, Place
 from softmodels.design.quantities.tip_path import read_tip_path
@@ -78,7 +78,7 @@ class Mean(CompositeQuantity):
         return float(weights @ values), weights
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TipPath(CompositeQuantity):
     """Root mean square distance of a probe from a path that it is to follow.

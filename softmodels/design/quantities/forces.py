@@ -13,7 +13,7 @@ from softmodels.design.quantities.base import (
     FormMeasure,
     Measure,
     Slopes,
-    quantity,
+    register_quantity,
     scaled,
 )
 from softmodels.mechanics.body import in_section
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.system import State
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BlockedForce(DesignQuantity):
     """Force along the lift on what holds the device's tip."""
@@ -61,7 +61,7 @@ def _moved_role(design: DesignedBody, role: str) -> fem.Function:
     return along
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Stiffness(DesignQuantity):
     """Force along the lift, spread over the face that is pushed, per rise of it at a given pressure."""

@@ -24,7 +24,7 @@ from softmodels.design.quantities.base import (
     DesignQuantity,
     Measure,
     Slopes,
-    quantity,
+    register_quantity,
 )
 from softmodels.mechanics.body import in_space
 from softmodels.mechanics.mpi import is_root, on_root
@@ -155,7 +155,7 @@ def _interpolation(grid: Grid, design: DesignedBody) -> scipy.sparse.csr_matrix:
     return csr_matrix((shapes[local].ravel(), (rows, own[cell].ravel())), shape=size)
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LeastGap(DesignQuantity):
     """Least gap between walls that face each other across air, as a smooth minimum; below zero where they overlap."""

@@ -18,7 +18,7 @@ from softmodels.design.quantities.base import (
     DesignQuantity,
     FormMeasure,
     Measure,
-    quantity,
+    register_quantity,
     scaled,
 )
 
@@ -57,7 +57,7 @@ class DeviceQuantity(DesignQuantity):
         raise TypeError("a quantity of the device alone needs no mesh")
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Clearances(DeviceQuantity):
     """Every wall and every channel that has a least width."""
@@ -74,7 +74,7 @@ class Clearances(DeviceQuantity):
 # Volumes, energies and masses.
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class AddedVolume(DesignQuantity):
     """Volume that the whole device's cavity has gained."""
@@ -93,7 +93,7 @@ class AddedVolume(DesignQuantity):
         )
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class StoredEnergy(DesignQuantity):
     """Energy stored in the whole device."""
@@ -107,7 +107,7 @@ class StoredEnergy(DesignQuantity):
         return FormMeasure(design, system.potential.energies, scaled(system.volume_unit), counted_in_stress=True)
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Mass(DesignQuantity):
     """Mass of the silicone of the whole device.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, ClassVar
 
-from softmodels.design.quantities.base import DesignQuantity, Measure, quantity
+from softmodels.design.quantities.base import DesignQuantity, Measure, register_quantity
 
 if TYPE_CHECKING:
     from softmodels.design.body import DesignedBody
@@ -32,7 +32,7 @@ class OfBifurcation(OfLimit):
     """Something of the first bifurcation."""
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BifurcationPressure(OfBifurcation):
     """Pressure at the first bifurcation."""
@@ -42,7 +42,7 @@ class BifurcationPressure(OfBifurcation):
     help: ClassVar = "pressure at the first bifurcation, where the device leaves its symmetric shape"
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BifurcationMargin(OfBifurcation):
     """Bifurcation pressure over the highest working pressure."""
@@ -53,7 +53,7 @@ class BifurcationMargin(OfBifurcation):
     margin: ClassVar = True
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LimitPressure(OfLimit):
     """Pressure at the first limit point."""
@@ -63,7 +63,7 @@ class LimitPressure(OfLimit):
     help: ClassVar = "pressure at the first limit point, where the device balloons"
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LimitMargin(OfLimit):
     """Limit pressure over the highest working pressure."""

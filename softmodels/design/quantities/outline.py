@@ -15,7 +15,7 @@ from softmodels.design.quantities.base import (
     Slopes,
     TargetMeasure,
     length,
-    quantity,
+    register_quantity,
 )
 from softmodels.fitting.outlines.shapes import correlation, read_outlines, rising
 from softmodels.fitting.outlines.silhouette import (
@@ -192,7 +192,7 @@ class OutlineMeasure(TargetMeasure):
         return -np.einsum("kb,kbi,ki->k", weights, self.silhouette.moved(w, X)[piece], found.normal)
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Outline(DesignQuantity):
     """Root mean square distance between points and the deformed outline.

@@ -18,7 +18,7 @@ from softmodels.design.quantities.base import (
     FormMeasure,
     Measure,
     Slopes,
-    quantity,
+    register_quantity,
 )
 from softmodels.materials.strain import Strain, eigenvalues
 from softmodels.mechanics.mpi import largest
@@ -117,7 +117,7 @@ class _Mises(ValuesOf):
         return von_mises(shape_stresses(design.system.material, stretches)) / design.system.stress_unit
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PeakStretch(DesignQuantity):
     """Peak of the largest principal stretch: its mean over the 0.5 % of the silicone where it is largest."""
@@ -134,7 +134,7 @@ class PeakStretch(DesignQuantity):
         return PeakMeasure(design, ufl.sqrt(eigenvalues(design.strain.C)[0]), _Stretch(), counted_in_stress=False)
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PeakVonMises(DesignQuantity):
     """Peak of the von Mises stress: its mean over the 0.5 % of the silicone where it is largest."""
@@ -154,7 +154,7 @@ class PeakVonMises(DesignQuantity):
         return PeakMeasure(design, field, _Mises(), counted_in_stress=True)
 
 
-QUANTITIES |= {"max_stretch": PeakStretch, "von_mises": PeakVonMises}
+QUANTITIES.update({"max_stretch": PeakStretch, "von_mises": PeakVonMises})
 """Names in problem files of earlier versions, which meant a mean of high powers, fitted to the largest value at a point."""
 
 

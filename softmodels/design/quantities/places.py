@@ -12,7 +12,7 @@ from softmodels.design.quantities.base import (
     DesignQuantity,
     Measure,
     Slopes,
-    quantity,
+    register_quantity,
 )
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def _probe(design: DesignedBody, name: str) -> str:
     return name
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Rise(DesignQuantity):
     """How far a probe has moved along the lift.
@@ -108,7 +108,7 @@ class Rise(DesignQuantity):
         return PlacesMeasure(design, (name,), lambda rest, moved: float(moved[name] @ lift))
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Height(DesignQuantity):
     """Height of a probe under pressure: how high it was drawn, and how far it has risen.
@@ -134,7 +134,7 @@ class Height(DesignQuantity):
         return PlacesMeasure(design, (name,), lambda rest, moved: float((rest[name] + moved[name]) @ lift))
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Place(DesignQuantity):
     """Where a probe is.
@@ -165,7 +165,7 @@ class Place(DesignQuantity):
         return PlacesMeasure(design, (name,), lambda rest, moved: float(rest[name][axis] + moved[name][axis]))
 
 
-@quantity
+@register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DeviceFigure(DesignQuantity):
     """A figure of this kind of device that follows from its probes, such as a slab's lift angle.
