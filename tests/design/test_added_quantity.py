@@ -10,14 +10,14 @@ import pytest
 
 from softmodels.case.case import Case
 from softmodels.design.problem import DesignProblem
-from softmodels.design.quantities import QUANTITIES, Quantity, quantity
+from softmodels.design.quantities import QUANTITIES, DesignQuantity, quantity
 from softmodels.design.quantities.base import FormMeasure
 from softmodels.materials.laws import NeoHookean
 
 
 @quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class MeanSquareStretch(Quantity):
+class MeanSquareStretch(DesignQuantity):
     """Mean of a third of the first invariant, 1 where nothing is stretched."""
 
     name: ClassVar = "mean_square_stretch"

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import sys
-from pathlib import Path
 
 import pytest
 
 from measurement.screen.grid import GridError
-from measurement.synthetic.bench import Bench
-from measurement.synthetic.damaged_run import Run
-from measurement.synthetic.verdict import Verdict
+from tests.benchmarks import damaged_photographs
+from tests.support.photographs.bench import Bench
+from tests.support.photographs.damaged_run import Run
+from tests.support.photographs.verdict import Verdict
 
 BENCHES = (4, 5)
 
@@ -68,11 +67,6 @@ def test_a_lifted_body_is_noticed_where_its_own_sinking_has_made_up_for_it(drawn
 
 
 def test_the_benchmark_goes_on_after_a_bench_whose_grid_cannot_be_found(monkeypatch, capsys):
-    path = Path(__file__).parents[1] / "benchmarks" / "damaged_photographs.py"
-    spec = importlib.util.spec_from_file_location("damaged_photographs", path)
-    program = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(program)
-
     class Fake:
         def __init__(self, bench):
             if bench.seed == 702:
@@ -85,10 +79,10 @@ def test_the_benchmark_goes_on_after_a_bench_whose_grid_cannot_be_found(monkeypa
         def damaged(self, kind, seed):
             yield Verdict(kind, "small", self.seed, 1e-3, "right", "", True)
 
-    monkeypatch.setattr(program, "Run", Fake)
+    monkeypatch.setattr(damaged_photographs, "Run", Fake)
     monkeypatch.delattr(os, "sched_setaffinity", raising=False)
     monkeypatch.setattr(sys, "argv", ["damaged_photographs.py", "--seed", "702", "--count", "1", "--kind", "dust"])
-    assert program.main() == 0
+    assert damaged_photographs.main() == 0
     shown = capsys.readouterr().out
     assert "bench 702" in shown and "only 5 crossings" in shown
     assert "| dust | 1 | 1 | 0 | 0 | 0 | 0 |" in shown and "2 benches, 1 of them without a setup" in shown

@@ -20,6 +20,7 @@ from softmodels.pictures.style import WARNING, headline, title_colour
 from softmodels.runs.columns import state_labels
 from softmodels.runs.notes import contact_notes, left_out
 from softmodels.runs.self_contact import FacingWalls, _near
+from tests.support import made_up as drawings
 
 COARSE = PneuNet(chambers=2, cell_size=0.006)
 
@@ -31,7 +32,7 @@ DISKS = {
 
 
 @pytest.fixture(params=DISKS)
-def made(request, drawings, tmp_path):
+def made(request, tmp_path):
     """A device, its nodes and its walls."""
     disk = DISKS[request.param]
     points, cells, name = drawings.grid_of(disk, tmp_path)
@@ -83,7 +84,7 @@ def test_a_thin_wall_does_not_face_itself(made):
     assert walls.gaps(np.outer(squeezed, [0.0, 0.0, 1.0])).share == 0.0
 
 
-def test_a_wall_that_goes_through_its_mirror_plane_is_seen(drawings, tmp_path):
+def test_a_wall_that_goes_through_its_mirror_plane_is_seen(tmp_path):
     """The side of a chamber, bulged towards the plane that cuts the finger in two."""
     finger = PneuNet(chambers=2, gap=0.0)
     points, cells, name = drawings.grid_of(finger, tmp_path)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,12 +13,7 @@ from softmodels.case.case import Case
 from softmodels.design.optimise import optimise
 from softmodels.design.problem import DesignProblem
 from softmodels.design.search import FARTHEST_REACH, FIRST_REACH
-
-FILE = Path(__file__).parents[1] / "fake_design.py"
-spec = importlib.util.spec_from_file_location("fake_design", FILE)
-fake = sys.modules.setdefault("fake_design", importlib.util.module_from_spec(spec))
-if not hasattr(fake, "install"):
-    spec.loader.exec_module(fake)
+from tests.support import fake_design as fake
 
 
 @pytest.fixture(autouse=True)

@@ -25,6 +25,7 @@ from softmodels.disk import command
 from softmodels.mechanics.contact import Obstacle
 from softmodels.runs.row import Row
 from softmodels.runs.store import Results
+from tests.support import runs
 
 BASIC = ["--section=axisymmetric", "--no-pictures", "--quiet"]
 SHORT = [*BASIC, "--pressure-cm=0,30"]
@@ -44,7 +45,7 @@ def says(tmp_path, monkeypatch, ended):
 
 
 @pytest.fixture(scope="session")
-def short(tmp_path_factory, runs):
+def short(tmp_path_factory):
     """A finished run to 30 cm."""
     folder = tmp_path_factory.mktemp("short") / "disk"
     assert runs.run("-m", "softmodels.disk", *SHORT, "--output", folder).status == 0
@@ -139,7 +140,7 @@ LATE = {
 
 
 @pytest.mark.parametrize("words", LATE.values(), ids=LATE)
-def test_bad_input_that_is_noticed_late_leaves_the_last_results(words, runs, copy):
+def test_bad_input_that_is_noticed_late_leaves_the_last_results(words, copy):
     before = contents(copy)
     done = runs.run("-m", "softmodels.disk", *SHORT, "--pressure-cm=0,20", "--output", copy, *words)
     assert done.status == 2 and done.err.count("\n") == 1, done.err
@@ -172,7 +173,7 @@ CONTACTS = [["--contact=top", "--contact-plane=z = 17mm"], ["--contact=top", "--
             ["--contact=top", "--contact-plane=z = 17mm", "--contact-stiffness=100"], []]  # fmt: skip
 
 
-def test_no_run_goes_on_with_another_contact(says, runs, tmp_path):
+def test_no_run_goes_on_with_another_contact(says, tmp_path):
     folder = tmp_path / "disk"
     assert says(command, *SHORT, *CONTACTS[0], "--output", folder)[0] == 0
     before = contents(folder)
@@ -209,14 +210,14 @@ def test_a_part_whose_file_was_changed_is_another_part(wedge_part, tmp_path):
     assert difference(known, identity(case)) == "actuator.file"
 
 
-def test_a_mesh_that_was_changed_is_made_anew(says, runs, copy, whole):
+def test_a_mesh_that_was_changed_is_made_anew(says, copy, whole):
     (copy / "disk.msh").write_text("SystemCall 'touch executed';\n")
     assert says(command, *BASIC, "--pressure-cm=0,30,35", "--output", copy, "--resume")[0] == 0
     assert "SystemCall" not in (copy / "disk.msh").read_text() and not Path("executed").exists()
     assert runs.rows(copy)[-1]["pressure_cm"] == 35.0
 
 
-def test_a_folder_in_use_is_refused_with_the_process_that_uses_it(says, runs, copy):
+def test_a_folder_in_use_is_refused_with_the_process_that_uses_it(says, copy):
     before, busy = contents(copy), OwnFolder(copy, "run")
     busy.take()
     for words in ([], ["--resume"], ["--membrane=5mm"]):
@@ -246,7 +247,7 @@ def test_where_the_system_knows_no_locks_the_file_alone_counts(tmp_path, monkeyp
                 lock.take()
 
 
-def test_runs_keep_out_of_each_others_way(says, runs, tmp_path):
+def test_runs_keep_out_of_each_others_way(says, tmp_path):
     for words in (["--pressure-cm=0,30"], ["--pressure-cm=0,20"], ["--pressure-cm=0,30"]):
         assert says(command, *BASIC, *words)[0] == 0
     assert sorted(path.name for path in Path("results").iterdir()) == ["disk", "disk-2"]

@@ -25,6 +25,7 @@ from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.iterative import Multigrid
 from softmodels.mechanics.loads import Gravity, Mass
 from softmodels.runs.limits import Tolerance, check_varied, find_limit, samples
+from tests.support import runs
 
 THIN = HollowDisk.variant("shadow", support="base", fillet=0.0, base_fillet=0.0, section="axisymmetric")
 ONE = PneuNet(chambers=1, chamber_width=8e-3, chamber_height=8e-3, cell_size=5e-3)
@@ -52,7 +53,7 @@ def test_thin_disk_is_limited_and_a_stiffening_one_is_not(comm):
     assert stiffening.kind == "none" and stiffening.stretch > 4.9
 
 
-def test_a_table_of_materials_with_margins(runs, tmp_path):
+def test_a_table_of_materials_with_margins(tmp_path):
     materials = ("--material", "ecoflex-00-30", "--material", "dragon-skin-20")
     done = runs.run("-m", "softmodels", "limit", *OPTIONS, *materials, "--working-cm", "10", "--output", tmp_path)
     assert done.status == 0 and done.err == ""
@@ -78,7 +79,7 @@ def test_a_table_of_materials_with_margins(runs, tmp_path):
     assert rows[1]["limit_cm"] > 3 * rows[0]["limit_cm"] and "--angle 360deg" in done.out
 
 
-def test_tolerances_scatter_the_limit(runs, tmp_path):
+def test_tolerances_scatter_the_limit(tmp_path):
     """A thicker membrane bears more, about in proportion; the picture and the table are there."""
     done = runs.run("-m", "softmodels", "limit", *OPTIONS, "--shear-modulus", "20kPa", "--cell-size", "4mm",
                     "--vary", "membrane=2mm+-0.2mm", "--samples", "5", "--output", tmp_path)  # fmt: skip
@@ -91,7 +92,7 @@ def test_tolerances_scatter_the_limit(runs, tmp_path):
     assert (tmp_path / "scatter.png").stat().st_size > 10000
 
 
-def test_tolerances_scatter_the_limit_under_a_weight(runs, tmp_path, comm):
+def test_tolerances_scatter_the_limit_under_a_weight(tmp_path, comm):
     """Each sampled device bears its own weight and the mass on it, as a single one of its thickness does."""
     heavy = (Gravity("-z"), Mass("top", 0.020))
     coarse = dataclasses.replace(THIN, cell_size=0.004)
@@ -133,7 +134,7 @@ def test_every_silicone_has_its_own_weight(comm):
     assert both[1].pressure == pytest.approx(alone[0].pressure, rel=1e-7)
 
 
-def test_offset_and_thickness_scatter_as_single_devices_differ(runs, tmp_path):
+def test_offset_and_thickness_scatter_as_single_devices_differ(tmp_path):
     """The slopes told, against differences of devices drawn thinner, and with their cavities higher in the same height."""
     done = runs.run("-m", "softmodels", "limit", *OPTIONS, "--shear-modulus", "20kPa", "--cell-size", "4mm", "--vary",
                     "membrane=2mm+-0.1mm", "--vary", "offset=0mm+-0.1mm", "--samples", "6", "--output", tmp_path)  # fmt: skip
@@ -164,7 +165,7 @@ def test_offset_and_thickness_scatter_as_single_devices_differ(runs, tmp_path):
         (["--device", "Beam"], "cavity"),
     ],
 )
-def test_bad_input_is_a_sentence_and_status_2(words, told, runs):
+def test_bad_input_is_a_sentence_and_status_2(words, told):
     done = runs.run("-m", "softmodels", "limit", *words)
     assert done.status == 2 and done.out == "" and done.err.count("\n") == 1 and told in done.err
 

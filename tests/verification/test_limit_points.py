@@ -9,6 +9,7 @@ from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_limit
 from softmodels.mechanics.body import CAVITY
+from tests.support import bodies
 
 THIN = 0.01  # thickness over middle radius
 SHELL = "thin-shell theory of a balloon, wall 1/100 of the radius"
@@ -18,7 +19,7 @@ RUBBER = NeoHookean(100e3, 0.5)
 
 
 @pytest.fixture(scope="module")
-def balloon(bodies, equilibrium):
+def balloon(equilibrium):
     radius = 0.010
     inner, outer = radius * (1 - THIN / 2), radius * (1 + THIN / 2)
     return equilibrium(bodies.Sphere(inner=inner, outer=outer, through=1, along=32), RUBBER)
@@ -205,7 +206,7 @@ def compared(equations, solved, held, highest, step, steps):
     return path, np.array([point.state.P for point in points if point.requested])
 
 
-def test_sphere_path_matches_petsc(bodies, equilibrium, solved, figure):
+def test_sphere_path_matches_petsc(equilibrium, solved, figure):
     equations = equilibrium(bodies.Sphere(through=2, along=6), RUBBER)
     held = [(1, lambda X: np.isclose(X[1], 0)), (0, lambda X: np.isclose(X[0], 0))]
     path, found = compared(equations, solved, held, highest=2.0, step=0.6, steps=25)
