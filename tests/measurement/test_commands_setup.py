@@ -24,7 +24,7 @@ def grid(tmp_path_factory):
 
 def run(*arguments):
     done = CliRunner().invoke(main, [str(argument) for argument in arguments])
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    assert not isinstance(done.exception, Exception), done.exception
     assert "Traceback" not in done.output
     return done
 

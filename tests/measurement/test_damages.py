@@ -28,21 +28,27 @@ def test_good_photographs_of_the_benches_are_right_and_trusted(runs):
 
 
 @pytest.mark.parametrize(
-    "kind", ["glint", "water drop on the lens", "fibre along", "dent", "screen bulging", "heat shimmer"]
+    ("kind", "outcomes"),
+    [
+        ("glint", ["refused", "refused"]),
+        ("water drop on the lens", ["untrusted", "untrusted"]),
+        ("fibre along", ["refused", "refused"]),
+        ("dent", ["refused", "refused"]),
+        ("screen bulging", ["refused", "untrusted"]),
+        ("heat shimmer", ["refused", "untrusted"]),
+    ],
 )
-def test_what_is_wrong_is_not_trusted(runs, kind):
+def test_what_is_wrong_is_not_trusted(runs, kind, outcomes):
     verdicts = [one for run in runs for one in run.damaged(kind, 0)]
-    assert len(verdicts) == 2
-    for one in verdicts:
-        assert one.outcome != "wrong", one
-        assert one.outcome != "right" or kind != "dent", one
+    assert [one.outcome for one in verdicts] == outcomes, verdicts
 
 
-@pytest.mark.parametrize("kind", ["body moved after the zero", "body along the light after the zero"])
-def test_a_body_that_was_moved_is_noticed_in_every_photograph(runs, kind):
+@pytest.mark.parametrize(
+    ("kind", "first"), [("body moved after the zero", "refused"), ("body along the light after the zero", "untrusted")]
+)
+def test_a_body_that_was_moved_is_noticed_in_every_photograph(runs, kind, first):
     verdicts = list(runs[1].damaged(kind, 0))
-    assert len(verdicts) == 6
-    assert all(one.outcome in ("untrusted", "refused") for one in verdicts), verdicts
+    assert [one.outcome for one in verdicts] == [first, *["untrusted"] * 5], verdicts
 
 
 def test_a_known_width_takes_a_wrong_magnification_out(runs):

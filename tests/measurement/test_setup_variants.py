@@ -21,7 +21,7 @@ THESIS = {"maker": "Canon", "camera": "Canon EOS 550D", "lens": "EF-S18-55mm f/3
 
 def run(*arguments):
     done = CliRunner().invoke(main, [str(argument) for argument in arguments])
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    assert not isinstance(done.exception, Exception), done.exception
     return done
 
 

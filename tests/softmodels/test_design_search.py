@@ -215,7 +215,7 @@ def test_every_trial_is_kept_and_gone_on_from(tmp_path):
     assert Case.from_file(tmp_path / "whole" / "design.toml") == whole.case
 
     part = optimise(problem_(), tmp_path / "part", model=model, stopped=lambda: len(calls[-1]) >= 3)
-    assert part.stopped and len(part.trials) == 3 and part.best.number in (1, 2, 3)
+    assert part.stopped and len(part.trials) == 3 and part.best.number == 2
     assert Case.from_file(tmp_path / "part" / "design.toml") == part.case
     resumed = optimise(problem_(), tmp_path / "part", model=model, resume=True)
     assert len(calls[-1]) == len(whole.trials) - 3 and not set(calls[-1]) & set(calls[-2])

@@ -105,7 +105,8 @@ def test_supports_hold_what_the_device_holds(decks):
             if node in deck.mesh.nodes[role]:
                 assert abs(u @ normal) < 1e-9
         for role in glued:
-            assert node not in deck.mesh.nodes[role] or np.abs(u).max() < 1e-9
+            if node in deck.mesh.nodes[role]:
+                assert np.abs(u).max() < 1e-9
 
 
 LOADED = dataclasses.replace(

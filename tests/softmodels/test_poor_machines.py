@@ -11,7 +11,7 @@ from tests.support import runs
 RUN = """
 import sys
 from pathlib import Path
-import softmodels.mechanics.factorisation, softmodels.mechanics.mpi
+import softmodels.mechanics.direct, softmodels.mechanics.mpi
 {change}
 from softmodels.{module} import {names}
 {main}
