@@ -106,28 +106,6 @@ class FigureWriter:
                 terminalreporter.write_line(f"more than three times: {' | '.join(one.cells())}")
 
 
-QUICK = {
-    "geometries": ("apart disk_parameters disk_profile"),
-    "measurement": (
-        "blur bridging column copies edge flatness outline photo_list plane scaling second_lamp settling setup "
-        "smoothing toml_file units witness"
-    ),
-    "softmodels": (
-        "case colours decimal_commas fitting homogeneous law_stability materials quadratic_curve "
-        "rooms silicones sizes skin specimens strain tensile tensile_fit"
-    ),
-    "verification": ("energy figure_tables measured_materials volume_ratio"),
-}
-"""Files of tests that `pytest -m quick` runs, by folder; a new one whose tests are short belongs here."""
-
-
-def pytest_collection_modifyitems(items):
-    quick = {f"{folder}/test_{name}.py" for folder, names in QUICK.items() for name in names.split()}
-    for item in items:
-        if "/".join(item.path.parts[-2:]) in quick:
-            item.add_marker(pytest.mark.quick)
-
-
 def pytest_addoption(parser):
     parser.addoption(
         "--write-figures", action="store_true", help="write the measured figures to tests/verification/README.md"

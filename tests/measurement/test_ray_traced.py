@@ -27,6 +27,7 @@ def small(seed, lamp, camera, **body):
     return dataclasses.replace(case, bench=bench, body=dataclasses.replace(top, **body))
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("seed", "lamp", "camera"),
     [(0, "disc", "srgb"), (4, "square", "s curve"), (6, "disc", "phone"), (9, "disc", "linear")],

@@ -80,6 +80,7 @@ def test_slopes_follow_taylor(name):
             assert left[1] < 1e-11, (parameter, left)
 
 
+@pytest.mark.quick
 @laws
 def test_the_truth_is_found_again(name):
     found = fitted(name, curves_of(name))

@@ -118,6 +118,7 @@ def test_tangent_is_symmetric_and_the_product_is_the_matrix(law, section, shell,
     figure("tangent, every law", "product without a matrix", (product - K @ direction) / np.abs(product).max(), 1e-12)
 
 
+@pytest.mark.quick
 @laws
 @sections
 def test_derivatives_follow_the_potential(law, section, shell, equilibrium, figure):
@@ -198,6 +199,7 @@ def exactness(law):
     return 3e-8 if isinstance(law, Ogden) else 1e-10
 
 
+@pytest.mark.quick
 @laws
 def test_patch_of_tetrahedra_has_the_laws_stress(law, equilibrium):
     """Any homogeneous F: no force inside, and forces on the faces that are exactly the law's stress."""
@@ -221,6 +223,7 @@ def test_patch_of_tetrahedra_has_the_laws_stress(law, equilibrium):
     assert found == pytest.approx(nominal(law, GRADIENT), abs=near)
 
 
+@pytest.mark.quick
 @laws
 def test_patch_of_triangles_has_the_laws_stress(law, equilibrium):
     """A cylinder stretched along and across its axis; the work of r e_r is that of both stresses across."""

@@ -35,12 +35,14 @@ def limit(balloon, solved):
     return end.limit
 
 
+@pytest.mark.quick
 def test_balloon_limit_pressure(balloon, limit, figure):
     """A wall of middle radius R has the pressure of a thin one up to (t/R)^2: 3e-6 here, by the thick wall's integral."""
     _, expected = balloon_limit(RUBBER, THIN)
     figure(SHELL, "limit pressure", limit.state.P * balloon.system.stress_unit / expected - 1, 5e-6)
 
 
+@pytest.mark.quick
 def test_balloon_limit_stretch(balloon, limit, figure):
     """7^(1/6) holds for the middle of the wall. The inner face is stretched by t/R / 2 (1 - stretch^-3) more of itself."""
     shell = balloon.system.body.actuator
@@ -51,6 +53,7 @@ def test_balloon_limit_stretch(balloon, limit, figure):
     assert inner / stretch - 1 == pytest.approx(THIN / 2 * (1 - stretch**-3), rel=0.02)
 
 
+@pytest.mark.quick
 def test_pressure_control_names_the_limit_too(balloon, limit, solved, figure):
     """It cannot pass a limit point; where no step succeeds any more it looks whether one lies ahead."""
     _, points, end = solved(balloon, [2 * limit.state.P], "pressure")

@@ -39,6 +39,7 @@ def pressed(body_of):
     return equations, points, Fields(equations).figures(points[-1].state)
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(("plane", "section"), [("z = 10 mm", "cube"), ("normal 0,0,-2 at -10 mm", "cube"),
                                                 ("z = 1 cm", "axisymmetric")])  # fmt: skip
 def test_a_block_that_swells_against_a_plane_is_in_a_uniform_state(plane, section, body_of, figure):

@@ -111,6 +111,7 @@ def test_one_material_cut_in_two_by_displacements_alone(layered, body_of, solved
     figure(SAME, "displacements, displacements alone", cut.w - whole.w, 1e-9)
 
 
+@pytest.mark.quick
 def test_patch(body_of, figure):
     """A block pressed from all sides is strained evenly: p is one, though it might jump across the slanted cut."""
     law, body = NeoHookean(30e3, 0.45), body_of(bodies.CutBlock(cells=3))
@@ -175,6 +176,7 @@ def test_derivatives(formulation, layered, body_of, solved, figure):
         assert np.abs(found.w).max() > 0
 
 
+@pytest.mark.quick
 def test_ranks_and_restarts(layered, comm, tmp_path, figure):
     """Two ranks have the figures of one; a state taken apart over the nodes comes back to the last bit on both."""
     mesh = layered["sphere"].write(tmp_path / "layers.msh")

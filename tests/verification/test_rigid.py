@@ -73,6 +73,7 @@ def dense(matrix):
     return found
 
 
+@pytest.mark.quick
 def test_the_face_moves_as_one_and_its_forces_cancel(plated, figure):
     """What makes a state one of equilibrium with a free rigid plate, from the whole body's forces."""
     solver, state = plated
@@ -328,6 +329,7 @@ def test_a_half_beam_is_the_half_of_a_whole_one(body_of, figure):
     )
 
 
+@pytest.mark.quick
 def test_a_rigid_block_is_a_block_whose_nodes_are_moved_so(body_of, figure, monkeypatch):
     """A region that is rigid against the same region with all its nodes held where that motion, computed aside, puts them.
 

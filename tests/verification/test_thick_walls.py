@@ -49,6 +49,7 @@ def errors(solved, equations, exact, power):
     return found / exact(equations.system.material, shell.inner, shell.outer, stretches) - 1
 
 
+@pytest.mark.quick
 @laws
 def test_sphere_axisymmetric(law, equilibrium, solved, figure):
     equations = equilibrium(bodies.Sphere(through=4, along=12), law)
@@ -97,6 +98,7 @@ def test_tube_converges(equilibrium, solved, figure):
     figure(TUBE, "power of the cell size at which the section's error falls", rates, at_least=3.7)
 
 
+@pytest.mark.quick
 def test_rigid_walls_move_as_one(equilibrium, solved, figure):
     """The sphere stays a sphere: the inner wall's nodes all have the stretch that the volume says."""
     equations = equilibrium(bodies.Sphere(through=4, along=12), LAWS["neo-hookean"])

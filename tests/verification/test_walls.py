@@ -178,6 +178,7 @@ def test_two_shells_meet_as_one_meets_its_mirror_plane(pair_of_shells, body_of, 
     assert figures["walls_overlap_mm"] < 0.01 * 1e3 * (pair.outer - pair.inner)
 
 
+@pytest.mark.quick
 def test_a_patch(body_of, figure):
     """One cylinder stands on another with other cells, under an even dead load: what that leaves of an even stretch."""
 
