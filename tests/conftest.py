@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import collections
-import importlib.util
 import math
 import os
 import sys
@@ -14,6 +13,7 @@ import pytest
 
 from geometries import ImportedActuator
 from geometries.meshing import private_model
+from tests.support import figure_tables
 
 MEASURED = {
     "silicone_tensile": "tensile curves of 19 silicones, Marechal et al. 2021 (ODbL)",
@@ -83,59 +83,27 @@ class FigureWriter:
     """Gathers the figures of a run, those of its workers too, and writes the tables at its end."""
 
     def __init__(self, config):
-        self.tables = _module("figure_tables")
         self.figures, self.passed, self.config = [], {}, config
 
     def pytest_runtest_logreport(self, report):
         file = report.location[0].rsplit("/", 1)[-1]
         self.passed[file] = self.passed.get(file, True) and report.outcome == "passed"
         if report.when == "call" and report.outcome == "passed":
-            self.figures += [self.tables.Figure(*value) for name, value in report.user_properties if name == "figure"]
+            self.figures += [figure_tables.Figure(*value) for name, value in report.user_properties if name == "figure"]
 
     def pytest_terminal_summary(self, terminalreporter):
         option = self.config.option
         picked = option.keyword or option.markexpr or option.deselect or any("::" in word for word in self.config.args)
         whole = {file: passed and not picked for file, passed in self.passed.items()}
-        readme = self.tables.README
+        readme = figure_tables.README
         text = readme.read_text(encoding="utf-8")
-        readme.write_text(self.tables.rewritten(text, self.figures, whole), encoding="utf-8")
+        readme.write_text(figure_tables.rewritten(text, self.figures, whole), encoding="utf-8")
         terminalreporter.write_line(f"{len(self.figures)} figures written to {readme}")
-        for file in self.tables.unlisted(text, self.figures):
+        for file in figure_tables.unlisted(text, self.figures):
             terminalreporter.write_line(f"no table there names {file}: add it to a line '<!-- figures:'", red=True)
-        for one in self.tables.worst(self.figures):
+        for one in figure_tables.worst(self.figures):
             if one.loose:
                 terminalreporter.write_line(f"more than three times: {' | '.join(one.cells())}")
-
-
-def _module(name):
-    """A module of this folder: modules of tests cannot import each other."""
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-        sys.modules[name] = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(sys.modules[name])
-    return sys.modules[name]
-
-
-QUICK = {
-    "geometries": ("apart disk_parameters disk_profile"),
-    "measurement": (
-        "blur bridging column copies edge flatness outline photo_list plane scaling second_lamp settling setup "
-        "smoothing toml_file units witness"
-    ),
-    "softmodels": (
-        "case colours decimal_commas fitting homogeneous law_stability materials quadratic_curve "
-        "rooms silicones sizes skin specimens strain tensile tensile_fit"
-    ),
-    "verification": ("energy figure_tables measured_materials volume_ratio"),
-}
-"""Files of tests that `pytest -m quick` runs, by folder; a new one whose tests are short belongs here."""
-
-
-def pytest_collection_modifyitems(items):
-    quick = {f"{folder}/test_{name}.py" for folder, names in QUICK.items() for name in names.split()}
-    for item in items:
-        if "/".join(item.path.parts[-2:]) in quick:
-            item.add_marker(pytest.mark.quick)
 
 
 def pytest_addoption(parser):

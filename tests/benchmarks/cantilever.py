@@ -9,7 +9,6 @@ distance of the tip from the exact beam's in its deflections. Measured on cells 
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 import tempfile
 from pathlib import Path
@@ -17,16 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from geometries import Beam
-
-TESTS = Path(__file__).parents[1] / "verification"
-
-
-def exact():
-    """The module of the test, which has the exact beam."""
-    spec = importlib.util.spec_from_file_location("loads_here", TESTS / "test_loads.py")
-    module = sys.modules["loads_here"] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+from tests.support.exact_beam import STIFF, elastica
 
 
 def main(cells: list[float]) -> None:
@@ -38,18 +28,18 @@ def main(cells: list[float]) -> None:
     from softmodels.path.schedule import hang
     from softmodels.runs.fields import Fields
 
-    comm, test = start(), exact()
+    comm = start()
     for cell in cells:
         beam = Beam(length=0.060, width=0.006, thickness=0.003, cell_size=cell * 1e-3, clamp="slip")
         with tempfile.TemporaryDirectory() as folder:
             body = Body.from_file(beam, beam.write(Path(folder) / "beam.msh"), comm)
         components = (Gravity(direction="-z", density=1000.0), Force(face="tip", direction="-z", name="tip"))
-        solver = Solver(System(body, test.STIFF, components=components))
+        solver = Solver(System(body, STIFF, components=components))
         fields, weight = Fields(solver), float(solver.system.dead.amounts[0])
         for heavy, pulled in ((weight, 0.0), (0.0, 0.3 * weight), (weight, 0.3 * weight)):
             hung = hang(solver, [("the loads", np.array([heavy, pulled]) / solver.system.dead.units)])
             device = fields.figures(hung.state).device
-            wanted = test.elastica(heavy, pulled)
+            wanted = elastica(heavy, pulled)
             apart = np.array([device["tip_x_mm"], device["tip_z_mm"]]) * 1e-3 - wanted
             print(
                 f"{cell:g} mm, {solver.system.n} unknowns, weight {heavy:.4g} N, force {pulled:.4g} N: tip "

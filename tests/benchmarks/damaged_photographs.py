@@ -3,10 +3,10 @@
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/damaged_photographs.py --count 1000
     OMP_NUM_THREADS=1 uv run python tests/benchmarks/damaged_photographs.py --count 200 --kind "second lamp,dent" --list
 
-Random benches (`measurement/synthetic/damaged_run.py`), random damages of random size and place
-(`measurement/synthetic/damages.py`), the same for the same seed. A photograph is wrong if it is trusted and its apex, or more
-than 2 % of its outline, lies off by more than 25 um and more than three times what is stated, or if more than 1 mm of outline
-is missing. A photograph takes about 0.8 s of one core.
+Random benches (`tests/support/photographs/damaged_run.py`), random damages of random size and
+place (`tests/support/photographs/damages.py`), the same for the same seed. A photograph is wrong if it is trusted and its apex,
+or more than 2 % of its outline, lies off by more than 25 um and more than three times what is stated, or if more than 1 mm of
+outline is missing. A photograph takes about 0.8 s of one core.
 
 Found on 1,019 of `--seed 20`: 313 right, 309 refused, 397 untrusted, none wrong; all 133 good ones were right and trusted.
 With lamps and cameras of all kinds (`--seed 61`, stopped after 108): 35 right, 18 refused, 54 untrusted, one wrong: a body
@@ -33,10 +33,10 @@ from collections.abc import Iterator
 import cv2
 
 from measurement.screen.grid import GridError
-from measurement.synthetic.bench import Bench
-from measurement.synthetic.damaged_run import Run
-from measurement.synthetic.damages import KINDS
-from measurement.synthetic.verdict import Verdict
+from tests.support.photographs.bench import Bench
+from tests.support.photographs.damaged_run import Run
+from tests.support.photographs.damages import KINDS
+from tests.support.photographs.verdict import Verdict
 
 OUTCOMES = ("right", "refused", "untrusted", "wrong")
 

@@ -38,8 +38,7 @@ import numpy as np
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import seed as seeded
 
-sys.path.insert(0, str(Path(__file__).parent))
-import fuzz_inputs as inputs
+from tests.benchmarks import fuzz_inputs as inputs
 
 LONGEST = 20.0
 """Seconds of its own work after which a command hangs; other programs on the machine do not count."""

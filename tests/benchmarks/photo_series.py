@@ -26,8 +26,8 @@ from measurement.series.measuring import (
 )
 from measurement.series.photo_list import Column, PhotoListError, read_photos
 from measurement.synthetic import photographer
-from measurement.synthetic.courses import COURSES, DAMAGES, damaged, run
 from measurement.synthetic.photographer import Scene, dome, photograph
+from tests.support.photographs.courses import COURSES, DAMAGES, damaged, run
 
 
 def rows(count: int) -> None:

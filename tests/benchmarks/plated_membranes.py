@@ -8,36 +8,26 @@ and 4 kg, in two sources of one silicone; some 15 s each.
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import sys
-from pathlib import Path
 
 import numpy as np
 
 import softmodels as sm
 from softmodels.components.loads import Gravity
 from softmodels.components.rigid import Rigid
+from tests.support import membrane_shooting as shooting
 
-FOLDER = Path(__file__).parents[1] / "verification"
 WEIGHTS = (1.5, 2.5, 4.0)
 SOURCES = ("liao-2021", "marechal-2021")
 LARGEST = 1300.0
 MEMBRANE = sm.Membrane(radius=0.070, thickness=0.002, plate_radius=0.0254, chamber_depth=0.1)
 
 
-def shooting():
-    spec = importlib.util.spec_from_file_location("membrane_shooting", FOLDER / "membrane_shooting.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["membrane_shooting"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def exact(equations, law: sm.Yeoh, mass: float):
+def exact(law: sm.Yeoh, mass: float):
     """Volumes in ml, pressures in Pa and heights in mm of the membrane equations, from where the plate is above the clamp."""
-    numbers = equations.Yeoh(law.c1, law.c2, law.c3)
-    membrane = equations.CircularMembrane(
+    numbers = shooting.Yeoh(law.c1, law.c2, law.c3)
+    membrane = shooting.CircularMembrane(
         MEMBRANE.radius, MEMBRANE.thickness, numbers, MEMBRANE.plate_radius, 9.81 * mass
     )
     # From a height where all of the weight hangs safely, upwards and downwards.
@@ -47,7 +37,6 @@ def exact(equations, law: sm.Yeoh, mass: float):
 
 
 def main() -> None:
-    equations = shooting()
     wanted = [float(text) for text in sys.argv[1:]] or WEIGHTS
     print(
         f"{'silicone':14} {'kg':>4} {'reached':>9} {'pressure':>20} {'height':>18}   (worst, from the least volume shown on)"
@@ -58,7 +47,7 @@ def main() -> None:
             parts = [Rigid("plate", name="plate", mass=mass), Gravity("-z", density=0.0)]
             run = sm.inflate(MEMBRANE, law, volumes="0:1300 ml", components=parts)
             volume, pressure, height = (run.path[name] for name in ("added_volume_ml", "pressure_Pa", "plate_z_mm"))
-            V, P, z = exact(equations, law, mass)
+            V, P, z = exact(law, mass)
             order = np.argsort(V)
             shown = (volume >= V.min()) & (volume <= V.max())
             there = [np.interp(volume[shown], V[order], values[order]) for values in (P, z)]

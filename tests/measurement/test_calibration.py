@@ -13,7 +13,7 @@ from measurement.__main__ import main
 from measurement.camera.camera import Camera
 from measurement.screen import calibration
 from measurement.screen.calibration import corner_reach, find_chessboard, straightened_corners
-from measurement.synthetic.photographer import Scene, truth_of
+from measurement.synthetic.photographer import Scene, chessboard, truth_of
 
 POSES = [(20, 0), (-25, 10), (5, 30), (10, -30), (-15, -20), (0, 35), (30, 5), (-30, -10)]
 LENSES = {"two terms": (-0.2, 0.04), "all terms": (-0.2, 0.04, 1e-3, -1e-3, 0.1)}
@@ -28,12 +28,12 @@ def seen_camera(lens):
     return Camera(truth.matrix, truth.distortion, 900, 600, "truth", 0.0)
 
 
-def test_corners_are_where_they_are_whatever_the_lens_bends(boards_drawn):
+def test_corners_are_where_they_are_whatever_the_lens_bends():
     """Measured: 0.016 px without, 0.001 px with straightened windows."""
     missed = {"bent": [], "straightened": []}
     for pose in POSES[:4]:
         view = scene(*pose, LENSES["two terms"], 1e-4)
-        image, truth = boards_drawn["chessboard"](view, noise=0.0), truth_of(view)
+        image, truth = chessboard(view, noise=0.0), truth_of(view)
         bent = find_chessboard(image, (9, 6)).px
         straight = straightened_corners(image[..., 0], bent, seen_camera(view.distortion), corner_reach(bent))
         for name, found in (("bent", bent), ("straightened", straight)):

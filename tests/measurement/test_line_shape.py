@@ -15,9 +15,9 @@ from measurement.screen.grid import find_grid
 from measurement.screen.look import LineShape
 from measurement.screen.setup import Setup
 from measurement.series.photo import outline_of, zero_of
-from measurement.synthetic.bench import Bench
 from measurement.synthetic.photographer import lens_of, photograph, truth_of
-from measurement.synthetic.verdict import across
+from tests.support.photographs.bench import Bench
+from tests.support.photographs.verdict import across
 
 STEP = 0.005
 

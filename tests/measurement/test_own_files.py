@@ -24,7 +24,7 @@ from softmodels.common.terminal import plain
 
 def run(*words):
     done = CliRunner().invoke(main, [str(word) for word in words])
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    assert not isinstance(done.exception, Exception), done.exception
     return done
 
 

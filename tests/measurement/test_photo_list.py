@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import runpy
-from pathlib import Path
-
 import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
 from measurement.series.photo_list import PhotoListError, read_photos
+from tests.benchmarks import photo_series
 
-SERIES = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "photo_series.py"))
+SERIES = vars(photo_series)
 
 
 def listed(folder, text, encoding="utf-8"):

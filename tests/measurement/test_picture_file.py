@@ -20,7 +20,7 @@ from measurement.edge.tracing import trace
 from measurement.screen.setup import Setup
 from measurement.series.photo import find_zero, outline_of
 from measurement.synthetic import photographer
-from measurement.synthetic.photographer import Scene, dome, photograph, save
+from measurement.synthetic.photographer import Scene, chessboard, dome, photograph, save
 
 SMALL = photograph(Scene(width=96, height=64, pixel_size=4e-4, noise=0.0, jpeg_quality=None), dome(8e-3), 1)[0]
 SCENE = dataclasses.replace(
@@ -212,15 +212,13 @@ def test_outlines_do_not_depend_on_the_kind_of_file(bench, tmp_path, kind):
     assert found.height == pytest.approx(HEIGHT, abs=15e-6)
 
 
-def test_calibration_reads_the_same_files(tmp_path, boards_drawn):
+def test_calibration_reads_the_same_files(tmp_path):
     scene = Scene(width=480, height=320, focal_px=600.0, pixel_size=25e-5)
     views = [dataclasses.replace(scene, tilt=tilt, pan=pan) for tilt, pan in ((20, 5), (-15, 20), (5, -25), (-20, -10))]
     names = []
     for number, view in enumerate(views):
         data = io.BytesIO()
-        pillow_heif.from_pillow(Image.fromarray(boards_drawn["chessboard"](view))).save(
-            data, quality=95, chroma=444, enc_params=QUICK
-        )
+        pillow_heif.from_pillow(Image.fromarray(chessboard(view))).save(data, quality=95, chroma=444, enc_params=QUICK)
         (tmp_path / f"{number}.heic").write_bytes(data.getvalue())
         names.append(str(tmp_path / f"{number}.heic"))
     done = CliRunner().invoke(main, ["calibrate", *names, "--pitch", "8mm", "-o", str(tmp_path / "camera.toml")])

@@ -6,9 +6,6 @@ The whole of the campaign, with its figures, is ``tests/benchmarks/traced_photog
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,17 +13,7 @@ import pytest
 from measurement.edge.tracing import trace_image
 from measurement.outline.outline import Outline
 from measurement.series.photo import zero_of
-
-
-def _beside(name):
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-        sys.modules[name] = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(sys.modules[name])
-    return sys.modules[name]
-
-
-runs = _beside("traced_runs")
+from tests.support.photographs import traced_runs as runs
 
 
 def small(seed, lamp, camera, **body):
@@ -40,6 +27,7 @@ def small(seed, lamp, camera, **body):
     return dataclasses.replace(case, bench=bench, body=dataclasses.replace(top, **body))
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("seed", "lamp", "camera"),
     [(0, "disc", "srgb"), (4, "square", "s curve"), (6, "disc", "phone"), (9, "disc", "linear")],

@@ -17,7 +17,7 @@ from measurement.synthetic.photographer import Scene, photograph, save
 
 def run(*arguments):
     done = CliRunner().invoke(main, [str(argument) for argument in arguments])
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    assert not isinstance(done.exception, Exception), done.exception
     assert "Traceback" not in done.output
     return done
 

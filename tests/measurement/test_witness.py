@@ -10,7 +10,7 @@ from PIL import Image
 
 from measurement.series.overview import draw_heights
 from measurement.series.witness import Course, course_of, doubts
-from measurement.synthetic.courses import COURSES, DAMAGES, Rows, damaged, run
+from tests.support.photographs.courses import COURSES, DAMAGES, Rows, damaged, run
 
 STEPS = np.linspace(0.0, 1.0, 9)
 

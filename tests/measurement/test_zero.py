@@ -115,7 +115,8 @@ def test_the_bow_of_a_round_body_shows_that_it_is_not_level(angle, seen):
         assert "level the body" in line.doubts[0]
         # Not wrong and trusted by three stated errors, where the body's ends are not seen either.
         assert line.level_error > true / 2.5
-        assert sides is None or line.level_error == pytest.approx(true, rel=0.05)
+        if sides is not None:
+            assert line.level_error == pytest.approx(true, rel=0.05)
 
 
 def test_another_photograph_at_zero_stands_in_for_a_doubtful_one(monkeypatch):

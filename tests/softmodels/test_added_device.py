@@ -26,6 +26,7 @@ from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.pictures.offscreen import can_render
+from tests.support import runs
 
 
 @register_device
@@ -101,7 +102,7 @@ def outer_pressure(law, rise):
 
 
 @pytest.fixture(scope="module")
-def ran(runs, tmp_path_factory):
+def ran(tmp_path_factory):
     """A run of this very file as a script, with its pictures and report where the machine can render."""
     folder = tmp_path_factory.mktemp("ball") / "half-ball"
     pictures = [] if can_render() else ["--no-pictures"]
@@ -111,7 +112,7 @@ def ran(runs, tmp_path_factory):
     return folder
 
 
-def test_it_runs_as_its_closed_form_says(ran, runs):
+def test_it_runs_as_its_closed_form_says(ran):
     rows = runs.rows(ran)
     assert [row["pressure_cm"] for row in rows if row["requested"]] == [0.0, 50.0, 100.0]
     for row in rows:
@@ -133,7 +134,7 @@ def test_a_case_file_names_it(ran):
     assert case.actuator == BALL and case.material == LAW and Case.from_toml(case.to_toml()) == case
 
 
-def test_commands_know_it_by_the_environment(ran, runs, tmp_path):
+def test_commands_know_it_by_the_environment(ran, tmp_path):
     """Its limit is the maximum of the closed form; a process that is not told of this file knows no such device."""
     file, environment = ran / "case.toml", {**os.environ, VARIABLE: __file__}
     done = runs.run("-m", "softmodels", "limit", file, "--output", tmp_path / "limit", env=environment)

@@ -11,6 +11,7 @@ from softmodels.case.entries import CaseError
 from softmodels.case.materials import MaterialErrors
 from softmodels.cli.example_cases import BENCH
 from softmodels.runs.notes import bonded_notes
+from tests.support import runs
 
 MEMBRANE = sm.Membrane(plate_radius=0.008, cell_size=0.002, through=2)
 LAW = sm.NeoHookean(30e3, 0.49)
@@ -92,7 +93,7 @@ def test_pressures_with_their_unit(asked, expected):
     assert case.goals == pytest.approx(expected, rel=1e-9) and Case.from_toml(case.to_toml()) == case
 
 
-def test_pressures_with_their_unit_as_an_option(runs, tmp_path):
+def test_pressures_with_their_unit_as_an_option(tmp_path):
     options = ("--device", "Membrane", "--cell-size", "4mm", "--through", "1", "--no-pictures")
     done = runs.run("-m", "softmodels", "run", *options, "--pressure", "0,1kPa", "--water-density", "1000kg/m^3",
                     "--output", tmp_path / "run")  # fmt: skip
@@ -102,7 +103,7 @@ def test_pressures_with_their_unit_as_an_option(runs, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def fitted(runs, tmp_path_factory):
+def fitted(tmp_path_factory):
     """A folder with a fit of laws to a pull, and a case file beside it."""
     folder = tmp_path_factory.mktemp("fitted")
     stretch = np.linspace(1.05, 2.0, 12)
@@ -151,7 +152,7 @@ def test_files_that_are_no_material(fitted, table, words):
         Case.from_file(fitted / "wrong.toml")
 
 
-def test_a_case_file_is_run_with_another_material_and_its_band(fitted, runs):
+def test_a_case_file_is_run_with_another_material_and_its_band(fitted):
     (fitted / "plain.toml").write_text(f'{LIFTED}pressure = "0:1 kPa"\n')
     file, run = fitted / "fit" / "fitted.toml", ("-m", "softmodels", "run", fitted / "plain.toml", "--no-pictures")
     done = runs.run(*run, "--material", file, "--band", file, "--output", fitted / "run")

@@ -10,6 +10,7 @@ import pytest
 from geometries import HollowDisk, SeminarActuator
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import stability_text, unlocated, unseen
+from tests.support import runs
 
 WORDS = StateLabels("tip")
 TWIN = (
@@ -19,12 +20,12 @@ TWIN = (
 
 
 @pytest.fixture(scope="module")
-def twin(runs, tmp_path_factory):
+def twin(tmp_path_factory):
     folder = tmp_path_factory.mktemp("twin") / "disk"
     return folder, runs.disk(folder, *TWIN, "--volume-ml", "0:90:30", "--branch")
 
 
-def test_the_bifurcation_is_met_and_told(runs, twin):
+def test_the_bifurcation_is_met_and_told(twin):
     folder, done = twin
     assert done.status == 0, done.err
     rows = runs.rows(folder)
@@ -41,7 +42,7 @@ def test_the_bifurcation_is_met_and_told(runs, twin):
     assert "--section wedge --angle 360deg" in done.out
 
 
-def test_one_membrane_grows_along_the_branch(runs, twin):
+def test_one_membrane_grows_along_the_branch(twin):
     folder, done = twin
     rows, branch = runs.rows(folder), runs.rows(folder / "branch")
     left = next(row for row in rows if row["bifurcation"])
@@ -57,7 +58,7 @@ def test_one_membrane_grows_along_the_branch(runs, twin):
     assert summary["status"] == 0 and summary["steps"] == len(branch) and f"{len(branch)} states" in done.out
 
 
-def test_a_run_that_meets_no_bifurcation_says_so_and_takes_the_old_branch_away(runs, twin):
+def test_a_run_that_meets_no_bifurcation_says_so_and_takes_the_old_branch_away(twin):
     folder = twin[0]
     (folder / "branch" / "notes.txt").write_text("mine")
     done = runs.disk(folder, *TWIN, "--volume-ml", "5", "--branch")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from pathlib import Path
 
 import click
 import pytest
@@ -12,6 +11,8 @@ import pytest
 import softmodels.cli.run
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.disk import command
+from tests.support import runs
+from tests.support.ranks import mpirun
 
 FILES = {
     "words.toml": "material yeoh",
@@ -198,17 +199,14 @@ def test_only_the_first_rank_speaks(says, monkeypatch):
     assert says(command, ["--help"]) == (0, "", "")
 
 
-def test_bad_input_in_a_process_of_its_own(runs, tmp_path):
+def test_bad_input_in_a_process_of_its_own(tmp_path):
     done = runs.disk(tmp_path / "disk", "--pressure-cm", "0:177", "--membrane", "3")
     assert done.status == 2 and done.out == "" and done.err.count("\n") == 1 and "'3' has no unit" in done.err
     assert not (tmp_path / "disk").exists()
 
 
-def test_bad_input_on_two_ranks_is_said_once(runs, tmp_path):
-    mpirun = Path(sys.executable).with_name("mpirun")
-    if not mpirun.exists():
-        pytest.skip("no mpirun beside the interpreter")
-    done = runs.disk(tmp_path / "disk", "--pressure-cm", "177:0", launcher=[mpirun, "-n", "2"])
+def test_bad_input_on_two_ranks_is_said_once(tmp_path):
+    done = runs.disk(tmp_path / "disk", "--pressure-cm", "177:0", launcher=[mpirun(), "-n", "2"])
     assert done.status == 2 and done.out == "" and done.err.count("\n") == 1 and "falls from 177 to 0" in done.err
 
 

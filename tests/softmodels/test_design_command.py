@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import json
 import os
 import signal
-import sys
 import time
 from pathlib import Path
 
@@ -16,12 +14,8 @@ import pytest
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.case import Case
 from softmodels.pictures.offscreen import can_render
-
-FAKE = Path(__file__).parents[1] / "fake_design.py"
-spec = importlib.util.spec_from_file_location("fake_design", FAKE)
-fake = sys.modules.setdefault("fake_design", importlib.util.module_from_spec(spec))
-if not hasattr(fake, "install"):
-    spec.loader.exec_module(fake)  # its device is known here too
+from tests.support import fake_design as fake
+from tests.support import runs
 
 
 @pytest.fixture
@@ -31,18 +25,18 @@ def place(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def reference(runs, tmp_path_factory):
+def reference(tmp_path_factory):
     """An undisturbed run from two starts: its folder, and what it said."""
     place = tmp_path_factory.mktemp("reference")
     (place / "problem.toml").write_text(fake.PROBLEM)
-    return place / "out", design(runs, place, "--no-pictures", "--starts", "2")
+    return place / "out", design(place, "--no-pictures", "--starts", "2")
 
 
 def environment(seconds=0.0):
-    return {**os.environ, "SOFTMODELS_MODULES": str(FAKE), "FAKE_DESIGN": "1", "FAKE_SECONDS": str(seconds)}
+    return {**os.environ, "SOFTMODELS_MODULES": fake.__file__, "FAKE_DESIGN": "1", "FAKE_SECONDS": str(seconds)}
 
 
-def design(runs, place, *words, seconds=0.0, **options):
+def design(place, *words, seconds=0.0, **options):
     arguments = ("-m", "softmodels", "design", "problem.toml", "--output", "out", *words)
     return runs.run(*arguments, cwd=place, env=environment(seconds), **options)
 
@@ -53,7 +47,7 @@ def table(folder):
     return [{key: value for key, value in row.items() if key != "seconds"} for row in rows]
 
 
-def begun(runs, place, count, seconds=0.3):
+def begun(place, count, seconds=0.3):
     """A process that has evaluated some designs."""
     process = runs.start("-m", "softmodels", "design", "problem.toml", "--output", "out", "--no-pictures", cwd=place,
                          env=environment(seconds))  # fmt: skip
@@ -63,8 +57,8 @@ def begun(runs, place, count, seconds=0.3):
     return process
 
 
-def test_ctrl_c_leaves_the_best_design_so_far(runs, place):
-    process = begun(runs, place, 3)
+def test_ctrl_c_leaves_the_best_design_so_far(place):
+    process = begun(place, 3)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130 and "Traceback" not in err and "stopped by the user; so far" in out
@@ -72,29 +66,29 @@ def test_ctrl_c_leaves_the_best_design_so_far(runs, place):
     assert Case.from_file(place / "out" / "design.toml") != Case.from_file(place / "out" / "start.toml")
 
 
-def test_a_killed_run_leaves_its_best_design_and_goes_on_to_the_same_end(runs, place, reference):
-    process = begun(runs, place, 3)
+def test_a_killed_run_leaves_its_best_design_and_goes_on_to_the_same_end(place, reference):
+    process = begun(place, 3)
     process.kill()
     process.communicate()
     stopped = Case.from_file(place / "out" / "design.toml").actuator
     assert 3 <= len(table(place / "out")) < 6 and stopped != Case.from_file(place / "out" / "start.toml").actuator
-    done = design(runs, place, "--resume", "--no-pictures", "--quiet", "--starts", "2")
+    done = design(place, "--resume", "--no-pictures", "--quiet", "--starts", "2")
     assert done.status == 0 and done.out == done.err == ""
     assert table(place / "out") == table(reference[0])  # the same designs to the last digit, none twice
     assert Case.from_file(place / "out" / "design.toml") == Case.from_file(reference[0] / "design.toml")
 
 
-def test_another_program_is_kept_out(runs, place):
-    process = begun(runs, place, 1, 5.0)
-    other = design(runs, place, "--no-pictures")
+def test_another_program_is_kept_out(place):
+    process = begun(place, 1, 5.0)
+    other = design(place, "--no-pictures")
     process.kill()
     process.communicate()
     assert other.status == 2 and "out" in other.err and other.err.count("\n") == 1
 
 
-def test_two_ranks_find_the_same_design_and_one_speaks(runs, place, reference):
+def test_two_ranks_find_the_same_design_and_one_speaks(place, reference):
     folder, alone = reference
-    both = design(runs, place, "--no-pictures", "--starts", "2", launcher=("mpirun", "-n", "2"))
+    both = design(place, "--no-pictures", "--starts", "2", launcher=("mpirun", "-n", "2"))
     assert alone.status == both.status == 0, both.err
     assert alone.out == both.out and both.err.count("design   1 ") == 1
     assert table(folder) == table(place / "out")
@@ -113,8 +107,8 @@ def test_what_cannot_be_met_ends_with_status_3(ended, place, monkeypatch):
     assert not Path("thin/design.toml").exists()
 
 
-def test_pictures_and_page(runs, place):
-    done = design(runs, place)
+def test_pictures_and_page(place):
+    done = design(place)
     assert done.status == 0, done.err
     out = place / "out"
     drawn = {file.name for file in out.glob("*.png")}
@@ -126,5 +120,5 @@ def test_pictures_and_page(runs, place):
     assert runs_[1] == Case.from_file(out / "design.toml")
     assert runs_[0].actuator == Case.from_file(out / "start.toml").actuator
     # A further run into the folder replaces them all.
-    assert design(runs, place, "--no-pictures", "--quiet").status == 0
+    assert design(place, "--no-pictures", "--quiet").status == 0
     assert not list(out.glob("*.png")) and not (out / "after").exists()

@@ -32,7 +32,7 @@ def test_a_disk_rises_higher_within_its_limits_on_a_fresh_mesh_too(tmp_path):
     assert found.feasible and not found.trouble and len(found.trials) <= 40
     rise, stretch, mass = (found.confirmed[asked.key] for asked in found.problem.quantities)
     assert rise > 1.1 * found.first.values[found.problem.terms[0].quantity.key]
-    assert stretch <= 1.7 * 1.002 and mass <= 0.022 * 1.002 and (stretch > 1.6 or mass > 0.021)
+    assert 1.69 < stretch <= 1.7 * 1.002 and mass <= 0.022 * 1.002  # the stretch is what stops it
     assert found.best.values[found.problem.terms[0].quantity.key] == pytest.approx(rise, rel=5e-3)
     # The device found, run as any other, does what was reported.
     run = sm.run(sm.Case.from_file(tmp_path / "out" / "design.toml"))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,12 +9,7 @@ import pytest
 import softmodels as sm
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.design.problem import DesignProblem
-
-FILE = Path(__file__).parents[1] / "fake_design.py"
-spec = importlib.util.spec_from_file_location("fake_design", FILE)
-fake = sys.modules.setdefault("fake_design", importlib.util.module_from_spec(spec))
-if not hasattr(fake, "install"):
-    spec.loader.exec_module(fake)
+from tests.support import fake_design as fake
 
 
 @pytest.fixture(autouse=True)

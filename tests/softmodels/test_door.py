@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import os
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -19,6 +18,7 @@ from softmodels.common.units import pascal_per_cm
 from softmodels.design.trials import Squares
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.runs.simulation import PathEnded, Simulation
+from tests.support.ranks import mpirun
 
 CM = pascal_per_cm()
 COARSE = {"section": "axisymmetric", "cell_size": 6e-3, "refinement": 1.0}
@@ -446,10 +446,6 @@ print(memory() - before[0], before[1] - free())
 
 @pytest.mark.parametrize("ranks", [2])
 def test_several_ranks_have_the_same_run(ranks, tmp_path, ballooned):
-    beside = Path(sys.executable).with_name("mpirun")
-    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
-    if mpirun is None:
-        pytest.skip("no mpirun beside this Python or on the path")
     text = """
 run = sm.inflate(sm.HollowDisk(membrane=1e-3, **COARSE), sm.NeoHookean(20e3), pressures="0:100 cm")
 run.save("disk")
@@ -463,7 +459,7 @@ if MPI.COMM_WORLD.rank == 0:
     assert everybodys[0] == everybodys[1]
     print(*everybodys[0])
 """
-    found = [float(word) for word in script(text, launcher=[mpirun, "-n", ranks], folder=tmp_path).split()]
+    found = [float(word) for word in script(text, launcher=[mpirun(), "-n", ranks], folder=tmp_path).split()]
     state, limit = ballooned.at("20 cm"), ballooned.limit.pressure
     expected = [ballooned.pressure.max(), limit, limit, state.von_mises.max(), state.added_volume, len(ballooned)]
     assert found == pytest.approx(expected, rel=1e-6)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import signal
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,8 @@ import pytest
 
 import softmodels as sm
 from softmodels.runs.simulation import Simulation
+from tests.support import runs
+from tests.support.ranks import mpirun
 
 LAW = sm.NeoHookean(20e3)
 BALLOONS = sm.HollowDisk(membrane=1e-3, section="axisymmetric", cell_size=6e-3, refinement=1.0)
@@ -61,7 +62,7 @@ def test_states_are_in_the_folder_as_soon_as_they_are_solved(in_memory, tmp_path
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_killed_script_leaves_its_states_and_is_gone_on_with(in_memory, runs, tmp_path):
+def test_a_killed_script_leaves_its_states_and_is_gone_on_with(in_memory, tmp_path):
     text = """
 def die(row):
     if row["step"] == 4:
@@ -171,11 +172,7 @@ def test_strokes_in_between(monkeypatch):
 
 
 @pytest.mark.parametrize("ranks", [2])
-def test_several_ranks_write_one_folder(ranks, runs, tmp_path, in_memory):
-    beside = Path(sys.executable).with_name("mpirun")
-    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
-    if mpirun is None:
-        pytest.skip("no mpirun beside this Python or on the path")
+def test_several_ranks_write_one_folder(ranks, tmp_path, in_memory):
     text = """
 from mpi4py import MPI
 
@@ -193,7 +190,7 @@ if MPI.COMM_WORLD.rank == 0:
     assert everybodys[0] == everybodys[1], everybodys
     print(*everybodys[0])
 """
-    done = runs.run("-c", HEAD + text, launcher=[mpirun, "-n", ranks], cwd=tmp_path)
+    done = runs.run("-c", HEAD + text, launcher=[mpirun(), "-n", ranks], cwd=tmp_path)
     assert (done.status, done.err) == (0, "")
     lengths, found = np.split(np.array(done.out.split(), dtype=float), [2])
     run = sm.inflate(BALLOONS, LAW, pressures="0,10,30 cm")
@@ -229,7 +226,7 @@ def roof(file):
     file.write_text("\n".join([*lines, "endsolid roof", ""]))
 
 
-def test_what_a_folder_needs_lies_in_it(tmp_path, monkeypatch, runs):
+def test_what_a_folder_needs_lies_in_it(tmp_path, monkeypatch):
     """Its part and its shapes come along: it is read, solved in and run again without the files that it was made from."""
     (tmp_path / "bench").mkdir()
     monkeypatch.chdir(tmp_path / "bench")

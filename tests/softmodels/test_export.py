@@ -6,7 +6,6 @@ import dataclasses
 import re
 import subprocess
 import sys
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,6 +17,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.decks.deck import silicones_of, solved
 from softmodels.materials.strain import HomogeneousStrain
+from tests.support.ranks import mpirun
 
 DISK = sm.HollowDisk(fillet=0.0, cell_size=0.006, support="base")
 LAW = sm.Yeoh(14e3, 60.0, 0.5, 0.49)
@@ -105,7 +105,8 @@ def test_supports_hold_what_the_device_holds(decks):
             if node in deck.mesh.nodes[role]:
                 assert abs(u @ normal) < 1e-9
         for role in glued:
-            assert node not in deck.mesh.nodes[role] or np.abs(u).max() < 1e-9
+            if node in deck.mesh.nodes[role]:
+                assert np.abs(u).max() < 1e-9
 
 
 LOADED = dataclasses.replace(
@@ -241,11 +242,8 @@ def test_a_region_may_be_called_silicone():
 
 def test_two_ranks_write_dead_loads_as_one_does(loaded, tmp_path):
     """They start MPI, which waits for both."""
-    mpirun = Path(sys.executable).with_name("mpirun")
-    if not mpirun.exists():
-        pytest.skip("no mpirun beside the interpreter")
     (tmp_path / "case.toml").write_text(LOADED.to_toml())
-    command = [mpirun, "-n", "2", sys.executable, "-m", "softmodels", "export", "case.toml", "-o", "finger.inp"]
+    command = [mpirun(), "-n", "2", sys.executable, "-m", "softmodels", "export", "case.toml", "-o", "finger.inp"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0 and not done.stderr
     first, note = done.stdout.splitlines()  # once, not by each rank

@@ -35,7 +35,8 @@ def admissible(deck, seed=1):
         u[nodes, component] = 0.0
     known = {(tie.node, tie.component) for tie in deck.supports.tied}
     for tie in deck.tied:  # the mesh's own come first; integration points depend on these
-        assert not known & set(tie.terms) or tie.node >= len(deck.mesh.points)
+        if tie.node < len(deck.mesh.points):
+            assert not known & set(tie.terms)
         u[tie.node, tie.component] = sum(factor * u[at] for at, factor in tie.terms.items())
     return u
 

@@ -2,34 +2,21 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 
-import pytest
+from tests.benchmarks import fuzz
 
-PROGRAM = Path(__file__).parents[1] / "benchmarks" / "fuzz.py"
 COUNT, SEED = 100, 7
 
 
-@pytest.fixture
-def fuzz(monkeypatch):
-    monkeypatch.setattr(sys, "path", list(sys.path))  # the program adds its own folder
-    spec = importlib.util.spec_from_file_location("fuzz", PROGRAM)
-    module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "fuzz", module)  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_random_inputs_end_in_a_result_or_in_a_sentence(fuzz, tmp_path):
+def test_random_inputs_end_in_a_result_or_in_a_sentence(tmp_path):
     found = fuzz.campaign(fuzz.Bench(tmp_path, measure=False), COUNT, SEED)
     assert len(found) == COUNT
     assert [(one.kind, one.attempt, one.fault) for one in found if one.fault] == []
     assert {one.status for one in found} >= {0, 2}
 
 
-def test_faults_are_seen(fuzz, tmp_path, monkeypatch):
+def test_faults_are_seen(tmp_path, monkeypatch):
     """What the campaign is there for: a traceback, a status without a sentence, a touched file."""
     bench = fuzz.Bench(tmp_path, measure=False)
     attempt = fuzz.inputs.Attempt("softmodels", ("run", "case.toml"), {"case.toml": b"x"})

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +17,8 @@ from softmodels.case.requests import (
     from_tables,
     to_tables,
 )
+from tests.support import runs
+from tests.support.ranks import mpirun
 
 BLOCK = """
 [geometry]
@@ -113,7 +113,7 @@ def test_a_device_keeps_its_own_columns():
 
 
 @pytest.fixture(scope="module")
-def block(runs, step_file, tmp_path_factory):
+def block(step_file, tmp_path_factory):
     """Half a block with an eccentric cavity, run to 15 cm with points: its case file, its folder, what it said."""
     folder = tmp_path_factory.mktemp("block")
 
@@ -123,14 +123,14 @@ def block(runs, step_file, tmp_path_factory):
     step_file(folder / "block.step", draw)
     case = folder / "case.toml"
     case.write_text(BLOCK.format(file="block.step", pressures="0, 15") + GAUGES.format(height=4.9))
-    return case, folder / "out", run_case(runs, case, folder / "out")
+    return case, folder / "out", run_case(case, folder / "out")
 
 
-def run_case(runs, case, folder, *words, **options):
+def run_case(case, folder, *words, **options):
     return runs.run("-m", "softmodels", "run", case, "-o", folder, "--no-pictures", *words, **options)
 
 
-def test_points_and_angles_are_in_the_table(block, runs):
+def test_points_and_angles_are_in_the_table(block):
     _, folder, done = block
     assert done.status == 0, done.err
     assert "point tip is followed at 40, 0, 4.9 mm, on the surface" in done.err and "bend -" in done.out
@@ -143,17 +143,14 @@ def test_points_and_angles_are_in_the_table(block, runs):
     assert (last["root_x_mm"], last["root_z_mm"]) == pytest.approx((0.0, 0.0), abs=1e-12)  # held
 
 
-def test_two_ranks_and_going_on_tell_the_same(block, runs, tmp_path):
+def test_two_ranks_and_going_on_tell_the_same(block, tmp_path):
     case, folder, _ = block
-    mpirun = Path(sys.executable).with_name("mpirun")
-    if not mpirun.exists():
-        pytest.skip("no mpirun beside the interpreter")
     shorter = case.with_name("shorter.toml")
     shorter.write_text(case.read_text().replace("pressure_cm = [0, 15]", "pressure_cm = [0, 5]"))
-    assert run_case(runs, shorter, tmp_path / "two", launcher=[mpirun, "-n", "2"]).status == 0
+    assert run_case(shorter, tmp_path / "two", launcher=[mpirun(), "-n", "2"]).status == 0
     longer = case.with_name("longer.toml")
     longer.write_text(case.read_text().replace("pressure_cm = [0, 15]", "pressure_cm = [0, 5, 15]"))
-    done = run_case(runs, longer, tmp_path / "two", "--resume", launcher=[mpirun, "-n", "2"])
+    done = run_case(longer, tmp_path / "two", "--resume", launcher=[mpirun(), "-n", "2"])
     assert done.status == 0, done.err
     one, two = runs.rows(folder)[-1], runs.rows(tmp_path / "two")[-1]
     for column in ("tip_x_mm", "tip_z_mm", "base_z_mm", "bend_deg", "opening_deg"):
@@ -162,11 +159,11 @@ def test_two_ranks_and_going_on_tell_the_same(block, runs, tmp_path):
     assert difference(identity(old), identity(Case.from_toml(text, case.parent))) == "gauges.points"
 
 
-def test_a_point_beside_the_part_is_refused(block, runs, tmp_path):
+def test_a_point_beside_the_part_is_refused(block, tmp_path):
     case, _, _ = block
     far = case.with_name("far.toml")
     far.write_text(case.read_text().replace("40, 0, 4.9 mm", "40, -30, 4.9 mm"))
-    done = run_case(runs, far, tmp_path / "far")
+    done = run_case(far, tmp_path / "far")
     assert done.status == 2 and "point tip lies 30 mm off the surface, whose nearest place is 40, 0, 4.9 mm" in done.err
 
 
@@ -188,13 +185,13 @@ def test_the_profile_is_the_outside_in_the_plane(block):
     assert right == pytest.approx((1.0, 0.0, 0.0)) and up == pytest.approx((0.0, 0.0, 1.0))
 
 
-def test_a_point_of_a_section_is_the_apex(runs, tmp_path):
+def test_a_point_of_a_section_is_the_apex(tmp_path):
     case = tmp_path / "disk.toml"
     case.write_text(
         '[geometry]\ndevice = "HollowDisk"\nsection = "axisymmetric"\ncell_size = "6 mm"\n[load]\npressure_cm = [50]\n'
         '[points]\ntop = "0, 0, 16 mm"\nrim = "20, 0, 16 mm"\n'
     )
-    assert run_case(runs, case, tmp_path / "out").status == 0
+    assert run_case(case, tmp_path / "out").status == 0
     row = runs.rows(tmp_path / "out")[-1]
     assert row["top_z_mm"] == pytest.approx(16.0 + row["apex_mm"], abs=1e-9) and row["top_x_mm"] == pytest.approx(
         0.0, abs=1e-9

@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-
-import pytest
+from tests.benchmarks import kills
 
 
-@pytest.fixture(scope="module")
-def kills():
-    spec = importlib.util.spec_from_file_location("kills", Path(__file__).parents[1] / "benchmarks" / "kills.py")
-    module = importlib.util.module_from_spec(spec)
-    # Its dataclasses look for their module by name.
-    import sys
-
-    sys.modules["kills"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_runs_killed_at_random_end_in_the_numbers_of_those_left_alone(kills, tmp_path):
+def test_runs_killed_at_random_end_in_the_numbers_of_those_left_alone(tmp_path):
     count, faults = kills.campaign(["section", "limit", "cycle"], 4, 11, tmp_path)
     assert count == 4 and faults == []
 
 
-def test_the_comparison_sees_what_it_should(kills, tmp_path):
+def test_the_comparison_sees_what_it_should(tmp_path):
     one, other = tmp_path / "one.csv", tmp_path / "other.csv"
     one.write_text("step,pressure_cm,following,newton_iterations\n0,0.0,volume,2\n1,100.0,volume,2\n")
     other.write_text(one.read_text().replace("100.0", "100.0000002").replace("volume,2\n1", "volume,3\n1"))

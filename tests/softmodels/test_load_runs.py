@@ -21,6 +21,7 @@ from softmodels.materials.laws import NeoHookean
 from softmodels.materials.silicones import silicone
 from softmodels.mechanics.component import ComponentError
 from softmodels.path.program import Series
+from tests.support import runs
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.003)
 LAW = NeoHookean(30e3, 0.49)
@@ -30,7 +31,7 @@ WEIGHT = 9.81 * (0.05 + 1070 * DISK.solid_volume)
 
 
 @pytest.fixture(scope="module")
-def pushed(runs, tmp_path_factory):
+def pushed(tmp_path_factory):
     """An inflated disk with a weight on it, pushed in by a force."""
     folder = tmp_path_factory.mktemp("pushed") / "disk"
     done = runs.disk(folder, *OPTIONS, "--force-N", "0:1:0.5")
@@ -38,7 +39,7 @@ def pushed(runs, tmp_path_factory):
     return folder
 
 
-def test_a_force_on_an_inflated_disk(pushed, runs):
+def test_a_force_on_an_inflated_disk(pushed):
     rows = runs.rows(pushed)
     assert [row["force_N"] for row in rows if row["requested"]] == pytest.approx([0.0, 0.5, 1.0])
     assert {round(row["pressure_cm"], 9) for row in rows} == {40.0}
@@ -55,7 +56,7 @@ def test_a_force_on_an_inflated_disk(pushed, runs):
     assert work == pytest.approx(stored[-1] - stored[0], rel=3e-3)
 
 
-def test_it_goes_on_to_the_same(pushed, runs, tmp_path):
+def test_it_goes_on_to_the_same(pushed, tmp_path):
     """A run that is gone on with hangs first, too, and comes to the states of one that was not ended."""
     case = Case.from_file(pushed / "case.toml")
     short = dataclasses.replace(case, driven=dataclasses.replace(case.driven, values=(0.0, 0.5)))
@@ -97,7 +98,7 @@ def programmed():
     return sm.inflate(DISK, LAW, program=program, components=PARTS)
 
 
-def test_a_program_changes_every_kind_of_load(programmed, pushed, runs):
+def test_a_program_changes_every_kind_of_load(programmed, pushed):
     asked = [row for row in programmed.rows if row["requested"]]
     assert [row["load_step"] for row in asked] == [1, 2, 3]
     assert [row["weight_share"] for row in asked] == pytest.approx([1.0, 1.0, 0.5])
@@ -109,7 +110,7 @@ def test_a_program_changes_every_kind_of_load(programmed, pushed, runs):
     assert "[load.force.push]" in text and Case.from_toml(text) == programmed.case
 
 
-def test_a_travel_leads_to_the_force(pushed, runs):
+def test_a_travel_leads_to_the_force(pushed):
     """By how far the face moves, in place of the force; and a state between two of them."""
     wanted = runs.rows(pushed)[-1]
     request = LoadRequest("travel_mm", (wanted["travel_mm"],), at_pressure_cm=40.0)

@@ -181,7 +181,10 @@ def test_a_silicone_is_known_again(name):
     other = tuple(1.01 * one for one in value) if isinstance(value, tuple) else 1.01 * value
     assert named(dataclasses.replace(silicone.material, **{first: other})) is None
     limit = stretch_at_break(silicone.material)
-    assert limit is None or limit > (silicone.stretches or (1.0, 1.0))[1]
+    if name.startswith(("elastosil-m4601", "sylgard-184")):
+        assert limit is None  # never pulled until it broke
+    else:
+        assert limit > (silicone.stretches or (1.0, 1.0))[1]
 
 
 def test_the_library_holds_what_was_measured_by_whom():

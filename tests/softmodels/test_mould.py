@@ -15,6 +15,7 @@ from softmodels.casting.files import write_bodies
 from softmodels.casting.make import made
 from softmodels.casting.settings import MouldError, asked_of
 from softmodels.pictures.offscreen import can_render
+from tests.support import runs
 
 SLAB = SeminarActuator(channels=1, fillet=0.0, around=6.0, cell_size=0.008)
 BODIES = ("upper-cup", "upper-lid", "lower-cup", "lower-lid")
@@ -236,7 +237,7 @@ def test_files_that_ask_for_no_mould_are_refused_by_name(text, told, tmp_path):
 
 
 @pytest.mark.parametrize(("words", "told"), [(["--draft", "50deg"], "draft"), (["--output", "case"], "no run of this")])
-def test_bad_input_is_a_sentence_and_status_2(words, told, runs, tmp_path):
+def test_bad_input_is_a_sentence_and_status_2(words, told, tmp_path):
     (tmp_path / "case").mkdir()
     (tmp_path / "case" / "mine.txt").write_text("mine")
     (tmp_path / "case.toml").write_text(CASE)
@@ -245,7 +246,7 @@ def test_bad_input_is_a_sentence_and_status_2(words, told, runs, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["case", "case.toml"]
 
 
-def test_the_command_writes_bodies_pictures_and_a_sheet(runs, tmp_path):
+def test_the_command_writes_bodies_pictures_and_a_sheet(tmp_path):
     (tmp_path / "case.toml").write_text(CASE)
     words = ("--silicone", "ecoflex-00-30", "--chord", "0.1mm", "--vents", "2", "--output", "out")
     done = runs.run("-m", "softmodels", "mould", "case.toml", *words, cwd=tmp_path)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from tests.support import runs
+
 PLATE = ("--support", "base", "--contact", "top", "--contact-plane", "z = 17mm")
 
 
-def test_a_plate_stops_the_disk_and_its_force_is_in_the_table(runs, tmp_path):
+def test_a_plate_stops_the_disk_and_its_force_is_in_the_table(tmp_path):
     done = runs.disk(tmp_path / "a", *PLATE, "--pressure-cm", "0:177:59", "--quiet")
     assert done.status == 0 and done.err == "", done.err
     rows = runs.rows(tmp_path / "a")
@@ -33,6 +35,6 @@ def test_a_plate_stops_the_disk_and_its_force_is_in_the_table(runs, tmp_path):
         (("--contact", "top", "--contact-plane", "z = 17mm", "--contact-stiffness", "0"), "shear moduli per size"),
     ],
 )
-def test_what_makes_no_contact_is_a_sentence_and_status_2(words, told, runs, tmp_path):
+def test_what_makes_no_contact_is_a_sentence_and_status_2(words, told, tmp_path):
     done = runs.disk(tmp_path / "disk", "--pressure-cm", "0:10", "--quiet", *words)
     assert done.status == 2 and done.out == "" and done.err.count("\n") == 1 and told in done.err

@@ -19,6 +19,7 @@ from softmodels.pictures.offscreen import look
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import events, jumps_text, unlocated
 from softmodels.runs.stored import States
+from tests.support import runs
 
 CYCLE = (
     "--variant",
@@ -38,14 +39,14 @@ CYCLE = (
 
 
 @pytest.fixture(scope="module")
-def inflated(runs, tmp_path_factory):
+def inflated(tmp_path_factory):
     """A run whose nodal stresses and stretches pass those at the integration points, and what it said."""
     folder = tmp_path_factory.mktemp("inflated") / "disk"
     return folder, runs.disk(folder, "--pressure-cm", "0,70,177")
 
 
 @pytest.fixture(scope="module")
-def cycled(runs, tmp_path_factory):
+def cycled(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cycled") / "disk"
     return folder, runs.disk(folder, "--pressure-cm", "0,20,36", "--cycle", *CYCLE)
 
@@ -55,7 +56,7 @@ def texts(figure):
     return " ".join(text.get_text() for text in [*figure.texts, *(t for axes in figure.axes for t in [axes.title])])
 
 
-def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated, runs):
+def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated):
     folder, done = inflated
     row = runs.rows(folder)[-1]
     stress, stretch = f"{row['max_von_mises_kPa']:.4g}", f"{row['max_stretch']:.4g}"
@@ -72,7 +73,7 @@ def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated, runs):
     assert f"largest stretch {stretch} at 177 cm" in offscreen.peak_text(states, states.main)
 
 
-def test_a_cycle_tells_its_jumps(cycled, runs):
+def test_a_cycle_tells_its_jumps(cycled):
     folder, done = cycled
     assert done.status == 0, done.err
     rows = runs.rows(folder)
@@ -98,7 +99,7 @@ def test_a_syringes_jump_starts_where_its_gas_still_held():
     )
 
 
-def test_profiles_of_a_cycle_are_labelled_by_their_part_of_the_path(cycled, runs):
+def test_profiles_of_a_cycle_are_labelled_by_their_part_of_the_path(cycled):
     rows = runs.rows(cycled[0])
     places = curves.branches(rows, StateLabels("apex"))
     landed = [k for k, row in enumerate(rows) if row["jump"]]

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from softmodels.case.case import Case
+from tests.support import runs
 
 cadquery = pytest.importorskip("cadquery", reason="CadQuery is not installed (uv run --with cadquery pytest ...)")
 
@@ -83,7 +84,7 @@ def test_volumes_are_those_that_were_drawn(name, copies, bench):
     assert part.solid_volume == pytest.approx(30 * 12 * 11e-9 - ROUND - FLAT, rel=1e-9)
 
 
-def test_half_and_full_run_alike_from_their_case_files(bench, runs):
+def test_half_and_full_run_alike_from_their_case_files(bench):
     last = []
     for name in ("full", "half"):
         words = ("-m", "softmodels", "run", f"{name}.toml", "--output", name, "--no-pictures", "--quiet")
@@ -98,7 +99,7 @@ def test_half_and_full_run_alike_from_their_case_files(bench, runs):
         assert half[column] == pytest.approx(full[column], rel=0.03), column
 
 
-def test_a_name_that_is_not_there_is_refused_before_anything_is_solved(bench, runs):
+def test_a_name_that_is_not_there_is_refused_before_anything_is_solved(bench):
     (bench / "wrong.toml").write_text(CASE.format(name="half", choices=HALF.replace("round", "square")))
     done = runs.run("-m", "softmodels", "run", "wrong.toml", cwd=bench)
     assert done.status == 2 and "names of faces in the file are cut, flat hole, round hole" in done.err

@@ -34,6 +34,7 @@ from softmodels.runs.columns import StateLabels
 from softmodels.runs.grid import CUT
 from softmodels.runs.store import Results, ResultsError
 from softmodels.runs.stored import States
+from tests.support import made_up as drawings
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6
 """Of the made-up results; see the fixtures."""
@@ -100,7 +101,7 @@ def test_a_crash_of_the_renderer_is_no_crash_of_the_program(monkeypatch):
     assert "VTK_DEFAULT_OPENGL_WINDOW" not in os.environ
 
 
-def test_an_empty_folder_gives_exit_code_2_and_a_sentence(tmp_path, drawings):
+def test_an_empty_folder_gives_exit_code_2_and_a_sentence(tmp_path):
     done = drawings.command(tmp_path)
     assert done.returncode == 2
     assert done.stdout == "" and done.stderr.count("\n") == 1 and "holds no results" in done.stderr
@@ -132,7 +133,7 @@ def test_the_profile_follows_the_displacement(kind, request):
     assert line[:, 1] == pytest.approx(disk.height + RISE * (1 - (radius / disk.outer_radius) ** 2))
 
 
-def test_the_profile_of_a_turned_slice_is_the_same(drawings, tmp_path):
+def test_the_profile_of_a_turned_slice_is_the_same(tmp_path):
     disk = HollowDisk(cell_size=0.006, refinement=1.0, azimuth=100.0)
     points, _, _ = drawings.grid_of(disk, tmp_path)
     line = curves_module.profile(points, drawings.displacement(disk, points, 1.0), disk)

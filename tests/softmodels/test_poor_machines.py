@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from tests.support import runs
+
 RUN = """
 import sys
 from pathlib import Path
@@ -31,7 +33,7 @@ NO_SHARED_MEMORY = "softmodels.mechanics.mpi.SHARED_MEMORY = Path('/proc/none')"
         (WHOLE, ("limit", "--variant", "shadow"), "", "cache of compiled equations, /proc/none/fenics, cannot be used"),
     ],
 )
-def test_what_is_missing_is_named(program, words, change, told, runs, tmp_path, monkeypatch):
+def test_what_is_missing_is_named(program, words, change, told, tmp_path, monkeypatch):
     if not change:
         monkeypatch.setenv("XDG_CACHE_HOME", "/proc/none")
     done = runs.run("-c", RUN.format(change=change, **program), *words, cwd=tmp_path)

@@ -7,6 +7,7 @@ import shutil
 import pytest
 
 from softmodels.runs.store import Results
+from tests.support import runs
 
 CASE = """
 name = "pair"
@@ -25,7 +26,7 @@ poisson = 0.49
 
 
 @pytest.fixture
-def program(runs, two_cavities, tmp_path):
+def program(two_cavities, tmp_path):
     """Return a function that runs the part under the lines of a load table."""
     shutil.copy(two_cavities, tmp_path / "part.step")
 
@@ -36,7 +37,7 @@ def program(runs, two_cavities, tmp_path):
     return run
 
 
-def test_a_program_runs_and_says_what_each_cavity_has(program, runs, tmp_path):
+def test_a_program_runs_and_says_what_each_cavity_has(program, tmp_path):
     load = "cavity1.pressure_cm = [0, 40, 40]\ncavity2.volume_ml = [0, 0, 0.03]\n"
     done = program(load, "--no-pictures")
     assert done.status == 0, done.err
@@ -53,7 +54,7 @@ def test_a_program_runs_and_says_what_each_cavity_has(program, runs, tmp_path):
     assert f"cavity1 40 cm, cavity2 {last['pressure_2_cm']:.6g} cm: tip" in done.out
 
 
-def test_a_program_goes_on_from_its_last_step(program, runs, tmp_path):
+def test_a_program_goes_on_from_its_last_step(program, tmp_path):
     """Ended after a step, or in the middle of one, it comes to the states of a program that was never interrupted."""
     series = (("cavity1.pressure_cm", "[40, 40, 20]"), ("cavity2.volume_ml", "[0, 0.03, 0.03]"))
     whole = "".join(f"{key} = {values}\n" for key, values in series)
@@ -78,7 +79,7 @@ def test_a_program_goes_on_from_its_last_step(program, runs, tmp_path):
             assert row[name] == pytest.approx(expected[name], rel=1e-8, abs=1e-10), name
 
 
-def test_a_program_that_meets_a_limit_says_which_step_and_where(program, runs, tmp_path):
+def test_a_program_that_meets_a_limit_says_which_step_and_where(program, tmp_path):
     """Neo-Hookean walls blow up at some pressure, whatever the other cavity does."""
     done = program("cavity1.volume_ml = 0.02\ncavity2.pressure_cm = [0, 2000]\n", "--no-pictures")
     assert done.status == 3, done.err

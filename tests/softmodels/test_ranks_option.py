@@ -17,6 +17,7 @@ from softmodels.case.materials import DEFAULT
 from softmodels.cli import options
 from softmodels.common.errors import MeshingError, MeshingStopped
 from softmodels.mechanics.mpi import StartError
+from tests.support import runs
 
 MPI = options._launcher()
 needs_mpirun = pytest.mark.skipif(MPI is None, reason="no mpirun beside this Python or on the path")
@@ -86,14 +87,14 @@ def test_a_mesh_that_cannot_be_made_is_the_runs_to_report(free):
 
 
 @pytest.mark.parametrize("word", ["0", "-1", "many", "1.5"])
-def test_other_words_are_refused(word, runs, tmp_path):
+def test_other_words_are_refused(word, tmp_path):
     done = runs.disk(tmp_path / "disk", "--pressure-cm", "0:1", f"--ranks={word}")
     assert done.status == 2 and done.err.count("\n") == 1 and f"{word!r} is neither auto nor a number" in done.err
     assert not (tmp_path / "disk").exists()
 
 
 @needs_mpirun
-def test_two_ranks_by_an_option_are_one_rank_in_all_but_the_closing_line(runs, limited, tmp_path):
+def test_two_ranks_by_an_option_are_one_rank_in_all_but_the_closing_line(limited, tmp_path):
     words = [word for word in runs.SOFT if word != "--quiet"]
     done = runs.disk(tmp_path / "disk", *words, "--ranks", 2)
     assert done.status == 3 == limited[1].status and limited[1].err.replace(str(limited[0]), "")[:60] in done.err
@@ -105,7 +106,7 @@ def test_two_ranks_by_an_option_are_one_rank_in_all_but_the_closing_line(runs, l
 
 @needs_mpirun
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ranks_are_stopped_as_one_is(number, runs, tmp_path):
+def test_ranks_are_stopped_as_one_is(number, tmp_path):
     folder = tmp_path / "disk"
     process = runs.start(*runs.DISK, "--output", folder, "--pressure-cm", "0:177:1", "--quiet", "--ranks", 2)
     while process.poll() is None and not (folder / "path.csv").exists():
@@ -119,7 +120,7 @@ def test_ranks_are_stopped_as_one_is(number, runs, tmp_path):
 
 
 @needs_mpirun
-def test_ranks_end_with_a_command_that_is_killed(runs, tmp_path):
+def test_ranks_end_with_a_command_that_is_killed(tmp_path):
     folder = tmp_path / "disk"
     process = runs.start(*runs.DISK, "--output", folder, "--pressure-cm", "0:177:0.1", "--quiet", "--ranks", 2)
     while process.poll() is None and not (folder / "path.csv").exists():

@@ -16,6 +16,7 @@ from softmodels.pictures import report
 from softmodels.pictures.offscreen import look
 from softmodels.runs.columns import term
 from softmodels.runs.stored import States
+from tests.support import runs
 
 SOFT = ("--variant", "shadow", "--material", "ecoflex-00-30", "--volume-ml", "0:120:60", "--quiet")
 """Stretches the silicone beyond what it was fitted over."""
@@ -27,14 +28,14 @@ def page(folder):
 
 
 @pytest.fixture(scope="module")
-def stretched(runs, tmp_path_factory):
+def stretched(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stretched") / "disk"
     assert runs.disk(folder, *SOFT).status == 0
     return folder
 
 
 @pytest.fixture(scope="module")
-def pressed(runs, tmp_path_factory):
+def pressed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pressed") / "disk"
     plate = ("--support", "base", "--contact", "top", "--contact-plane", "z = 17mm", "--quiet")
     assert runs.disk(folder, "--pressure-cm", "0:177:59", *plate).status == 0

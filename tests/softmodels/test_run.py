@@ -13,6 +13,7 @@ from softmodels.cli.options import main
 from softmodels.disk import command
 from softmodels.mechanics.compiling import wait_for_cache
 from softmodels.runs.simulation import Simulation
+from tests.support import runs
 
 STEPS = ("--pressure-cm", "0:177:5", "--quiet")
 
@@ -34,7 +35,7 @@ def test_a_failed_mesher_is_a_sentence_and_status_1(monkeypatch, capsys, tmp_pat
     assert not (tmp_path / "disk").exists()  # nothing was made that a folder would be needed for
 
 
-def test_a_solver_kept_from_converging_leaves_its_states(runs, tmp_path):
+def test_a_solver_kept_from_converging_leaves_its_states(tmp_path):
     """One iteration of the linear solver is enough where the tangent was factorised close by, not on a plane that stops it."""
     plane = ("--contact", "top", "--contact-plane", "z = 30 mm")
     volumes = ("--variant", "shadow", "--volume-ml", "0:60", "--quiet", *plane)
@@ -57,13 +58,13 @@ def test_a_solver_kept_from_converging_leaves_its_states(runs, tmp_path):
         (["-ksp_type", "magic"], 2, "magic"),
     ],
 )
-def test_words_that_petsc_cannot_use(words, status, told, runs, tmp_path):
+def test_words_that_petsc_cannot_use(words, status, told, tmp_path):
     done = runs.disk(tmp_path / "disk", *STEPS, "--", *words)
     assert done.status == status and done.err.count("\n") == 1 and "Traceback" not in done.err
     assert told in done.err and "PETSc" in done.err
 
 
-def test_a_limit_point_is_found_and_told(limited, runs):
+def test_a_limit_point_is_found_and_told(limited):
     folder, done = limited
     assert done.status == 3 and done.out == "" and done.err.count("\n") == 1
     rows = runs.rows(folder)
@@ -78,7 +79,7 @@ def test_a_limit_point_is_found_and_told(limited, runs):
     assert runs.readable(folder) == len(rows)
 
 
-def test_no_compiler_is_a_sentence(runs, tmp_path):
+def test_no_compiler_is_a_sentence(tmp_path):
     without = {**os.environ, "CC": "/no/compiler", "XDG_CACHE_HOME": str(tmp_path / "cache")}
     done = runs.disk(tmp_path / "disk", *STEPS, env=without)
     assert done.status == 1 and done.out == "" and done.err.count("\n") == 1
@@ -128,7 +129,7 @@ def test_waiting_in_vain_for_a_compiler_is_a_sentence(monkeypatch):
         sm.inflate(disk, sm.NeoHookean(20e3), pressures="0,5 cm")
 
 
-def test_the_callers_folder_is_left_once_and_only_from_option_files(tmp_path, runs):
+def test_the_callers_folder_is_left_once_and_only_from_option_files(tmp_path):
     text = """
 import os
 from pathlib import Path
@@ -148,7 +149,7 @@ print(len(left))
         assert (done.status, done.out, done.err) == (0, f"{count}\n", "")
 
 
-def test_a_case_files_solver_is_replaced_and_its_run_gone_on_with_by_the_other(runs, tmp_path):
+def test_a_case_files_solver_is_replaced_and_its_run_gone_on_with_by_the_other(tmp_path):
     """A rigid plate on a membrane: begun by iterations, gone on with by a factorisation."""
     text = '[geometry]\ndevice = "Membrane"\nplate_radius = "8 mm"\n[rigid.plate]\nface = "plate"\n[load]\nvolume_ml = "{}"\n'
     for name, volumes in (("begun", "0,5"), ("whole", "0,5,8")):

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import shutil
-import sys
-from pathlib import Path
-
 import pytest
 
 from geometries import ACTUATORS
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
+from tests.support import runs
+from tests.support.ranks import mpirun
 
 MEMBRANE = ("-m", "softmodels", "run", "--device", "membrane", "--thickness", "2mm", "--cell-size", "2mm",
             "--pressure-cm", "0,10", "--quiet", "--no-pictures")  # fmt: skip
 
 
-def test_it_runs_on_one_rank_and_on_two(runs, tmp_path):
+def test_it_runs_on_one_rank_and_on_two(tmp_path):
     """The name may be written in small letters; the folder's case names the device, and repeats the run."""
-    beside = Path(sys.executable).with_name("mpirun")
-    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
-    if mpirun is None:
-        pytest.skip("no mpirun beside this Python or on the path")
     folders = [tmp_path / "one", tmp_path / "two"]
     ended = [
         runs.run(*MEMBRANE, "--output", folder, launcher=words)
-        for folder, words in zip(folders, ((), (mpirun, "-n", "2")), strict=True)
+        for folder, words in zip(folders, ((), (mpirun(), "-n", "2")), strict=True)
     ]
     assert [done.status for done in ended] == [0, 0], [done.err for done in ended]
     one, two = map(runs.rows, folders)

@@ -6,13 +6,14 @@ import itertools
 import json
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
 from softmodels.case.case import Case
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.recording import Progress
+from tests.support import runs
+from tests.support.ranks import mpirun
 
 COLUMNS = (
     "step", "pressure_cm", "pressure_Pa", "added_volume_ml", "apex_mm", "max_displacement_mm", "max_stretch",
@@ -40,7 +41,7 @@ print(json.dumps(found))
 """
 
 
-def read(runs, folder, *times):
+def read(folder, *times):
     """What PyVista finds in a folder's XDMF at some times, in a process of its own."""
     done = runs.run("-c", READ, folder / "disk.xdmf", *times)
     assert done.status == 0, done.err
@@ -60,7 +61,7 @@ def check(found, row, steps):
     assert 0.7 * row["max_von_mises_kPa"] <= found["stress"] / 1e3 <= 1.3 * row["max_von_mises_kPa"] + 1e-12
 
 
-def test_table_has_its_columns_and_every_requested_pressure(runs, whole):
+def test_table_has_its_columns_and_every_requested_pressure(whole):
     folder, done = whole
     assert done.status == 0
     rows = runs.rows(folder)
@@ -88,7 +89,7 @@ def test_table_has_its_columns_and_every_requested_pressure(runs, whole):
     )
 
 
-def test_without_a_terminal_every_step_is_a_line(runs, whole):
+def test_without_a_terminal_every_step_is_a_line(whole):
     folder, done = whole
     rows = runs.rows(folder)
     steps = [line for line in done.err.splitlines() if line.startswith("step ")]
@@ -99,7 +100,7 @@ def test_without_a_terminal_every_step_is_a_line(runs, whole):
     assert "pictures" not in done.out
 
 
-def test_values_between_the_requested_ones_rise_too(runs, tmp_path):
+def test_values_between_the_requested_ones_rise_too(tmp_path):
     done = runs.disk(tmp_path / "disk", "--volume-ml", "0,1.5,3", "--quiet")
     assert (done.status, done.out, done.err) == (0, "", "")
     rows = runs.rows(tmp_path / "disk")
@@ -109,7 +110,7 @@ def test_values_between_the_requested_ones_rise_too(runs, tmp_path):
     assert sorted(rows, key=lambda row: row["added_volume_ml"]) == rows
 
 
-def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(runs, whole, tmp_path):
+def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(whole, tmp_path):
     folder = tmp_path / "disk"
     process = runs.start(*runs.DISK, "--output", folder, "--pressure-cm", "0:177:5", "--quiet")
     written = folder / "disk.xdmf"
@@ -119,9 +120,9 @@ def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(runs, wh
     process.communicate(timeout=60)
     steps = (folder / "disk.xdmf").read_text().count("<Time")
     rows = runs.rows(folder)
-    for found, row in zip(read(runs, folder, 1, 3), (rows[1], rows[3]), strict=True):
+    for found, row in zip(read(folder, 1, 3), (rows[1], rows[3]), strict=True):
         check(found, row, steps)
-    during, after = read(runs, folder, 0)[0], read(runs, whole[0], 0, 36)
+    during, after = read(folder, 0)[0], read(whole[0], 0, 36)
     assert (
         during["points"] == after[0]["points"] == after[1]["points"] > 500
         and during["cells"] == after[0]["cells"] > 200
@@ -134,7 +135,7 @@ def test_paraviews_reader_finds_all_fields_on_one_grid_during_and_after(runs, wh
     ]  # fmt: skip
 
 
-def test_a_case_file_repeats_its_run(runs, whole, tmp_path):
+def test_a_case_file_repeats_its_run(whole, tmp_path):
     case = Case.from_file(whole[0] / "case.toml")
     assert case.pressures_cm[-1] == 177.0 and len(case.pressures_cm) == 37 and case.actuator.section == "axisymmetric"
     done = runs.run(
@@ -145,7 +146,7 @@ def test_a_case_file_repeats_its_run(runs, whole, tmp_path):
     assert (tmp_path / "again" / "case.toml").read_bytes() == (whole[0] / "case.toml").read_bytes()
 
 
-def test_a_second_run_replaces_the_first_and_nothing_else(runs, whole_copy):
+def test_a_second_run_replaces_the_first_and_nothing_else(whole_copy):
     (whole_copy / "notes.txt").write_text("mine")
     (whole_copy / "profile.png").write_text("mine")
     done = runs.disk(whole_copy, "--pressure-cm", "20", "--quiet")
@@ -156,7 +157,7 @@ def test_a_second_run_replaces_the_first_and_nothing_else(runs, whole_copy):
     assert (whole_copy / "disk.xdmf").read_text().count("<Time") == len(rows)
 
 
-def test_a_run_goes_on_to_higher_pressures(runs, whole, whole_copy):
+def test_a_run_goes_on_to_higher_pressures(whole, whole_copy):
     rows = runs.rows(whole_copy)
     done = runs.disk(whole_copy, "--pressure-cm", "0,177,190", "--quiet", "--resume")
     assert (done.status, done.err) == (0, "")
@@ -164,11 +165,8 @@ def test_a_run_goes_on_to_higher_pressures(runs, whole, whole_copy):
     assert longer[: len(rows)] == rows and longer[-1]["pressure_cm"] == 190.0 and longer[-1]["requested"] == 1
 
 
-def test_two_ranks_say_everything_once_and_find_the_same(runs, whole, tmp_path):
-    mpirun = Path(sys.executable).with_name("mpirun")
-    if not mpirun.exists():
-        pytest.skip("no mpirun beside the interpreter")
-    done = runs.disk(tmp_path / "disk", "--pressure-cm", "0:177:5", launcher=[mpirun, "-n", "2"])
+def test_two_ranks_say_everything_once_and_find_the_same(whole, tmp_path):
+    done = runs.disk(tmp_path / "disk", "--pressure-cm", "0:177:5", launcher=[mpirun(), "-n", "2"])
     assert done.status == 0, done.err
     runs.same(runs.rows(tmp_path / "disk"), runs.rows(whole[0]), 1e-8)
     said = done.err.splitlines()
@@ -177,7 +175,7 @@ def test_two_ranks_say_everything_once_and_find_the_same(runs, whole, tmp_path):
     assert alone == whole[1].out and done.out.endswith("solved on 2 ranks\n")
 
 
-def test_a_run_outlives_the_reader_of_its_log(runs, tmp_path):
+def test_a_run_outlives_the_reader_of_its_log(tmp_path):
     process = runs.start(*runs.DISK, "--output", tmp_path / "disk", "--pressure-cm", "0:177")
     process.stderr.readline()
     process.stderr.close()

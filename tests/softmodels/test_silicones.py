@@ -9,6 +9,7 @@ import pytest
 
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.materials.silicones import PRODUCTS, SILICONES
+from tests.support import runs
 
 
 @pytest.fixture
@@ -45,7 +46,7 @@ def test_an_unknown_one_is_refused(says):
     assert (status, out) == (2, "") and "'butter' is no silicone" in complaint
 
 
-def test_a_run_says_how_far_laboratories_differ(runs, tmp_path):
+def test_a_run_says_how_far_laboratories_differ(tmp_path):
     """In the closing line, in the report and in summary.json; and another source by name gives other numbers."""
     rises = {}
     for name in ("ecoflex-00-30", "ecoflex-00-30/marechal-2021"):

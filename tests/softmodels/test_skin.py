@@ -8,6 +8,7 @@ import pytest
 from geometries import Balloon, Bellows, HollowDisk, Membrane, SeminarActuator
 from softmodels.pictures.solid import best_plane
 from softmodels.runs.grid import CUT, OUTSIDE, surface_of
+from tests.support import made_up as drawings
 
 SHARP_DISK = {"cell_size": 0.004, "refinement": 1.0}
 SLAB = {"channels": 2, "spread": 40.0, "around": 8.0, "cell_size": 0.008}
@@ -27,7 +28,7 @@ PARTS = (("can", 45), ("can", 180), ("ball", 60), ("ball", 90))
 
 
 @pytest.fixture(scope="module", params=[*DEVICES, *PARTS], ids=str)
-def surface(request, drawings, wedge_part, tmp_path_factory):
+def surface(request, wedge_part, tmp_path_factory):
     device = DEVICES[request.param] if request.param in DEVICES else wedge_part(*request.param)
     points, cells, kind = drawings.grid_of(device, tmp_path_factory.mktemp("skin"))
     return device, points, surface_of(points, cells, kind, device)
@@ -91,7 +92,7 @@ def test_the_cut_of_a_slab_runs_through_its_channels(surface):
     ],
     ids=lambda device: type(device).__name__,
 )
-def test_a_section_of_several_parts_points_outwards_everywhere(device, drawings, tmp_path):
+def test_a_section_of_several_parts_points_outwards_everywhere(device, tmp_path):
     """Cells of what is bonded on may be numbered the other way round: its faces would be seen from inside alone."""
     skin = surface_of(*drawings.grid_of(device, tmp_path), device)
     points, _, _ = drawings.grid_of(device, tmp_path)

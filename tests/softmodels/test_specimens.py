@@ -82,7 +82,11 @@ def test_slopes_follow_taylor(name, parameter, poisson, mode):
     left, first = remainders(law, mode, parameter, (4e-3, 2e-3, 1e-3))
     assert first > 1e-4, "the parameter must matter for the test to mean anything"
     rates = np.log2(left[:-1] / left[1:])
-    assert (left < 1e-11).all() or rates == pytest.approx(2.0, abs=0.05), (left, rates)
+    # A side's stretch of a compressible law depends on each of several parameters.
+    if parameter.startswith(("alpha", "limit")) or (poisson < 0.5 and parameter != "shear_modulus"):
+        assert rates == pytest.approx(2.0, abs=0.05), (left, rates)
+    else:
+        assert (left < 1e-11).all(), left
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

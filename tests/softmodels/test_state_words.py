@@ -14,6 +14,7 @@ from softmodels.pictures import (
 )
 from softmodels.pictures.style import headline
 from softmodels.runs.stored import States
+from tests.support import runs
 
 AIR = re.compile(r"\d cm|cm of water| ml\b|added volume|cavity")
 """What tells of air."""
@@ -23,13 +24,13 @@ WEIGHED = ("--device", "Membrane", "--cell-size", "4mm", "--through", "1", "--gr
 
 
 @pytest.fixture(scope="module")
-def beam(runs, tmp_path_factory):
+def beam(tmp_path_factory):
     folder = tmp_path_factory.mktemp("beam") / "beam"
     return folder, runs.run("-m", "softmodels", "run", *BEAM, "--no-pictures", "--output", folder)
 
 
 @pytest.fixture(scope="module")
-def weighed(runs, tmp_path_factory):
+def weighed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("weighed") / "membrane"
     return folder, runs.run("-m", "softmodels", "run", *WEIGHED, "--no-pictures", "--output", folder)
 

@@ -13,11 +13,12 @@ from softmodels.materials.laws import NeoHookean
 from softmodels.path.supply import Syringe
 from softmodels.runs.notes import jumped_over
 from softmodels.runs.store import Results
+from tests.support import runs
 
 SHADOW = ("--variant", "shadow", "--support", "base", "--quiet")
 
 
-def test_a_syringe_run_repeats_itself_from_its_case_file(runs, tmp_path):
+def test_a_syringe_run_repeats_itself_from_its_case_file(tmp_path):
     options = ("--supply", "syringe", "--stroke-ml", "0:20:10", "--dead-volume", "8ml", "--shear-modulus", "20kPa")
     done = runs.disk(tmp_path / "a", *SHADOW, *options)
     assert done.status == 0, done.err
@@ -35,7 +36,7 @@ def test_a_syringe_run_repeats_itself_from_its_case_file(runs, tmp_path):
     assert (tmp_path / "a" / "path.csv").read_bytes() == (tmp_path / "b" / "path.csv").read_bytes()
 
 
-def test_a_cycle_comes_home_and_says_where_it_jumped(runs, tmp_path):
+def test_a_cycle_comes_home_and_says_where_it_jumped(tmp_path):
     law = ("--material", "yeoh", "--c1", "10kPa", "--c2", "20Pa", "--c3", "3Pa", "--poisson", "0.495")
     done = runs.disk(tmp_path / "disk", *SHADOW, *law, "--cycle", "--pressure-cm", "0,20,37")
     assert done.status == 0, done.err

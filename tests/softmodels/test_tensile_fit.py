@@ -74,9 +74,13 @@ def test_slopes_follow_taylor(name):
             step = size * values[parameter]
             there = source.evaluate({**values, parameter: values[parameter] + step}, False)[0]
             left.append(np.abs(there - here - step * column).max() / np.abs(here).max())
-        assert left[1] < 1e-11 or np.log2(left[0] / left[1]) == pytest.approx(2.0, abs=0.05), (parameter, left)
+        if parameter.startswith(("alpha", "limit")):
+            assert np.log2(left[0] / left[1]) == pytest.approx(2.0, abs=0.05), (parameter, left)
+        else:  # the stress is linear in all others
+            assert left[1] < 1e-11, (parameter, left)
 
 
+@pytest.mark.quick
 @laws
 def test_the_truth_is_found_again(name):
     found = fitted(name, curves_of(name))

@@ -8,6 +8,7 @@ import pytest
 
 from softmodels.materials.laws import MaterialError, NeoHookean, Ogden, Yeoh
 from softmodels.materials.stability import check_rest, weakest, weakness
+from tests.support import runs
 
 SOFTENING = Yeoh(10e3, -400.0, 0.0, 0.495)
 WORDS = ("--variant", "shadow", "--material", "yeoh", "--c1", "10kPa", "--c2=-0.4kPa", "--poisson", "0.495")
@@ -21,7 +22,7 @@ def test_a_softening_law_names_its_stretches():
     assert weakness(NeoHookean(30e3)) == "" and weakest(NeoHookean(30e3)) is None
 
 
-def test_a_run_warns_first_and_ends_with_the_laws_name(runs, tmp_path):
+def test_a_run_warns_first_and_ends_with_the_laws_name(tmp_path):
     done = runs.disk(tmp_path / "disk", *WORDS, "--volume-ml", "0:60")
     first, last = done.err.split("step   0")
     assert "warning: the law yeoh (c1 = 10 kPa, c2 = -0.4 kPa" in first and "2 (equibiaxial)" in first
@@ -39,7 +40,7 @@ def test_a_law_unstable_at_rest_is_refused(law):
     check_rest(SOFTENING)
 
 
-def test_unstable_at_rest_is_bad_input(runs, tmp_path):
+def test_unstable_at_rest_is_bad_input(tmp_path):
     words = ["--material", "yeoh", "--c1", "10kPa", "--c2=-100MPa", "--poisson", "0.495"]
     done = runs.disk(tmp_path / "disk", *words, "--pressure-cm", "0:10")
     assert done.status == 2 and "unstable already at rest" in done.err and not (tmp_path / "disk" / "path.csv").exists()
@@ -47,6 +48,6 @@ def test_unstable_at_rest_is_bad_input(runs, tmp_path):
     assert done.status == 2 and "unstable already at rest" in done.err
 
 
-def test_limit_names_the_law_too(runs):
+def test_limit_names_the_law_too():
     done = runs.run("-m", "softmodels", "limit", *WORDS)
     assert done.status == 0 and "note: the law yeoh (c1 = 10 kPa, c2 = -0.4 kPa" in done.out

@@ -449,7 +449,7 @@ def test_degenerate_stl_files(text, tmp_path, monkeypatch):
     file = tmp_path / "hand.stl"
     file.write_text(text)
     shape = {"shape": "stl", "file": str(file), "faces": "top", "at": (0, 0, 0.05)}
-    with pytest.raises((sm.CaseError, sm.ComponentError, sm.RunError)) as told:
+    with pytest.raises(sm.CaseError) as told:
         sm.inflate(DISK, LAW, "0:30 cm", components=sm.RigidShape(**shape))
     assert len(str(told.value)) > 20 and str(file) in str(told.value)
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ from geometries import BendingBellows, PneuNet
 from softmodels.materials.laws import Yeoh
 from softmodels.materials.silicones import SILICONES
 from softmodels.runs.fields import Fields
+from tests.support import bent_tube
 
 TUBE = "cross-section of a long tube with an eccentric channel, bent by pressure"
 CLOSED = "Betti's theorem with Saint-Venant's bending, small pressures"
@@ -32,16 +31,7 @@ DEVICES = {
 }
 
 
-@pytest.fixture(scope="module")
-def bent_tube():
-    """The oracle's module: modules of tests cannot import each other."""
-    spec = importlib.util.spec_from_file_location("bent_tube", Path(__file__).with_name("bent_tube.py"))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def section_of(bent_tube, law):
+def section_of(law):
     bulk = 2 * law.shear_modulus_0 * (1 + law.poisson) / (3 * (1 - 2 * law.poisson))
     return bent_tube.BentTube(bent_tube.Section(*SECTION), (law.c1, law.c2, law.c3), bulk)
 
@@ -68,19 +58,19 @@ def inflated(equilibrium, solved):
 
 
 @pytest.mark.parametrize("poisson", [0.3, 0.45])
-def test_section_bends_as_its_closed_form(bent_tube, figure, poisson):
+def test_section_bends_as_its_closed_form(figure, poisson):
     law = Yeoh(10e3, 0.0, 0.0, poisson)
-    k = section_of(bent_tube, law).solve(1e-3)
+    k = section_of(law).solve(1e-3)
     young = 2 * law.shear_modulus_0 * (1 + poisson)
     small = bent_tube.Section(*SECTION).small_curvature
     figure(CLOSED, "curvature of the section", k / small(1e-3, young, poisson) - 1, 2.4e-6)
     assert abs(small(1e-3, young, 0.5)) < 1e-12 * small(1e-3, young, poisson)  # an incompressible one is not bent
 
 
-def test_tube_bends_as_its_section(bent_tube, inflated, figure):
+def test_tube_bends_as_its_section(inflated, figure):
     """Two lengths: what their ends do to the angle is the same. With cells of 2 mm the differences are half of these."""
     pressures = (3000.0, 6000.0)
-    section = section_of(bent_tube, LAW)
+    section = section_of(LAW)
     angles = [[figures.device["bend_angle_deg"] for figures in inflated(tube, LAW, *pressures)[1]] for tube in TUBES]
     between = np.radians(np.diff(angles, axis=0)[0]) / (TUBES[1].length - TUBES[0].length)
     assert between[1] > 4 * between[0]  # far from straight on: its thin side balloons

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import itertools
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +12,9 @@ from scipy.interpolate import CubicSpline
 from softmodels.materials.laws import MooneyRivlin, NeoHookean
 from softmodels.path.branching import follow
 from softmodels.runs.fields import Fields
+from tests.support import bodies
+from tests.support.cavities import OutsideBody, TubeBody
+from tests.support.incremental import critical_pressure
 
 TUBE = "exact incremental theory of a thick tube of a length held, inflated"
 RUBBER = MooneyRivlin(45e3, 5e3, 0.5)
@@ -25,22 +26,13 @@ def bifurcations(points):
 
 
 @pytest.fixture(scope="module")
-def critical_pressure():
-    """`incremental.critical_pressure`: modules of tests cannot import each other."""
-    spec = importlib.util.spec_from_file_location("incremental", Path(__file__).with_name("incremental.py"))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.critical_pressure
-
-
-@pytest.fixture(scope="module")
-def tube(bodies, equilibrium, tube_body):
+def tube(equilibrium):
     """Half a wave of a tube that keeps its length."""
-    return equilibrium(bodies.Tube(height=0.05, through=3, along=16), RUBBER, kind=tube_body)
+    return equilibrium(bodies.Tube(height=0.05, through=3, along=16), RUBBER, kind=TubeBody)
 
 
 @pytest.fixture(scope="module")
-def exact(tube, critical_pressure):
+def exact(tube):
     shape = tube.system.body.actuator
     return critical_pressure(RUBBER, shape.inner, shape.outer, 0.02, 0.03, along=math.pi / shape.height)
 
@@ -106,10 +98,10 @@ def test_bulge_grows_at_a_falling_pressure(tube, bulged, figure):
     figure("the bulge's branch turned round", "pressure", curves[0](V) / curves[1](V) - 1, 1e-5)
 
 
-def test_ring_under_pressure_from_outside(bodies, equilibrium, outside_body, critical_pressure, solved, figure):
+def test_ring_under_pressure_from_outside(equilibrium, solved, figure):
     """Two waves around a ring in three dimensions; the error falls with the cells."""
     shape = bodies.Tube(section="quarter", outer=0.012, through=1.5, height=0.001, pressed="outside")
-    ring = equilibrium(shape, SOFT, kind=outside_body)
+    ring = equilibrium(shape, SOFT, kind=OutsideBody)
     pressure, _ = critical_pressure(SOFT, shape.inner, shape.outer, 0.0098, 0.009999, outside=True, around=2)
     _, points, _ = solved(ring, [2 * pressure / ring.system.stress_unit])
     first = bifurcations(points)[0]

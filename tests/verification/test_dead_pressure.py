@@ -11,6 +11,7 @@ from softmodels.materials.specimens import balloon_pressure
 from softmodels.path.continuation import Continuation
 from softmodels.path.points import PathEnd
 from softmodels.path.schedule import cycle
+from tests.support import bodies
 
 THIN = 0.01
 SHELL = "thin-shell theory of a Yeoh balloon under a dead pressure, up and down"
@@ -27,7 +28,7 @@ def slope(stretch, h=1e-4):
 
 
 @pytest.fixture(scope="module")
-def balloon(bodies, equilibrium):
+def balloon(equilibrium):
     shape = bodies.Sphere(inner=RADIUS * (1 - THIN / 2), outer=RADIUS * (1 + THIN / 2), through=1, along=24)
     return equilibrium(shape, RUBBER)
 
@@ -85,7 +86,7 @@ def test_the_way_back_is_another(balloon, ridden):
     assert (rising[:turn] > -1e-9).all() and (rising[turn:] < 1e-9).all()
 
 
-def test_a_balloon_with_no_second_stable_part_says_so(bodies, equilibrium):
+def test_a_balloon_with_no_second_stable_part_says_so(equilibrium):
     shape = bodies.Sphere(inner=RADIUS * (1 - THIN / 2), outer=RADIUS * (1 + THIN / 2), through=1, along=12)
     equations = equilibrium(shape, NeoHookean(100e3, 0.5))
     path, points = Continuation(equations), []

@@ -10,6 +10,7 @@ import pytest
 from geometries import HollowDisk
 from softmodels.materials.laws import Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from softmodels.materials.strain import HomogeneousStrain
+from tests.support import bodies
 
 TAYLOR = "Taylor's remainder of the potential, every law, 3-D and axisymmetric"
 LAWS = {
@@ -26,7 +27,7 @@ sections = pytest.mark.parametrize("section", SECTIONS)
 
 
 @pytest.fixture
-def shell(bodies):
+def shell():
     """A coarse spherical shell as an octant or as a half section."""
     return {"solid": bodies.Octant(cell_size=0.006), "axisymmetric": bodies.Sphere(through=2, along=6)}
 
@@ -72,18 +73,18 @@ def traction(equations):
 
 
 DEVICES = {
-    "octant": lambda bodies: bodies.Octant(cell_size=0.006),
-    "half section": lambda bodies: bodies.Sphere(through=2, along=6),
-    "wedge 45": lambda bodies: HollowDisk(cell_size=0.006, fillet=0.0),
-    "wedge 30": lambda bodies: HollowDisk(cell_size=0.006, fillet=0.0, angle=30.0, azimuth=20.0),
-    "disk section": lambda bodies: HollowDisk(section="axisymmetric", cell_size=0.006),
+    "octant": lambda: bodies.Octant(cell_size=0.006),
+    "half section": lambda: bodies.Sphere(through=2, along=6),
+    "wedge 45": lambda: HollowDisk(cell_size=0.006, fillet=0.0),
+    "wedge 30": lambda: HollowDisk(cell_size=0.006, fillet=0.0, angle=30.0, azimuth=20.0),
+    "disk section": lambda: HollowDisk(section="axisymmetric", cell_size=0.006),
 }
 
 
 @pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES.keys())
-def test_load_is_the_pressure_on_the_deformed_wall(device, bodies, equilibrium, figure):
+def test_load_is_the_pressure_on_the_deformed_wall(device, equilibrium, figure):
     """dV[v] of the volume's closed surface integral is the integral of v . n over the wall alone, whatever the state."""
-    equations = equilibrium(device(bodies), LAWS["neo-hookean"])
+    equations = equilibrium(device(), LAWS["neo-hookean"])
     shaken(equations)
     load = equations.system.pressure_loads()[0].copy()
     apart = (load - own_assembly(equations, traction(equations))) / np.abs(load).max()
@@ -92,8 +93,8 @@ def test_load_is_the_pressure_on_the_deformed_wall(device, bodies, equilibrium, 
 
 
 @pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES.keys())
-def test_volume_of_the_undeformed_cavity(device, bodies, equilibrium):
-    equations = equilibrium(device(bodies), LAWS["neo-hookean"])
+def test_volume_of_the_undeformed_cavity(device, equilibrium):
+    equations = equilibrium(device(), LAWS["neo-hookean"])
     actuator = equations.system.body.actuator
     rest = equations.system.rest().V * equations.system.volume_unit
     assert rest == pytest.approx(
@@ -117,6 +118,7 @@ def test_tangent_is_symmetric_and_the_product_is_the_matrix(law, section, shell,
     figure("tangent, every law", "product without a matrix", (product - K @ direction) / np.abs(product).max(), 1e-12)
 
 
+@pytest.mark.quick
 @laws
 @sections
 def test_derivatives_follow_the_potential(law, section, shell, equilibrium, figure):
@@ -197,8 +199,9 @@ def exactness(law):
     return 3e-8 if isinstance(law, Ogden) else 1e-10
 
 
+@pytest.mark.quick
 @laws
-def test_patch_of_tetrahedra_has_the_laws_stress(law, bodies, equilibrium):
+def test_patch_of_tetrahedra_has_the_laws_stress(law, equilibrium):
     """Any homogeneous F: no force inside, and forces on the faces that are exactly the law's stress."""
     from dolfinx import fem
 
@@ -220,8 +223,9 @@ def test_patch_of_tetrahedra_has_the_laws_stress(law, bodies, equilibrium):
     assert found == pytest.approx(nominal(law, GRADIENT), abs=near)
 
 
+@pytest.mark.quick
 @laws
-def test_patch_of_triangles_has_the_laws_stress(law, bodies, equilibrium):
+def test_patch_of_triangles_has_the_laws_stress(law, equilibrium):
     """A cylinder stretched along and across its axis; the work of r e_r is that of both stresses across."""
     from dolfinx import fem
 
@@ -240,7 +244,7 @@ def test_patch_of_triangles_has_the_laws_stress(law, bodies, equilibrium):
 
 @laws
 @pytest.mark.parametrize("section", ["cube", "axisymmetric"])
-def test_block_under_pressure_from_all_sides(law, section, bodies, equilibrium, figure):
+def test_block_under_pressure_from_all_sides(law, section, equilibrium, figure):
     """A real solve whose answer is homogeneous, up to the solver's own tolerance: J is the root of dW/dJ = -P."""
     from scipy.optimize import brentq
 

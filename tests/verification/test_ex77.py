@@ -17,6 +17,7 @@ from softmodels.materials.laws import Material, parameter
 from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
+from tests.support import bodies
 
 MU, KAPPA = 1.0, 3.0
 PRESSURES = (1.0, 2.0, 3.0, 4.0)
@@ -99,7 +100,7 @@ def displacement(W):
 
 @pytest.mark.parametrize("method", ["direct", "iterative"])
 @pytest.mark.parametrize("cells", [3, 5])
-def test_both_solvers_give_the_examples_deformation(cells, method, bodies, body_of, figure):
+def test_both_solvers_give_the_examples_deformation(cells, method, body_of, figure):
     block = body_of(bodies.HeldBlock(cells=cells))
     system, found = by_path(block, method)
     expected = written_out(system, block)

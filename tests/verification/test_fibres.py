@@ -20,6 +20,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.runs.fields import Fields
+from tests.support import bodies
 
 LAW = sm.NeoHookean(30e3, 0.5)
 TUBE = sm.Cylinder(length=0.12, fillet=0.0, base="sliding")
@@ -236,7 +237,7 @@ def test_one_helix_twists_the_tube(body_of, figure):
     assert np.sign(figures_now["twist_deg"]) == np.sign(twist) and abs(figures_now["bend_angle_deg"]) < 0.1
 
 
-def test_sphere_in_a_fabric(bodies, body_of, solved, figure):
+def test_sphere_in_a_fabric(body_of, solved, figure):
     """Stiffnesses alike in both directions: P = k (h^2 - 1) / ((1 - v) B h) beside the shell's own."""
     from softmodels.materials.specimens import sphere_pressure
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.support import figure_tables as tables
 
 TESTS = Path(__file__).parents[1]
 PAGE = """# Page
@@ -19,19 +19,11 @@ Words.
 """
 
 
-@pytest.fixture(scope="module")
-def tables():
-    spec = importlib.util.spec_from_file_location("figure_tables_here", TESTS / "figure_tables.py")
-    module = sys.modules["figure_tables_here"] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def rows(text):
     return [line for line in text.splitlines() if line.startswith("| ") and not line.startswith("| against")]
 
 
-def test_a_run_renews_its_own_rows_alone(tables):
+def test_a_run_renews_its_own_rows_alone():
     one = tables.Figure("test_one.py", "theory", "load", 2e-4, 5e-4)
     rate = tables.Figure("test_one.py", "theory", "rate", 3.21, 3.0, least=True)
     two = tables.Figure("test_two.py", "drops", "width", 0.31, 0.5, unit="%")
@@ -49,7 +41,7 @@ def test_a_run_renews_its_own_rows_alone(tables):
     assert len(rows(tables.rewritten(page, [again], {"test_one.py": True}))) == 2
 
 
-def test_of_like_figures_the_worst_is_shown(tables):
+def test_of_like_figures_the_worst_is_shown():
     values = [tables.Figure("test_one.py", "theory", "load", value, 5e-4) for value in (1e-4, 3e-4, 2e-4)]
     rates = [tables.Figure("test_one.py", "theory", "rate", value, 3.0, least=True) for value in (3.5, 3.1, 4.0)]
     assert [figure.value for figure in tables.worst(values + rates)] == [3e-4, 3.1]
@@ -57,13 +49,13 @@ def test_of_like_figures_the_worst_is_shown(tables):
     assert not values[1]._replace(value=1e-16, bound=1e-12).loose
 
 
-def test_a_figure_without_a_table_is_named(tables):
+def test_a_figure_without_a_table_is_named():
     three = tables.Figure("test_three.py", "theory", "load", 0.0, 1.0)
     assert tables.unlisted(PAGE, [three, three._replace(file="test_two.py")]) == ["test_three.py"]
     assert rows(tables.rewritten(PAGE, [three], {"test_three.py": True})) == []
 
 
-def test_every_file_with_figures_stands_in_one_table(tables):
+def test_every_file_with_figures_stands_in_one_table():
     listed = re.findall(r"<!-- figures: ([^>]*?) -->", tables.README.read_text(encoding="utf-8"))
     names = [name for line in listed for name in line.split()]
     files = {path.name: path.read_text(encoding="utf-8") for path in TESTS.rglob("test_*.py")}

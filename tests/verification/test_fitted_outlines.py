@@ -14,6 +14,7 @@ from softmodels.fitting.outlines.silhouette import shadow_of
 from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.pictures.curves import profile
 from softmodels.runs.grid import QuadraticCurve
+from tests.support import membrane_shooting as shooting
 
 MODULUS = 20e3
 ERROR = 30e-6
@@ -40,7 +41,7 @@ def outline(half, pressure, name):
     return Outline(x, z, np.full(len(x), ERROR), pressure, 5.0, name)
 
 
-def of_the_membrane(shooting):
+def of_the_membrane():
     """By shooting: the outside lies half the deformed thickness beyond the middle surface; the clamp is not seen."""
     thickness, found = MEMBRANE.thickness, []
     membrane = shooting.CircularMembrane(MEMBRANE.radius, thickness, shooting.Yeoh(MODULUS / 2))
@@ -98,8 +99,8 @@ fit = functools.partial(sm.fit, material="neo-hookean")
     ],
     ids=["membrane", "balloon", "bellows"],
 )
-def test_outlines_of_another_model_give_the_modulus_back(device, measured, how, within, shooting, figure):
-    report = fit(device, measured(shooting), options=sm.FitOptions(profiles=False, free=BENCH, **how))
+def test_outlines_of_another_model_give_the_modulus_back(device, measured, how, within, figure):
+    report = fit(device, measured(), options=sm.FitOptions(profiles=False, free=BENCH, **how))
     assert report.chosen.sound and report.chosen.fit.converged
     assert ("heights count from its apex" in " ".join(report.notes)) == (device is not MEMBRANE)
     off = report.chosen.fit.values["shear_modulus"] / MODULUS - 1

@@ -195,7 +195,7 @@ def test_what_cannot_be_meant_is_refused(tmp_path):
     solid = dataclasses.replace(case, actuator=sm.HollowDisk())
     with pytest.raises(sm.CaseError, match="with friction, which is not written into decks"):
         sm.export(solid, tmp_path / "disk.inp")
-    with pytest.raises((ComponentError, sm.CaseError), match="not square to the cut plane"):
+    with pytest.raises(sm.CaseError, match="not square to the cut plane"):
         sm.inflate(sm.HollowDisk(), LAW, "0,5 cm", components=[dataclasses.replace(PLATE, along=(0.0, 0.6, -0.8))])
-    with pytest.raises((ComponentError, sm.CaseError), match="the device lies"):
+    with pytest.raises(ComponentError, match="the device lies"):
         sm.inflate(SECTION, LAW, "0,5 cm", components=[dataclasses.replace(PLATE, at=(0.0, 0.0, 0.012))])

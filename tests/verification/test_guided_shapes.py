@@ -194,7 +194,7 @@ def test_what_cannot_be_meant_is_refused():
         dataclasses.replace(BALL, spring=0.0)
     with pytest.raises(ComponentError, match="no direction"):
         dataclasses.replace(BALL, guide="upwards")
-    with pytest.raises((ComponentError, sm.CaseError), match="gives way along z or -z"):
+    with pytest.raises(sm.CaseError, match="gives way along z or -z"):
         sm.inflate(SECTION, LAW, "0,5 cm", components=[dataclasses.replace(BALL, guide="x")])
-    with pytest.raises((ComponentError, sm.CaseError), match="would leave the cut plane"):
+    with pytest.raises(sm.CaseError, match="would leave the cut plane"):
         sm.inflate(sm.HollowDisk(), LAW, "0,5 cm", components=[dataclasses.replace(BALL, guide="y")])

@@ -9,6 +9,7 @@ from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_limit
 from softmodels.mechanics.body import CAVITY
+from tests.support import bodies
 
 THIN = 0.01  # thickness over middle radius
 SHELL = "thin-shell theory of a balloon, wall 1/100 of the radius"
@@ -18,7 +19,7 @@ RUBBER = NeoHookean(100e3, 0.5)
 
 
 @pytest.fixture(scope="module")
-def balloon(bodies, equilibrium):
+def balloon(equilibrium):
     radius = 0.010
     inner, outer = radius * (1 - THIN / 2), radius * (1 + THIN / 2)
     return equilibrium(bodies.Sphere(inner=inner, outer=outer, through=1, along=32), RUBBER)
@@ -34,12 +35,14 @@ def limit(balloon, solved):
     return end.limit
 
 
+@pytest.mark.quick
 def test_balloon_limit_pressure(balloon, limit, figure):
     """A wall of middle radius R has the pressure of a thin one up to (t/R)^2: 3e-6 here, by the thick wall's integral."""
     _, expected = balloon_limit(RUBBER, THIN)
     figure(SHELL, "limit pressure", limit.state.P * balloon.system.stress_unit / expected - 1, 5e-6)
 
 
+@pytest.mark.quick
 def test_balloon_limit_stretch(balloon, limit, figure):
     """7^(1/6) holds for the middle of the wall. The inner face is stretched by t/R / 2 (1 - stretch^-3) more of itself."""
     shell = balloon.system.body.actuator
@@ -50,6 +53,7 @@ def test_balloon_limit_stretch(balloon, limit, figure):
     assert inner / stretch - 1 == pytest.approx(THIN / 2 * (1 - stretch**-3), rel=0.02)
 
 
+@pytest.mark.quick
 def test_pressure_control_names_the_limit_too(balloon, limit, solved, figure):
     """It cannot pass a limit point; where no step succeeds any more it looks whether one lies ahead."""
     _, points, end = solved(balloon, [2 * limit.state.P], "pressure")
@@ -205,7 +209,7 @@ def compared(equations, solved, held, highest, step, steps):
     return path, np.array([point.state.P for point in points if point.requested])
 
 
-def test_sphere_path_matches_petsc(bodies, equilibrium, solved, figure):
+def test_sphere_path_matches_petsc(equilibrium, solved, figure):
     equations = equilibrium(bodies.Sphere(through=2, along=6), RUBBER)
     held = [(1, lambda X: np.isclose(X[1], 0)), (0, lambda X: np.isclose(X[0], 0))]
     path, found = compared(equations, solved, held, highest=2.0, step=0.6, steps=25)

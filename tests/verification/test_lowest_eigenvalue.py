@@ -18,6 +18,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path import stability
 from softmodels.path.stability import lowest
+from tests.support import bodies
 
 DENSE = "lowest eigenvalue by LAPACK, dense matrices"
 COARSE = {"cell_size": 0.01, "refinement": 1.0, "fillet": 0.0, "base_fillet": 0.0}
@@ -51,7 +52,7 @@ def checked(equations, points):
 
 
 @pytest.fixture(scope="module")
-def ballooned(bodies, equilibrium, solved):
+def ballooned(equilibrium, solved):
     """A balloon of a silicone that hardens late, past both its limit points, with its equations."""
     equations = equilibrium(bodies.Sphere(inner=0.01, outer=0.011, through=1, along=6), Yeoh(10e3, 60.0, 3.0, 0.495))
     _, points, _ = solved(equations, [60 * equations.system.rest().V], quantity="volume")

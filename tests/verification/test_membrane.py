@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 from geometries import Membrane
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.runs.fields import Fields
+from tests.support import membrane_shooting as shooting
 
 RADIUS = 0.020
 THIN, THICK = 0.005, 0.03
@@ -26,7 +27,7 @@ EQUATIONS = "the membrane equations by shooting, thickness over radius 0.005 and
 
 
 @pytest.fixture(scope="module", params=LAWS.values(), ids=LAWS)
-def apart(request, shooting, equilibrium, solved):
+def apart(request, equilibrium, solved):
     """Shares by which pressure and height differ at four volumes, by thickness over radius, shape (4, 2); and the paths."""
     law, numbers = request.param
     shares, paths = {}, {}
@@ -45,7 +46,7 @@ def apart(request, shooting, equilibrium, solved):
     return shares, paths
 
 
-def test_the_equations_balance_their_energy(shooting, figure):
+def test_the_equations_balance_their_energy(figure):
     """What is stored is the work of the pressure and of the weight on a plate: shooting against itself."""
     for plate, weight in ((0.0, 0.0), (0.008, 0.1)):
         membrane = shooting.CircularMembrane(RADIUS, 1e-3, shooting.Yeoh(15e3, 300.0), plate, weight)
@@ -87,7 +88,7 @@ def test_its_stored_energy_is_the_work_of_the_air(apart, figure):
     )
 
 
-def test_its_limit_is_that_of_the_equations(shooting, equilibrium, solved, figure):
+def test_its_limit_is_that_of_the_equations(equilibrium, solved, figure):
     thickness = 0.01 * RADIUS
     path = shooting.CircularMembrane(RADIUS, thickness, shooting.Yeoh(15e3)).path(HEIGHTS)
     height, pressure = shooting.limit(path)

@@ -20,6 +20,7 @@ from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System, held_force
 from softmodels.runs.fields import Fields
+from tests.support import bodies
 
 UNIFORM = "uniform state of a block against a rigid plane"
 SOFT = NeoHookean(30e3, 0.3)
@@ -39,9 +40,10 @@ def pressed(body_of):
     return equations, points, Fields(equations).figures(points[-1].state)
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(("plane", "section"), [("z = 10 mm", "cube"), ("normal 0,0,-2 at -10 mm", "cube"),
                                                 ("z = 1 cm", "axisymmetric")])  # fmt: skip
-def test_a_block_that_swells_against_a_plane_is_in_a_uniform_state(plane, section, bodies, body_of, figure):
+def test_a_block_that_swells_against_a_plane_is_in_a_uniform_state(plane, section, body_of, figure):
     """Tension on all faces but for what the plane presses back: two stretches from two equations."""
     block, k, P = bodies.Block(section=section), 30.0, -0.4
     equations = Solver(System(body_of(block), SOFT, "displacement", components=[Obstacle("cavity", plane, k)]))
@@ -145,7 +147,7 @@ def test_a_wedge_presses_as_its_section_does(pressed, body_of, solved, figure):
     figure(against, "a wedge's, coarse cells", force / pressed[2].device["contact_force_N"] - 1, 0.03)
 
 
-def test_a_mirror_plane_stops_the_walls_of_two_neighbours(bodies, body_of, solved):
+def test_a_mirror_plane_stops_the_walls_of_two_neighbours(body_of, solved):
     """Two balloons side by side flatten each other: each meets its image in the plane between, which takes no more force
     than the pressure has over the balloon's widest section."""
     shell = bodies.Sphere(through=2, along=24)

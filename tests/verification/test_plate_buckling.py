@@ -21,11 +21,12 @@ import pytest
 from scipy.optimize import brentq
 
 from softmodels.materials.laws import MooneyRivlin, NeoHookean
-from softmodels.mechanics.body import Body
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.runs.fields import Fields
+from tests.support import bodies
+from tests.support.cavities import PushedBody
 
 THEORY = "exact incremental theory of a plate pushed together, lengths of 5 and 2 thicknesses"
 PLATES = [(5.0, 2, NeoHookean(50e3, 0.5)), (2.0, 1, MooneyRivlin(20e3, 5e3, 0.5))]
@@ -54,15 +55,6 @@ def test_the_exact_answer_has_its_two_ends():
     assert critical_stretch(20.0) == pytest.approx(surface, rel=1e-6)
 
 
-class PushedBody(Body):
-    """The platen is a piston: the volume that the pressure works on is the room behind it."""
-
-    def volume_integrand(self, w):
-        import ufl
-
-        return (ufl.SpatialCoordinate(self.mesh) - self.displacement(w))[0]
-
-
 class BetweenPlatens(Potential):
     """A stiffness against any slope of the platen's displacement: it moves as one and stays upright."""
 
@@ -80,7 +72,7 @@ class Press(System):
 
 
 @pytest.fixture(scope="module")
-def pushed(bodies, body_of, solved):
+def pushed(body_of, solved):
     """Return a function that pushes a plate past its critical loads, once: its equations, all points, its bifurcations."""
     known = {}
 

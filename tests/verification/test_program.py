@@ -12,6 +12,7 @@ from geometries import ImportedActuator
 from softmodels.materials.laws import NeoHookean
 from softmodels.path import schedule
 from softmodels.path.program import Series
+from tests.support import bodies
 
 ALONE = "two balloons by themselves, in one program"
 WAYS = "pressures that lead to volumes, by those volumes in five orders of steps"
@@ -22,7 +23,7 @@ ML = 1e6
 
 
 @pytest.fixture(scope="module")
-def balloons(bodies):
+def balloons():
     """Two half balloons, one inside the other and apart: what one does says nothing of the other."""
     from softmodels.common.schema import number_field
 
@@ -75,7 +76,7 @@ def balloons(bodies):
 
 
 @pytest.fixture(scope="module")
-def alone(bodies, equilibrium):
+def alone(equilibrium):
     """Return a function that gives the equations of one of the balloons by itself."""
 
     def make(name):

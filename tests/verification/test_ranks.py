@@ -2,35 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
-import json
-import os
 import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-PROGRAM = Path(__file__).with_name("figures.py")
-
-PATIENT = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64"}
-"""Ranks of MPICH wait by spinning: with more of them than cores they keep each other from work, unless told to sleep."""
+from tests.support.ranks import figures_on
 
 NEAR_A_LIMIT = ("lowest eigenvalue",)
 """Figures of a state 0.4 % of the pressure past a limit point. An eigenvalue falls there as the root of the distance from it,
 so that a difference of 1e-12 to 1e-11 in the pressure shows a hundred times larger."""
 BY_ITERATIONS = ("wedge by iterations",)
 """Figures of linear solves to 1e-9 whose iterates depend on the ranks."""
-
-
-@pytest.fixture(scope="module")
-def program():
-    spec = importlib.util.spec_from_file_location("figures", PROGRAM)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")
@@ -54,15 +37,7 @@ def _numbers(values):
 
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_figures_do_not_depend_on_the_ranks(ranks, meshes, serial, figure):
-    beside = Path(sys.executable).with_name("mpirun")
-    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
-    if mpirun is None:
-        pytest.skip("no mpirun beside this Python or on the path")
-    command = [mpirun, "-n", str(ranks), sys.executable, str(PROGRAM), *map(str, meshes)]
-    environment = {**os.environ, **PATIENT, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROGRAM.parents[2])}
-    run = subprocess.run(command, capture_output=True, text=True, timeout=1200, env=environment, check=False)
-    assert run.returncode == 0, run.stderr
-    found = json.loads(run.stdout.strip().splitlines()[-1])
+    found = figures_on(ranks, "figures", *meshes)
     assert found.pop("ranks") == ranks
     assert set(found) == set(serial) and "limit" in found and found["end that is named"] == [1.0]
     for state, values in serial.items():

@@ -8,12 +8,6 @@ thickness h at its middle, k = p h (y0 - h/2) / sum of E' I.
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
-import json
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,6 +23,10 @@ from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.runs.fields import Fields
+from tests.support import bodies
+from tests.support.cavities import PushedBody, TubeBody
+from tests.support.on_ranks import regions
+from tests.support.ranks import figures_on
 
 SOFT, HARD = NeoHookean(30e3, 0.5), Yeoh(60e3, 2e3, 100.0, 0.5)
 SPHERE = "closed integrals of a sphere of two layers, radii 10, 12 and 15 mm, inner stretch to 1.8"
@@ -36,12 +34,11 @@ TUBE = "closed integrals of a tube of two layers, radii 10, 12 and 15 mm, inner 
 SAME = "one region, cut in two of one material"
 BENT = "composite beam in plane strain, moduli 1 to 10, pushed at one end"
 RATES = "central differences of a sphere of two layers"
-PROGRAM = Path(__file__).with_name("regions_on_ranks.py")
 STRETCHES = np.array([1.1, 1.4, 1.8])
 
 
 @pytest.fixture(scope="module")
-def layered(bodies):
+def layered():
     """Sphere and tube of two layers: the main one inside, ``shell`` around it."""
     return {"sphere": bodies.LayeredSphere(through=3, along=12), "tube": bodies.LayeredTube(through=3)}
 
@@ -71,9 +68,9 @@ def exact(device, laws, stretch, mode):
 
 
 @pytest.mark.parametrize(("name", "mode", "against"), [("sphere", 3, SPHERE), ("tube", 2, TUBE)])
-def test_two_layers(name, mode, against, layered, body_of, tube_body, solved, figure):
+def test_two_layers(name, mode, against, layered, body_of, solved, figure):
     device = layered[name]
-    body = body_of(device, tube_body if name == "tube" else Body)
+    body = body_of(device, TubeBody if name == "tube" else Body)
     for laws in ((SOFT, HARD), (HARD, SOFT)):
         equations = Solver(System(body, laws[0], components=[Region(laws[1], name="shell")]))
         rest = equations.system.rest().V
@@ -114,7 +111,8 @@ def test_one_material_cut_in_two_by_displacements_alone(layered, body_of, solved
     figure(SAME, "displacements, displacements alone", cut.w - whole.w, 1e-9)
 
 
-def test_patch(bodies, body_of, figure):
+@pytest.mark.quick
+def test_patch(body_of, figure):
     """A block pressed from all sides is strained evenly: p is one, though it might jump across the slanted cut."""
     law, body = NeoHookean(30e3, 0.45), body_of(bodies.CutBlock(cells=3))
     found = []
@@ -130,13 +128,10 @@ def test_patch(bodies, body_of, figure):
     assert abs(stiff) > 1.01 * abs(whole)  # the world outside, counted from the block's own volume
 
 
-def test_bilayer_bends(bodies, body_of, figure):
-    spec = importlib.util.spec_from_file_location("plates", Path(__file__).with_name("test_plate_buckling.py"))
-    plates = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(plates)
+def test_bilayer_bends(body_of, figure):
     plate = bodies.LayeredPlate()
     soft, stiff = NeoHookean(50e3, 0.45), NeoHookean(500e3, 0.45)
-    solver = Solver(System(body_of(plate, plates.PushedBody), soft, components=[Region(stiff, name="upper")]))
+    solver = Solver(System(body_of(plate, PushedBody), soft, components=[Region(stiff, name="upper")]))
     solver.factorise(rest := solver.system.rest())
     along = solver.tangent(rest, pressure_control(0.0), 1e-10)
     fields = Fields(solver)
@@ -181,21 +176,12 @@ def test_derivatives(formulation, layered, body_of, solved, figure):
         assert np.abs(found.w).max() > 0
 
 
+@pytest.mark.quick
 def test_ranks_and_restarts(layered, comm, tmp_path, figure):
     """Two ranks have the figures of one; a state taken apart over the nodes comes back to the last bit on both."""
-    spec = importlib.util.spec_from_file_location("regions_on_ranks", PROGRAM)
-    program = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(program)
     mesh = layered["sphere"].write(tmp_path / "layers.msh")
-    one = np.array(program.figures(comm, layered["sphere"], mesh))
-    beside = Path(sys.executable).with_name("mpirun")
-    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
-    if mpirun is None:
-        pytest.skip("no mpirun beside this Python or on the path")
-    run = subprocess.run([mpirun, "-n", "2", sys.executable, str(PROGRAM), str(mesh)], capture_output=True, text=True,
-                         timeout=600, check=False)  # fmt: skip
-    assert run.returncode == 0, run.stderr
-    two = np.array(json.loads(run.stdout.strip().splitlines()[-1]))
+    one = np.array(regions.figures(comm, layered["sphere"], mesh))
+    two = np.array(figures_on(2, "regions", mesh))
     figure("one rank", "a sphere of two layers, on two ranks", (two - one) / np.maximum(np.abs(one), 1e-3), 1e-9)
 
 

@@ -3,13 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
-import json
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,13 +29,11 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.schedule import hang, inflate_from
 from softmodels.path.stability import Stability
+from tests.support.ranks import figures_on
 
 DISK = sm.HollowDisk(section="axisymmetric", cell_size=0.002)
 LAW = sm.NeoHookean(28e3)
 PLATE = Rigid("top", name="plate")
-PROGRAM = Path(__file__).with_name("rigid_on_ranks.py")
-PATIENT = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64"}
-"""Ranks of MPICH wait by spinning: three of them on two cores keep each other from work, unless told to sleep."""
 FREE = "the same state's forces on all dofs"
 
 
@@ -82,6 +73,7 @@ def dense(matrix):
     return found
 
 
+@pytest.mark.quick
 def test_the_face_moves_as_one_and_its_forces_cancel(plated, figure):
     """What makes a state one of equilibrium with a free rigid plate, from the whole body's forces."""
     solver, state = plated
@@ -341,6 +333,7 @@ def test_a_half_beam_is_the_half_of_a_whole_one(body_of, figure):
     )
 
 
+@pytest.mark.quick
 def test_a_rigid_block_is_a_block_whose_nodes_are_moved_so(body_of, figure, monkeypatch):
     """A region that is rigid against the same region with all its nodes held where that motion, computed aside, puts them.
 
@@ -416,9 +409,8 @@ def test_a_rigid_ring_is_a_very_stiff_one(body_of, figure):
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory):
     """The program, its meshes, and what it finds in this process."""
-    spec = importlib.util.spec_from_file_location("rigid_on_ranks", PROGRAM)
-    program = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(program)
+    from tests.support.on_ranks import rigid as program
+
     folder = tmp_path_factory.mktemp("rigid")
     meshes = [str(device.write(folder / f"{device.name}.msh")) for device in program.DEVICES]
     return meshes, program.found(meshes)
@@ -428,10 +420,6 @@ def alone(tmp_path_factory):
 def test_ranks_find_what_one_does(ranks, alone, figure):
     meshes, one = alone
     assert np.degrees(np.linalg.norm(one["plate that turns"][3:6])) > 45.0  # about two axes, and twisted besides
-    mpiexec = shutil.which("mpiexec", path=str(Path(sys.executable).parent)) or shutil.which("mpiexec")
-    command = [mpiexec, "-n", str(ranks), sys.executable, str(PROGRAM), *meshes]
-    environment = {**os.environ, **PATIENT, "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(command, capture_output=True, check=True, timeout=600, env=environment)
-    several = json.loads(done.stdout)
+    several = figures_on(ranks, "rigid", *meshes)
     for name, values in one.items():
         figure("one rank", f"{name}, on 2 and 3 ranks", np.abs(np.subtract(values, several[name])).max(), 1e-8)

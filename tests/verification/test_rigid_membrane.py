@@ -21,6 +21,7 @@ from softmodels.mechanics.system import Nodes, System
 from softmodels.path.continuation import Concentration, Continuation, trace
 from softmodels.path.points import DIRECT
 from softmodels.path.schedule import Stage, hang, inflate_from
+from tests.support import membrane_shooting as shooting
 
 RADIUS, PLATE, MU, G = 0.020, 0.008, 30e3, 9.80665
 AT = (0, 4, 8, 14, 20)
@@ -37,7 +38,7 @@ EQUATIONS = "the membrane equations by shooting, with a rigid plate and its weig
 class Plated:
     """A membrane with a plate, a weight on it, and a load cell that can hold it."""
 
-    def __init__(self, case, body_of, shooting):
+    def __init__(self, case, body_of):
         law, numbers, ratio, share = case
         self.thickness, self.weight = ratio * RADIUS, share * 2 * math.pi * PLATE * ratio * RADIUS * MU
         membrane = Membrane(
@@ -83,8 +84,8 @@ class Plated:
 
 
 @pytest.fixture(scope="module", params=CASES.values(), ids=CASES)
-def plated(request, body_of, shooting):
-    made = Plated(request.param, body_of, shooting)
+def plated(request, body_of):
+    made = Plated(request.param, body_of)
     return made, *made.inflated()
 
 
@@ -133,9 +134,9 @@ def test_the_weight_works_too(plated, figure):
     )
 
 
-def test_a_load_cell_at_a_given_height(body_of, shooting, figure):
+def test_a_load_cell_at_a_given_height(body_of, figure):
     """The plate held at a height, and the air's pressure raised to what the equations have there: the cell bears nothing."""
-    made = Plated(CASES["neo-hookean, thin, light"], body_of, shooting)
+    made = Plated(CASES["neo-hookean, thin, light"], body_of)
     here = made.held_at(HEIGHTS[2])
     assert made.height(here.state) == pytest.approx(HEIGHTS[2], rel=1e-8)
     force = here.drives[2] * made.system.dead.units[1]
@@ -146,7 +147,7 @@ WIDE = Membrane(radius=0.070, thickness=0.002, plate_radius=0.0254, chamber_dept
 """That of Campbell and others, arXiv 2504.01156; `tests/benchmarks/plated_membranes.py` has more weights and silicones."""
 
 
-def test_the_default_mesh_turns_over_its_clamp(shooting, figure):
+def test_the_default_mesh_turns_over_its_clamp(figure):
     """To a height of a radius with 1.5 kg, where a sharp edge of the clamp would fold a few cells at 741 ml."""
     law, weight = silicone("ecoflex-00-30/liao-2021"), 1.5 * 9.81
     exact = shooting.CircularMembrane(

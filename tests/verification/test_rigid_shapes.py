@@ -20,6 +20,7 @@ from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control, volume_control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System, held_force
+from tests.support import bodies
 
 MOULD = "neo-Hookean shell in a rigid hollow sphere"
 LAW = NeoHookean(30e3, 0.5)
@@ -27,7 +28,7 @@ SECTION = HollowDisk(section="axisymmetric")
 BALL = RigidShape("sphere", "top", (0.0, 0.0, 0.0265), 0.010)
 
 
-def test_a_shell_swells_in_a_hollow_sphere(bodies, body_of, figure):
+def test_a_shell_swells_in_a_hollow_sphere(body_of, figure):
     """Without shape change the radii follow from the volume; the mould presses evenly."""
     shell = bodies.Sphere(through=4, along=16)
     mould = RigidShape("sphere", "outer", (0.0, 0.0, 0.0), 1.02 * shell.outer, hollow=True)

@@ -21,6 +21,7 @@ from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.runs.fields import Fields
+from tests.support import bodies
 
 SPHERE = "closed form of a thick sphere with a bonded sheet"
 LAW = NeoHookean(30e3, 0.5)
@@ -46,7 +47,7 @@ def found(solved, equations):
 
 
 @pytest.mark.parametrize("stiffness", [30.0, 3000.0])  # a tenth of the wall's own 3 mu t, and ten times it
-def test_sphere_in_a_sheet_axisymmetric(stiffness, bodies, body_of, solved, figure):
+def test_sphere_in_a_sheet_axisymmetric(stiffness, body_of, solved, figure):
     shell = bodies.Sphere(through=4, along=12)
     equations = Solver(System(body_of(shell), LAW, components=[Sheet("outer", stiffness)]))
     _, pressures = found(solved, equations)
@@ -56,7 +57,7 @@ def test_sphere_in_a_sheet_axisymmetric(stiffness, bodies, body_of, solved, figu
 @pytest.mark.parametrize(
     "stiffness", [300.0, 3000.0]
 )  # integrated at one point per facet the stiffer one is 8 to 19 % off
-def test_sphere_in_a_sheet_octant(stiffness, bodies, body_of, solved, figure):
+def test_sphere_in_a_sheet_octant(stiffness, body_of, solved, figure):
     shell = bodies.Octant(cell_size=0.004)
     equations = Solver(System(body_of(shell), LAW, components=[Sheet("outer", stiffness)]))
     points, pressures = found(solved, equations)
@@ -72,7 +73,7 @@ def test_sphere_in_a_sheet_octant(stiffness, bodies, body_of, solved, figure):
     )
 
 
-def test_another_material_leaves_the_sheet_as_it_is(bodies, body_of, solved, figure):
+def test_another_material_leaves_the_sheet_as_it_is(body_of, solved, figure):
     """Stresses inside are in shear moduli; the sheet's stiffness is not the silicone's."""
     shell = bodies.Sphere(through=4, along=12)
     equations = Solver(

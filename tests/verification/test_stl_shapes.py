@@ -19,6 +19,7 @@ from softmodels.components.pressing import (
 )
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.component import ComponentError
+from tests.support import stl_files
 
 LAW = NeoHookean(30e3, 0.45)
 DISK = sm.HollowDisk(cell_size=0.004, angle=30)
@@ -39,7 +40,7 @@ def _patch():
     return Surface(nodes, facets, np.zeros(len(facets), int), nodes[facets[:, :3]].mean(axis=1) + np.array([0, 0, 0.1]))
 
 
-def test_forces_and_stiffness_are_derivatives(stl_files):
+def test_forces_and_stiffness_are_derivatives():
     surface, wall, penalty = _patch(), FixedWall.of(*stl_files.ball(1.0), 0.15), Penalty(300.0, 1e-3)
     here = PressedOn(surface, wall, penalty, surface.nodes)
     assert here.touching.all()
@@ -55,7 +56,7 @@ def test_forces_and_stiffness_are_derivatives(stl_files):
     assert (np.array(errors[0]) / errors[1]).min() > 2.5  # of second order but for where the onset ends
 
 
-def test_the_gap_is_exact_on_a_flat_wall_and_known_on_a_ball(stl_files):
+def test_the_gap_is_exact_on_a_flat_wall_and_known_on_a_ball():
     wall = FixedWall.of(*stl_files.box((-1, -1, -1), (1, 1, 0)), 0.3)
     places = np.array([[0.1, 0.2, 0.05], [-0.3, 0.1, -0.05]])
     np.testing.assert_allclose(wall.gaps(places), places[:, 2], atol=1e-12)
@@ -67,7 +68,7 @@ def test_the_gap_is_exact_on_a_flat_wall_and_known_on_a_ball(stl_files):
     np.testing.assert_allclose(inside, [1.0, 0.0], atol=1e-12)
 
 
-def test_a_ball_of_triangles_stops_the_disk_as_the_ball_does(tmp_path, stl_files):
+def test_a_ball_of_triangles_stops_the_disk_as_the_ball_does(tmp_path):
     file = stl_files.write_stl(tmp_path / "ball.stl", *stl_files.ball(RADIUS, 96, 48))
     components = [
         sm.RigidShape("sphere", "top", AT, RADIUS, name="ball"),
@@ -81,7 +82,7 @@ def test_a_ball_of_triangles_stops_the_disk_as_the_ball_does(tmp_path, stl_files
 
 
 @pytest.mark.parametrize("hollow", [False, True])
-def test_a_side_of_a_box_is_a_plane(hollow, tmp_path, stl_files):
+def test_a_side_of_a_box_is_a_plane(hollow, tmp_path):
     ceiling = 0.0168
     low, high = (
         ((-0.06, -0.06, ceiling), (0.06, 0.06, 0.03)) if not hollow else ((-0.06, -0.06, -0.03), (0.06, 0.06, ceiling))
@@ -96,7 +97,7 @@ def test_a_side_of_a_box_is_a_plane(hollow, tmp_path, stl_files):
     assert pushed > 0.0 and pushed == pytest.approx(plane.path["contact_force_N"][-1], rel=0.02)
 
 
-def test_what_cannot_be_meant_is_refused(tmp_path, stl_files):
+def test_what_cannot_be_meant_is_refused(tmp_path):
     file = str(stl_files.write_stl(tmp_path / "ball.stl", *stl_files.ball(RADIUS)))
     points, triangles = stl_files.ball(RADIUS)
     broken = str(stl_files.write_stl(tmp_path / "open.stl", points, triangles[1:]))
@@ -123,7 +124,7 @@ def test_what_cannot_be_meant_is_refused(tmp_path, stl_files):
         sm.RigidShape("sphere", "top", AT, RADIUS, file=file)
 
 
-def test_the_file_counts_by_its_content(tmp_path, stl_files):
+def test_the_file_counts_by_its_content(tmp_path):
     from softmodels.case.case import identity
 
     file = stl_files.write_stl(tmp_path / "ball.stl", *stl_files.ball(RADIUS))

@@ -12,6 +12,7 @@ from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_pressure
 from softmodels.path.supply import Stroke, Syringe
+from tests.support import bodies
 
 LAW = "law of the gas in a syringe"
 THIN = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.003)
@@ -148,7 +149,7 @@ MUCH_GAS = Syringe(syringe=200 * ML, dead_volume=8000 * ML)
 
 
 @pytest.fixture(scope="module")
-def balloon(bodies, equilibrium):
+def balloon(equilibrium):
     inner, outer = RADIUS * (1 - THICKNESS / 2), RADIUS * (1 + THICKNESS / 2)
     return equilibrium(bodies.Sphere(inner=inner, outer=outer, through=1, along=16), RUBBER)
 

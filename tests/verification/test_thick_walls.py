@@ -17,6 +17,8 @@ import pytest
 from softmodels.materials.laws import NeoHookean, Ogden, Yeoh
 from softmodels.materials.specimens import sphere_pressure, tube_pressure
 from softmodels.runs.fields import Fields
+from tests.support import bodies
+from tests.support.cavities import TubeBody
 
 STRETCHES = (1.1, 1.4, 1.8)
 SPHERE = "closed integral of a thick incompressible sphere, radii 10 and 15 mm, inner stretch to 1.8"
@@ -47,31 +49,32 @@ def errors(solved, equations, exact, power):
     return found / exact(equations.system.material, shell.inner, shell.outer, stretches) - 1
 
 
+@pytest.mark.quick
 @laws
-def test_sphere_axisymmetric(law, bodies, equilibrium, solved, figure):
+def test_sphere_axisymmetric(law, equilibrium, solved, figure):
     equations = equilibrium(bodies.Sphere(through=4, along=12), law)
     figure(SPHERE, f"{law.name}, pressure on the section", errors(solved, equations, sphere_pressure, 3), 7e-5)
 
 
 @laws
-def test_sphere_octant(law, bodies, equilibrium, solved, figure):
+def test_sphere_octant(law, equilibrium, solved, figure):
     equations = equilibrium(bodies.Octant(cell_size=0.0025), law)
     figure(SPHERE, "all three laws, pressure on a 3-D octant", errors(solved, equations, sphere_pressure, 3), 8e-4)
 
 
 @laws
-def test_tube_axisymmetric(law, bodies, equilibrium, solved, tube_body, figure):
-    equations = equilibrium(bodies.Tube(through=4), law, kind=tube_body)
+def test_tube_axisymmetric(law, equilibrium, solved, figure):
+    equations = equilibrium(bodies.Tube(through=4), law, kind=TubeBody)
     figure(TUBE, "all three laws, pressure on the section", errors(solved, equations, tube_pressure, 2), 5e-6)
 
 
-def test_tube_quarter(bodies, equilibrium, solved, tube_body, figure):
-    equations = equilibrium(bodies.Tube(section="quarter", through=2), LAWS["neo-hookean"], kind=tube_body)
+def test_tube_quarter(equilibrium, solved, figure):
+    equations = equilibrium(bodies.Tube(section="quarter", through=2), LAWS["neo-hookean"], kind=TubeBody)
     figure(TUBE, "neo-Hookean, pressure on a 3-D quarter", errors(solved, equations, tube_pressure, 2), 1.4e-4)
 
 
 @laws
-def test_sphere_converges(law, bodies, equilibrium, solved, figure):
+def test_sphere_converges(law, equilibrium, solved, figure):
     """Errors measured on 1, 2 and 4 cells through the wall, largest of the three stretches; see the rates above."""
     meshes = [bodies.Sphere(through=n, along=3 * n) for n in (1, 2, 4)]
     table = [np.abs(errors(solved, equilibrium(mesh, law), sphere_pressure, 3)).max() for mesh in meshes]
@@ -79,7 +82,7 @@ def test_sphere_converges(law, bodies, equilibrium, solved, figure):
     figure(SPHERE, "power of the cell size at which the section's error falls", rates, at_least=3.0)
 
 
-def test_octant_converges(bodies, equilibrium, solved, figure):
+def test_octant_converges(equilibrium, solved, figure):
     sizes = (0.005, 0.0025, 0.00167)
     equations = [equilibrium(bodies.Octant(cell_size=size), LAWS["neo-hookean"]) for size in sizes]
     table = [np.abs(errors(solved, e, sphere_pressure, 3)).max() for e in equations]
@@ -87,15 +90,16 @@ def test_octant_converges(bodies, equilibrium, solved, figure):
     figure(SPHERE, "power of the cell size at which the octant's error falls", rate, at_least=2.7)
 
 
-def test_tube_converges(bodies, equilibrium, solved, tube_body, figure):
+def test_tube_converges(equilibrium, solved, figure):
     meshes = [bodies.Tube(through=n, height=0.005 / n) for n in (1, 2, 4)]
-    equations = [equilibrium(mesh, LAWS["neo-hookean"], kind=tube_body) for mesh in meshes]
+    equations = [equilibrium(mesh, LAWS["neo-hookean"], kind=TubeBody) for mesh in meshes]
     table = [np.abs(errors(solved, e, tube_pressure, 2)).max() for e in equations]
     rates = np.log2(np.array(table[:-1]) / table[1:])
     figure(TUBE, "power of the cell size at which the section's error falls", rates, at_least=3.7)
 
 
-def test_rigid_walls_move_as_one(bodies, equilibrium, solved, figure):
+@pytest.mark.quick
+def test_rigid_walls_move_as_one(equilibrium, solved, figure):
     """The sphere stays a sphere: the inner wall's nodes all have the stretch that the volume says."""
     equations = equilibrium(bodies.Sphere(through=4, along=12), LAWS["neo-hookean"])
     rest = equations.system.rest().V

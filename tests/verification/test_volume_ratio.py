@@ -9,11 +9,12 @@ import pytest
 
 from softmodels.materials.laws import NeoHookean
 from softmodels.runs.fields import Fields
+from tests.support import bodies
 
 
 @pytest.mark.parametrize("poisson", (0.45, 0.5))
 @pytest.mark.parametrize("section", ("solid", "axisymmetric"))
-def test_vertices_have_the_volume_of_p(bodies, equilibrium, solved, section, poisson, figure):
+def test_vertices_have_the_volume_of_p(equilibrium, solved, section, poisson, figure):
     """int q (J - 1 - p/bulk) dX = 0 for every linear q: DOLFINx assembles the means of 1 + p/bulk."""
     import ufl
     from dolfinx import fem

@@ -29,6 +29,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.runs.grid import Grid
 from softmodels.runs.state_values import Sampling
+from tests.support import bodies
 
 RUBBER = NeoHookean(30e3, 0.49)
 PENALTY = Penalty(300.0, 0.005)
@@ -118,7 +119,7 @@ def test_nothing_passes_through(sheets):
 
 
 @pytest.fixture(scope="module")
-def pair_of_shells(bodies):
+def pair_of_shells():
     @dataclasses.dataclass(frozen=True, kw_only=True)
     class Pair(bodies.Sphere):
         """Two half shells whose poles face each other; the upper one has more cells."""
@@ -159,13 +160,13 @@ def pair_of_shells(bodies):
     return Pair
 
 
-def test_two_shells_meet_as_one_meets_its_mirror_plane(bodies, pair_of_shells, body_of, solved, tube_body, figure):
+def test_two_shells_meet_as_one_meets_its_mirror_plane(pair_of_shells, body_of, solved, figure):
     """Other cells on the other wall, a wall ten times stiffer than a plane; volumes and forces at one pressure."""
     k, pressures = 3000.0, [0.2, 0.3, 0.4]
     shell, pair = bodies.Sphere(through=2, along=24), pair_of_shells(through=2, along=24)
     plane = f"z = {1e3 * (pair.outer + pair.gap / 2)} mm"
-    one = Solver(System(body_of(shell, tube_body), RUBBER, components=[Obstacle("outer", plane, 2 * k)]))
-    two = Solver(System(body_of(pair, tube_body), RUBBER, components=[Walls("lower, upper", k)]))
+    one = Solver(System(body_of(shell), RUBBER, components=[Obstacle("outer", plane, 2 * k)]))
+    two = Solver(System(body_of(pair), RUBBER, components=[Walls("lower, upper", k)]))
     found = {}
     for name, equations in (("one", one), ("two", two)):
         _, points, end = solved(equations, pressures)
@@ -182,7 +183,8 @@ def test_two_shells_meet_as_one_meets_its_mirror_plane(bodies, pair_of_shells, b
     assert figures["walls_overlap_mm"] < 0.01 * 1e3 * (pair.outer - pair.inner)
 
 
-def test_a_patch(bodies, body_of, figure):
+@pytest.mark.quick
+def test_a_patch(body_of, figure):
     """One cylinder stands on another with other cells, under an even dead load: what that leaves of an even stretch."""
 
     @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -237,10 +239,10 @@ def test_a_patch(bodies, body_of, figure):
     )
 
 
-def test_every_step_ends_in_the_same_state(pair_of_shells, body_of, solved, tube_body, figure):
+def test_every_step_ends_in_the_same_state(pair_of_shells, body_of, solved, figure):
     """One state by many steps of the pressure and by a few of the volume."""
     pair = pair_of_shells(through=2, along=24)
-    equations = Solver(System(body_of(pair, tube_body), RUBBER, components=[Walls("lower, upper")]))
+    equations = Solver(System(body_of(pair), RUBBER, components=[Walls("lower, upper")]))
     _, points, end = solved(equations, [0.3])
     assert end is None
     rest, goal = equations.system.rest(), points[-1].state.V

@@ -1,4 +1,4 @@
-"""Tell whether two path.csv hold the same path: ``python tests/same_path.py one/path.csv two/path.csv``."""
+"""Tell whether two path.csv hold the same path: ``python -m tests.support.same_path one/path.csv two/path.csv``."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Figures of rigid parts, as JSON from rank 0: plate and ring on a membrane, a plate on a wedge, one that turns on a beam.
 
-mpiexec -n 2 python rigid_on_ranks.py MEMBRANE.msh DISK.msh BEAM.msh
+mpiexec -n 2 python -m tests.support.on_ranks.rigid MEMBRANE.msh DISK.msh BEAM.msh
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-README = Path(__file__).parent / "verification" / "README.md"
+README = Path(__file__).parents[1] / "verification" / "README.md"
 _TABLE = re.compile(r"(<!-- figures: ([^>]*?) -->\n)(.*?)(<!-- end of figures -->)", re.DOTALL)
 _HEAD = "| against | what | measured | asserted | test |\n|---|---|---|---|---|\n"
 

@@ -8,8 +8,6 @@ in proportion, or as a phone does, which sharpens as well.
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -24,18 +22,7 @@ from measurement.screen.setup import Setup
 from measurement.series.measuring import Result, judged
 from measurement.series.photo import Refusal, outline_of, zero_of
 from measurement.series.photo_list import Photograph
-
-
-def _beside(name: str):
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    module = importlib.util.module_from_spec(spec)
-    sys.modules.setdefault(name, module)
-    if sys.modules[name] is module:
-        spec.loader.exec_module(module)
-    return sys.modules[name]
-
-
-rays = _beside("ray_tracer")
+from tests.support.photographs import ray_tracer as rays
 
 LAMPS, CAMERAS = ("disc", "square", "gaussian"), ("srgb", "s curve", "phone", "linear")
 SHARES = (0.0, 0.35, 0.7, 1.0)

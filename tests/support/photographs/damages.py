@@ -9,7 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from measurement.synthetic.faults import (
+from measurement.synthetic.photographer import lens_of
+from tests.support.photographs.faults import (
     Change,
     Target,
     band,
@@ -23,7 +24,6 @@ from measurement.synthetic.faults import (
     smear,
     water_drop,
 )
-from measurement.synthetic.photographer import lens_of
 
 ONE, RAISED, SERIES, SETUP = "one", "raised", "series", "setup"
 """What a damage falls on: one photograph, all but the zero, all of them, or the setup by which they are measured."""

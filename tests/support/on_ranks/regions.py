@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import sys
 from pathlib import Path
 
 import numpy as np
 
-
-def layered(folder):
-    """The sphere of two layers, as its mesh file in ``test_regions.py`` has it."""
-    spec = importlib.util.spec_from_file_location("bodies", folder / "conftest.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["bodies"] = module
-    spec.loader.exec_module(module)
-    return module.LayeredSphere(through=3, along=12)
+from tests.support.bodies import LayeredSphere
 
 
 def figures(comm, device, mesh):
@@ -49,6 +41,6 @@ if __name__ == "__main__":
     from softmodels.mechanics.mpi import is_root, start
 
     world = start()
-    numbers = figures(world, layered(Path(__file__).parent), Path(sys.argv[1]))
+    numbers = figures(world, LayeredSphere(through=3, along=12), Path(sys.argv[1]))
     if is_root(world):
         print(json.dumps(numbers))

@@ -8,9 +8,9 @@ import numpy as np
 
 from measurement.outline.outline import Outline
 from measurement.screen.setup import Setup
-from measurement.synthetic.bench import Bench
 from measurement.synthetic.photographer import Truth
 from softmodels.common.arrays import Array
+from tests.support.photographs.bench import Bench
 
 WRONG, TIMES = 25e-6, 3.0
 """Error in m, and in stated errors, beyond which a trusted outline is wrong."""

@@ -1,13 +1,13 @@
 """A program, not a test: figures of a wedge, a slab, a finger, a disk past its limit, one that bifurcates and a part with
 two cavities, as JSON on rank 0.
 
-Usage: mpirun -n 2 python figures.py WEDGE.msh SLAB.msh FINGER.msh SECTION.msh TWIN.msh PAIR.msh, with PAIR.step beside PAIR.msh
+Usage: mpirun -n 2 python -m tests.support.on_ranks.figures WEDGE.msh SLAB.msh FINGER.msh SECTION.msh TWIN.msh
+PAIR.msh, with PAIR.step beside PAIR.msh
 """
 
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import json
 import sys
 import tempfile
@@ -15,6 +15,7 @@ from pathlib import Path
 
 from geometries import Cylinder, HollowDisk, ImportedActuator, PneuNet, SeminarActuator
 from softmodels.mechanics.mpi import abort_on_error, is_root, start
+from tests.support.on_ranks import lifting, rubbing
 
 WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
 SLAB = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
@@ -58,8 +59,8 @@ def figures(
         if name == "wedge":
             found["wedge, rates and outline"] = rates(equations, 0.1)
     found["wedge whose walls meet"] = meeting(comm, wedge)
-    found["wedge that lifts a ball of triangles"] = _beside("lifting").figures(comm, WEDGE, wedge)
-    found["wedge that rubs on a plate, there and back"] = _beside("rubbing").figures(comm, WEDGE, wedge)
+    found["wedge that lifts a ball of triangles"] = lifting.figures(comm, WEDGE, wedge)
+    found["wedge that rubs on a plate, there and back"] = rubbing.figures(comm, WEDGE, wedge)
     equations = Solver(System(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495)))
     found["section past its limit, rates and outline"] = rates(equations, 6.0)
     points = []
@@ -77,14 +78,6 @@ def figures(
     found["wedge by iterations"] = iterated(comm, wedge)
     found["end that is named"] = ending(comm)
     return found
-
-
-def _beside(name: str):
-    """A module of this folder."""
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def ending(comm) -> list[float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import tempfile
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
+from tests.support import stl_files
 
 
 def figures(comm, device: HollowDisk, mesh: Path) -> list[float]:
@@ -23,9 +23,6 @@ def figures(comm, device: HollowDisk, mesh: Path) -> list[float]:
 
     The ball is from an STL file, with a mass and on a spring.
     """
-    spec = importlib.util.spec_from_file_location("stl_files", Path(__file__).with_name("stl_files.py"))
-    stl_files = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(stl_files)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(comm.bcast(folder)) / "ball.stl"
         on_root(comm, lambda: stl_files.write_stl(file, *stl_files.ball(0.01)))

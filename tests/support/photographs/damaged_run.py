@@ -25,15 +25,6 @@ from measurement.screen.setup import Setup, SetupError
 from measurement.series.measuring import Result, judged
 from measurement.series.photo import Refusal, outline_of, zero_of
 from measurement.series.photo_list import Photograph
-from measurement.synthetic.bench import Bench
-from measurement.synthetic.damages import (
-    KINDS,
-    NEEDS_SIDES,
-    ONE,
-    RAISED,
-    SETUP,
-)
-from measurement.synthetic.faults import Change, Target
 from measurement.synthetic.photographer import (
     PA_PER_CM,
     column,
@@ -41,7 +32,16 @@ from measurement.synthetic.photographer import (
     photograph,
     truth_of,
 )
-from measurement.synthetic.verdict import Verdict, faults_of
+from tests.support.photographs.bench import Bench
+from tests.support.photographs.damages import (
+    KINDS,
+    NEEDS_SIDES,
+    ONE,
+    RAISED,
+    SETUP,
+)
+from tests.support.photographs.faults import Change, Target
+from tests.support.photographs.verdict import Verdict, faults_of
 
 Pixels = NDArray[np.uint8]
 

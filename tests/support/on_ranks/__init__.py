@@ -1,0 +1,1 @@
+"""Programs that print figures on any number of ranks."""

@@ -1,0 +1,68 @@
+"""Runs of the command line in processes of their own, and what they leave behind."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+import types
+from xml.etree import ElementTree
+
+import h5py
+import numpy as np
+import pytest
+
+DISK = ("-m", "softmodels.disk", "--section", "axisymmetric", "--no-pictures")
+SOFT = ("--variant", "shadow", "--pressure-cm", "0,52.5,52.9,60", "--quiet")
+
+
+def start(*arguments, **options):
+    """Start a Python process, its output kept as text; the words follow the interpreter's name."""
+    command = [*map(str, options.pop("launcher", ())), sys.executable, *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
+
+
+def run(*arguments, **options):
+    """Run a Python process to its end: ``status``, ``out`` and ``err``."""
+    process = start(*arguments, **options)
+    out, err = process.communicate(timeout=300)
+    return types.SimpleNamespace(status=process.returncode, out=out, err=err)
+
+
+def disk(folder, *arguments, **options):
+    """Run the axisymmetric disk without pictures into a folder."""
+    return run(*DISK, "--output", folder, *arguments, **options)
+
+
+def rows(folder):
+    """The table of a folder of results; numbers as numbers, None for an empty cell."""
+    with (folder / "path.csv").open() as file:
+        return [
+            {key: value if key == "following" else float(value) if value else None for key, value in row.items()}
+            for row in csv.DictReader(file)
+        ]
+
+
+def readable(folder):
+    """Number of states in a folder, after everything the XDMF refers to has been read."""
+    xdmf = ElementTree.parse(folder / "disk.xdmf")
+    places = {item.text: item.get("Dimensions") for item in xdmf.iter("DataItem")}
+    for place, shape in places.items():
+        name, inside = place.split(":")
+        with h5py.File(folder / name) as file:
+            assert np.isfinite(file[inside][:]).all() and " ".join(map(str, file[inside].shape)) == shape
+    return len(xdmf.findall(".//Time"))
+
+
+def same(found, wanted, tolerance):
+    """Whether two tables hold the same numbers, to a share of each column's largest one."""
+    assert [row["step"] for row in found] == [row["step"] for row in wanted]
+    for name in wanted[0]:
+        if name == "following":
+            assert [row[name] for row in found] == [row[name] for row in wanted]
+        elif name != "newton_iterations":
+            assert [row[name] is None for row in found] == [row[name] is None for row in wanted]
+            column = [row[name] or 0.0 for row in wanted]
+            assert [row[name] or 0.0 for row in found] == pytest.approx(
+                column, rel=0, abs=tolerance * max(map(abs, column))
+            ), name
