@@ -1,4 +1,4 @@
-"""What every device offers: its symmetry, its supports, its closed-form volumes and a mesh.
+"""`Actuator`, the base class of devices: symmetry, supports, closed-form volumes and a mesh.
 
 Device coordinates are x, y, z with z = lift, the direction in which the membrane rises. A three-dimensional mesh uses
 them as they are. An axisymmetric mesh lies in the plane (x, y) = (radius, height); `Actuator.device_points` brings its
@@ -38,15 +38,15 @@ from softmodels.common.schema import (
 from softmodels.common.units import brief
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a design needs of a device: which of its parameters a mesh can follow, where its boundary goes, what is thinnest.
+# Interface of a device for designs: parameters a mesh can follow, boundary motion, minimum dimensions.
 #
-# A mesh that was made of one device is moved to another of the same kind: its nodes on the boundary go where `carried` says,
-# those inside follow. So a quantity is a smooth function of the parameters, free of the noise of new meshes.
+# A mesh that was made of one device is moved to another of the same kind: its nodes on the boundary move to the places that
+# `carried` returns, those inside follow. So a quantity is a smooth function of the parameters, free of the noise of new meshes.
 # `geometries.actuator` has the parameters by name.
 
 
 class Designable:
-    """The part of `geometries.Actuator` that a design asks for; a device that says nothing of it cannot be designed."""
+    """The part of `geometries.Actuator` that a design asks for; a device without it cannot be designed."""
 
     @property
     def movable(self) -> tuple[str, ...]:
@@ -54,7 +54,7 @@ class Designable:
         return ()
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where points on the boundary of this device lie on another one.
+        """Return where points on the boundary of this device lie on another one.
 
         Corners go to corners, edges to edges, faces to faces and probes to probes; points on a cut plane stay on it. The
         places are smooth functions of the other's parameters, and the same points again if it is this device.
@@ -70,12 +70,12 @@ class Designable:
             GeometryError: This kind of device does not know it, or not between these two.
         """
         raise GeometryError(
-            f"the mesh of {type(self).__name__} cannot follow its parameters: it knows no motion of its faces"
+            f"the mesh of {type(self).__name__} cannot follow its parameters: it defines no motion of its faces"
         )
 
     @property
     def clearances(self) -> Mapping[str, float]:
-        """Every dimension in m that has a least value, for geometry or for the workshop, by what it is in plain words.
+        """Return every dimension in m with a minimum, geometric or of the workshop, by description.
 
         Each is a smooth function of the parameters; walls that could each be the thinnest are entries of their own. Empty if
         the device names none.
@@ -84,36 +84,36 @@ class Designable:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How commands and messages speak of a device: names, words, and what is worth showing of it.
+# Names and texts of a device in commands and messages.
 
 
 class Presented:
-    """The part of `geometries.Actuator` that people read."""
+    """Names and texts of a device for commands and messages."""
 
     stem: ClassVar[str] = "device"
     """Name of its result files and default folder where a case has no name."""
 
     pressures: ClassVar[str] = "0:20"
-    """Pressures in cm of water that its default bears, for the examples in a command's help."""
+    """Pressures in cm of water that the default device can take, for the help's examples."""
 
     silicone: ClassVar[str | None] = None
-    """What a command takes it to be made of where no material is given; None for the default law."""
+    """Default silicone of a command; None for the default law."""
 
     stiffer: ClassVar[str] = "thicker walls"
-    """What bears more pressure before it balloons, with the options; a clause for messages."""
+    """A design that takes more pressure before it balloons, with the options; a clause for messages."""
 
     unbonded: ClassVar[tuple[str, ...] | None] = None
-    """Faces of the mesh beyond `Actuator.faces`, cavities, supports and cut planes; None if only a mesh tells them."""
+    """Faces of the mesh beyond `Actuator.faces`, cavities, supports and cut planes; None if they are known only from a mesh."""
 
     examples: ClassVar[tuple[str, ...]] = ()
     """Options worth showing in a command's help."""
 
     plated: ClassVar[tuple[str, ...]] = ()
-    """Faces that stand for something stiff on a bench, such as a plate, until a case says what it is of."""
+    """Faces that stand for something stiff on a bench, such as a plate, until a case sets its material."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a workshop has to know of a device to cast it: the whole of it, where it is parted, and where its tube enters.
+# Interface of a device for moulds: the whole solid, the parting plane, and the tube's inlet.
 
 
 Vector = tuple[float, float, float]
@@ -137,14 +137,14 @@ class Parting:
 
 
 class Castable:
-    """What a device tells about how it is cast; a base of `geometries.Actuator`."""
+    """Data of a device for its mould; a base of `geometries.Actuator`."""
 
     regions: ClassVar[tuple[str, ...]] = ()
     """Physical groups of cells beside "solid" that can be of another material."""
 
     @property
     def parting(self) -> Parting | None:
-        """Where it is parted to be cast; None if that has to be asked for."""
+        """Parting plane of its mould; None if the user has to choose it."""
         return None
 
     def build_whole(self) -> None:
@@ -161,7 +161,7 @@ __all__ = ["Actuator", "CutPlane", "GeometryError", "Hold", "MeshingError", "Vec
 
 
 RECIPE = 3
-"""Part of every key: raise it when the same parameters give another mesh, so that stored meshes are made anew."""
+"""Version in every key: increase it when the same parameters give another mesh, to invalidate cached meshes."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,7 +179,7 @@ class CutPlane:
 
 @dataclasses.dataclass(frozen=True)
 class Hold:
-    """A displacement that is zero.
+    """A zero displacement component.
 
     Attributes:
         role: Physical group that is held.
@@ -209,17 +209,17 @@ class Actuator(Designable, Castable, Presented, ABC):
     """Direction in which the membrane rises."""
 
     axial: ClassVar[bool] = False
-    """Whether it is a body of revolution around z, of which pictures may leave out any part of the circle."""
+    """Whether it is a body of revolution around z, so that pictures may omit any part of the circle."""
 
     faces: ClassVar[tuple[str, ...]] = ()
-    """Physical groups on the outside that a thin sheet can be bonded to."""
+    """Physical groups on the outside for bonding a thin sheet."""
 
     meshed: ClassVar[bool] = False
-    """Whether `build` leaves a mesh, which is taken as it is."""
+    """Whether `build` creates the mesh itself, which is used unchanged."""
 
     @property
     def meeting(self) -> tuple[str, ...] | None:
-        """Faces whose walls meet as the device moves, and press on each other unless a case says otherwise.
+        """Faces that may touch, with self-contact by default.
 
         One text for each group of faces that may meet each other and themselves, with commas between them; empty where no
         walls meet; None where only the mesh shows which do.
@@ -254,7 +254,7 @@ class Actuator(Designable, Castable, Presented, ABC):
 
     @property
     def files(self) -> Mapping[str, str]:
-        """Files that the device is made from, by the parameter that names them; their contents decide its shape."""
+        """Files that the device is made from, by the parameter that names them; their contents determine its shape."""
         return {}
 
     @property
@@ -270,11 +270,11 @@ class Actuator(Designable, Castable, Presented, ABC):
     @property
     @abstractmethod
     def copies(self) -> int:
-        """How many copies of the slice make the device; 1 for an axisymmetric mesh, which stands for all of it."""
+        """Number of slices in the device; 1 for an axisymmetric mesh, which represents all of it."""
 
     @property
     def fuller(self) -> str:
-        """What models all of a device that symmetry has cut down, with the options; a clause for messages."""
+        """Options that model the whole device; a clause for messages."""
         return "a model of the whole device"
 
     @property
@@ -290,11 +290,11 @@ class Actuator(Designable, Castable, Presented, ABC):
     @property
     @abstractmethod
     def holds(self) -> tuple[Hold, ...]:
-        """Supports, beyond the symmetry on `cut_planes`, that leave no rigid motion."""
+        """Supports in addition to the symmetry on `cut_planes`, which prevent rigid motions."""
 
     @property
     def mirrors(self) -> tuple[Mirror, ...]:
-        """Planes on which the mesh of what `build` makes is mirrored, one after the other; none unless a device says so."""
+        """Planes on which the mesh of what `build` makes is mirrored, one after the other; none by default."""
         return ()
 
     @property
@@ -304,21 +304,21 @@ class Actuator(Designable, Castable, Presented, ABC):
 
     @property
     def gauge(self) -> str:
-        """Name of the probe whose rise along `lift` stands for the device's motion: the first one."""
+        """Name of the probe whose rise along `lift` represents the device's motion: the first one."""
         return next(iter(self.probes))
 
     @property
     def blocked(self) -> str | None:
-        """Role that is held along the lift, so that the device pushes on it with its blocked force; None if it is free."""
+        """Role held along the lift, where the blocked force acts; None if free."""
         return None
 
     @property
     def pushed(self) -> str | None:
-        """Face that a load along the lift is spread over to tell the device's stiffness; None if nothing is asked of it."""
+        """Face loaded along the lift to compute the device's stiffness; None if not defined."""
         return None
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
-        """What this kind of device is judged by, beyond the rise of its probes; nothing unless a device says so.
+        """Return the device's own figures, besides the rise of its probes; empty by default.
 
         Args:
             places: Where the `probes` are now, in device coordinates (m).
@@ -329,17 +329,17 @@ class Actuator(Designable, Castable, Presented, ABC):
         return {}
 
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {}
-    """What the columns of `device_figures` are: short name, and a sentence without its stop."""
+    """Descriptions of the columns of `device_figures`: short name, and a sentence without full stop."""
 
     @property
     def ratios(self) -> tuple[float, ...]:
-        """Pressure in each cavity ("cavity", "cavity2", ...) over the cavity pressure; one cavity unless a device has more."""
+        """Pressure in each cavity ("cavity", "cavity2", ...) over the cavity pressure; one cavity by default."""
         return (1.0,)
 
     @property
     @abstractmethod
     def cavity_volume(self) -> float:
-        """Volume in m3 of the whole device's undeformed cavity, in closed form; NaN where there is none."""
+        """Volume in m3 of the whole device's undeformed cavity, in closed form; NaN if there is none."""
 
     @property
     @abstractmethod
@@ -348,12 +348,12 @@ class Actuator(Designable, Castable, Presented, ABC):
 
     @property
     def chamber_volume(self) -> float:
-        """The part of `cavity_volume` in m3 that rigid things around the device enclose, beyond what its own walls do."""
+        """The part of `cavity_volume` in m3 enclosed by rigid parts around the device, not by its walls."""
         return 0.0
 
     @abstractmethod
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which undeformed points lie on the outline that a camera sees from the side.
+        """Return which undeformed points are on the outline seen from the side.
 
         Args:
             points: Device coordinates in m, shape (n, 3).
@@ -363,21 +363,22 @@ class Actuator(Designable, Castable, Presented, ABC):
         """
 
     def along_profile(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Numbers (n,) that rise along the outline, of points on it: the distance from the axis unless a device overhangs."""
+        """Return the numbers (n,) that rise along the outline, of points on it: the distance from the axis unless a device
+        overhangs."""
         return np.asarray(np.hypot(points[:, 0], points[:, 1]))
 
     deviations: ClassVar[Mapping[str, str]] = {}
-    """Ways in m, zero as drawn, in which a workshop makes another device than its parameters say: what each is, a clause."""
+    """Fabrication deviations in m, zero nominally, with a description of each as a clause."""
 
     def made(self, values: Mapping[str, float]) -> Actuator:
-        """The device with other values of parameters, and with `deviations`; GeometryError if that is none."""
+        """Return the device with other values of parameters, and with `deviations`; GeometryError if they are invalid."""
         return dataclasses.replace(self, **values)
 
     variable: ClassVar[tuple[str, ...]] = ()
-    """Lengths that `velocity` knows: those a mesh can follow by moving its nodes."""
+    """Lengths supported by `velocity`: those a mesh can follow by moving its nodes."""
 
     def velocity(self, name: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Motion of undeformed points as a length of the device changes, in m per m.
+        """Return the motion of undeformed points as a length of the device changes, in m per m.
 
         Points on the boundary stay on it; the motion is linear in the length.
 
@@ -396,7 +397,7 @@ class Actuator(Designable, Castable, Presented, ABC):
 
     @abstractmethod
     def check(self) -> None:
-        """Check the parameters against each other; each one alone is known to be of the right kind.
+        """Check the parameters against each other; each one is already valid by itself.
 
         Raises:
             GeometryError: The parameters make no device.
@@ -404,7 +405,7 @@ class Actuator(Designable, Castable, Presented, ABC):
 
     @abstractmethod
     def build(self) -> None:
-        """Fill the current Gmsh model (m) with the shape, the physical groups and the cell sizes; mesh nothing."""
+        """Fill the current Gmsh model (m) with the shape, the physical groups and the cell sizes; do not mesh."""
 
     @property
     @abstractmethod
@@ -413,7 +414,7 @@ class Actuator(Designable, Castable, Presented, ABC):
 
     @property
     def expected_cells(self) -> float:
-        """Roughly how many cells the mesh will have, within a factor of two or so; infinite where that is not known."""
+        """Estimated number of cells, within a factor of about two; infinite if unknown."""
         return math.inf
 
     def device_points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -464,7 +465,8 @@ SAME_IMAGE = 1e-2
 
 
 def reflected(normals: ArrayLike, count: int | None = None, dimension: int = 3) -> NDArray[np.float64]:
-    """The first products of reflections on planes through the origin: a slice, its neighbours, their neighbours and so on.
+    """Return the first products of reflections on planes through the origin: a slice, its neighbours, their neighbours and so
+    on.
 
     Args:
         normals: Unit normals, shape (k, dimension).
@@ -519,16 +521,16 @@ def check_slice(normals: ArrayLike, texts: tuple[str, ...]) -> None:
 
 
 def parameter_names(device: Actuator) -> tuple[str, ...]:
-    """Names of the continuous parameters that decide a device's shape, in the order of its fields.
+    """Return the names of the continuous parameters that decide a device's shape, in the order of its fields.
 
     Sizes of cells, limits of the workshop and other fields declared with ``shape=False`` are not among them, nor are fields
-    that mean nothing with the others.
+    that have no effect with the others.
     """
     return tuple(name for name, _, _ in _places(device))
 
 
 def parameter(device: Actuator, name: str) -> float:
-    """Value of a continuous parameter.
+    """Return the value of a continuous parameter.
 
     Args:
         device: The device.
@@ -546,7 +548,7 @@ def parameter(device: Actuator, name: str) -> float:
 
 
 def changed[Device: Actuator](device: Device, values: Mapping[str, float]) -> Device:
-    """The device with other values of continuous parameters.
+    """Return the device with other values of continuous parameters.
 
     Args:
         device: The device.
@@ -583,7 +585,7 @@ def _place(device: Actuator, name: str) -> tuple[str, int | None]:
     places = {known: (field, place) for known, field, place in _places(device)}
     if name in places:
         return places[name]
-    words = f"{name} is no continuous parameter of this {type(device).__name__}"
+    words = f"{name} is not a continuous parameter of this {type(device).__name__}"
     if entry := re.fullmatch(r"(\w+)\[\d+\]", name):
         length = sum(field == entry[1] for field, _ in places.values())
         if length:
@@ -592,14 +594,15 @@ def _place(device: Actuator, name: str) -> tuple[str, int | None]:
 
 
 def is_length(device: Actuator, name: str) -> bool:
-    """Whether a continuous parameter is a length in m, and not an angle or a pure number; GeometryError as `parameter`."""
+    """Return whether a continuous parameter is a length in m, and not an angle or a pure number; GeometryError as
+    `parameter`."""
     field, place = _place(device, name)
     kind = about(device)[field].kind
     return isinstance(kind if place is None or not isinstance(kind, Several) else kind.of, Length)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Devices that may be modelled by an axisymmetric section in place of a solid, and those whose solid is a wedge.
+# Devices that may be modelled by an axisymmetric section instead of a solid, and those whose solid is a wedge.
 
 
 class Sectioned(Actuator):
@@ -613,7 +616,7 @@ class Sectioned(Actuator):
 
     @property
     def axis_holds(self) -> tuple[Hold, ...]:
-        """Among `holds`: the axis of a section, from which nothing can move away; empty for a solid."""
+        """Among `holds`: the axis of a section, whose points stay on it; empty for a solid."""
         return (Hold("axis", (1.0, 0.0, 0.0)),) if self.dimension == 2 else ()
 
 
@@ -680,7 +683,7 @@ class MirroredHalf(Halved):
 
 
 def tip_field(free: str = "tip", held: str = "its face") -> Any:
-    """Return a dataclass field for the tip; the texts say what is free to move and what is held."""
+    """Return a dataclass field for the tip; the texts say what is free to move and the support."""
     return choice_field("free", ("free", "held"), f"{free} free to move, or {held} held along z (blocked force)")
 
 
@@ -704,29 +707,29 @@ class HeldTip(Actuator):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How far a finger is bent, from where its tip is: what all devices that bend have in common.
+# Bending figures of a finger from the position of its tip.
 
 
 class Bending:
     """Figures of a device that lies along x from its clamp at x = 0 and bends down, with probes ``tip`` and ``tip_above``."""
 
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "bend_angle_deg": ("bend angle", "by which the face of the tip has turned, towards the base positive"),
+        "bend_angle_deg": ("bend angle", "rotation of the tip's face, positive towards the base"),
         "tip_x_mm": ("tip place x", "x of the middle of the tip's lower edge, deformed, from the clamp"),
         "tip_z_mm": ("tip place z", "z of the middle of the tip's lower edge, deformed, from the middle of the base"),
     }
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
-        """How the device is bent; see `Actuator.device_figures`."""
+        """Return how the device is bent; see `Actuator.device_figures`."""
         low, high = (np.asarray(places[name]) for name in ("tip", "tip_above"))
         x, _, z = (1e3 * float(value) for value in low)
         return {"bend_angle_deg": bend_angle(low, high), "tip_x_mm": x, "tip_z_mm": z}
 
 
 def bend_angle(low: NDArray[np.float64], high: NDArray[np.float64]) -> float:
-    """Angle in degrees by which the tip's face has turned towards -z, right up to a whole turn and more.
+    """Return the angle in degrees by which the tip's face has turned towards -z, right up to a whole turn and more.
 
-    The face tells it but for whole turns. The line from the clamp to the tip tells those: in a circle it has turned half
+    The face gives it except for whole turns. The line from the clamp to the tip gives those: in a circle it has turned half
     as far.
 
     Args:
@@ -740,14 +743,14 @@ def bend_angle(low: NDArray[np.float64], high: NDArray[np.float64]) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What hangs together, by pairs of things that do.
+# Connected components from pairs.
 
 
 Numbers = npt.NDArray[np.int64]
 
 
 def joined(pairs: Numbers, count: int) -> Numbers:
-    """The group of each of a number of things, of which pairs are in one group.
+    """Return the group of each of a number of things, of which pairs are in one group.
 
     SciPy's `connected_components` gives the same; loading its sparse tree takes a third of a short run's time.
 
@@ -770,7 +773,7 @@ def joined(pairs: Numbers, count: int) -> Numbers:
 
 
 def joined_by(shared: Numbers) -> Numbers:
-    """The group of each row of a table, where rows with a value in common are in one group.
+    """Return the group of each row of a table, where rows with a value in common are in one group.
 
     Args:
         shared: Values, such as the nodes of edges, shape (n, k).
@@ -788,8 +791,8 @@ def joined_by(shared: Numbers) -> Numbers:
 # ----------------------------------------------------------------------------------------------------------------------
 # Where a cavity's walls end, and what closes it there.
 #
-# The air's volume is an integral over the walls alone. That is right where they are closed, or end on cut planes, on the axis
-# of a section, or in a plane through the origin along whose normal a support holds them: there the integral has nothing to add.
+# The air's volume is an integral over only the walls. That is right where they are closed, or end on cut planes, on the axis of
+# a section, or in a plane through the origin along whose normal a support holds them: there the integral has nothing to add.
 # Walls that end anywhere else have a face missing. Every edge of a closed surface belongs to two of its facets: that is exact.
 
 
@@ -820,7 +823,7 @@ class Opening:
     faces: tuple[str, ...]
 
     def closed_by(self, holds: Iterable[Hold]) -> bool:
-        """Whether its line stays in its plane, so that a plane closes it."""
+        """Return whether its line stays in its plane, so that a plane closes it."""
         if self.normal is None:
             return False
         square = {
@@ -832,12 +835,12 @@ class Opening:
 
 
 def cavity_roles(actuator: Actuator) -> list[str]:
-    """Roles of the walls of a device's cavities."""
+    """Return the roles of the walls of a device's cavities."""
     return ["cavity", *(f"cavity{i + 1}" for i in range(1, len(actuator.ratios)))][: len(actuator.ratios)]
 
 
 def check_closed(actuator: Actuator, openings: Iterable[Opening], holds: Iterable[Hold]) -> None:
-    """Refuse cavities that nothing closes.
+    """Reject cavities that nothing closes.
 
     Args:
         actuator: The device.
@@ -867,7 +870,7 @@ def check_closed(actuator: Actuator, openings: Iterable[Opening], holds: Iterabl
 
 
 def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
-    """Where the cavities of the mesh in the current Gmsh model end, but on cut planes and on the axis of a section."""
+    """Return where the cavities of the mesh in the current Gmsh model end, but on cut planes and on the axis of a section."""
     import gmsh  # type: ignore[import-untyped]
 
     d = actuator.dimension
@@ -906,7 +909,8 @@ def find_openings(actuator: Actuator) -> tuple[Opening, ...]:
 
 
 def _rim(group: tuple[int, int], space: int) -> Ints:
-    """Edges that an odd number of a group's triangles have (or ends, of its lines in a section), shape (n, space - 1)."""
+    """Return the edges that an odd number of a group's triangles have (or ends, of its lines in a section), shape (n, space -
+    1)."""
     import gmsh
 
     sides = []
@@ -922,13 +926,14 @@ def _rim(group: tuple[int, int], space: int) -> Ints:
 
 
 def _pieces(edges: Ints) -> list[Ints]:
-    """Edges that hang together by their nodes."""
+    """Return the edges that are connected by their nodes."""
     group = joined_by(edges)
     return [edges[group == k] for k in range(group.max(initial=-1) + 1)]
 
 
 def _plane(actuator: Actuator, places: NDArray[np.float64]) -> Vector | None:
-    """Unit normal of the plane through the origin that holds the places and their images by symmetry; None if there is none."""
+    """Return the unit normal of the plane through the origin that holds the places and their images by symmetry; None if there
+    is none."""
     mirrors = [plane.normal for plane in actuator.cut_planes]
     if actuator.dimension == 2:
         mirrors += [(1.0, 0.0, 0.0), (np.sqrt(0.5), np.sqrt(0.5), 0.0)]  # a section's point is turned into a circle

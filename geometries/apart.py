@@ -1,8 +1,8 @@
-"""A task of Gmsh in a process of its own, so that it can be stopped and can do no harm.
+"""Run a Gmsh task in a separate process, so that it can be stopped and cannot crash the caller.
 
 Gmsh and its CAD kernel do not hear Ctrl-C while they work, may end the whole process on a damaged file, and print words of
 their own. In a process of its own all three are somebody else's: it is killed when the caller is stopped, a crash becomes a
-sentence, and nothing it prints is seen.
+sentence, and its output is hidden.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any
 from softmodels.common.errors import MeshingError, MeshingStopped
 
 LOOK = 0.02
-"""Seconds between two looks at whether the task has ended or the caller wants an end."""
+"""Polling interval in seconds for the end of the task or a stop request."""
 
 WORKER = """
 import os, pickle, sys
@@ -51,7 +51,7 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
     except (pickle.PicklingError, AttributeError, TypeError):
         order = b"__main__"
     if b"__main__" in order:
-        return task(*arguments)  # a class of a script, a notebook or a function: only this process knows it
+        return task(*arguments)  # a class of a script, a notebook or a function: defined only in this process
     with tempfile.TemporaryFile() as words, tempfile.TemporaryFile() as answer, tempfile.TemporaryFile() as errors:
         pickle.dump(sys.path, words)
         words.write(order)
@@ -80,7 +80,7 @@ def apart[T](task: Callable[..., T], *arguments: Any, stopped: Callable[[], bool
 
 
 def interpreter() -> list[str]:
-    """How to start Python for a child that takes its modules from where this process does.
+    """Return how to start Python for a child with this process' module search path.
 
     Left alone, Python would look into the folder it is started in first, which may be anybody's.
     """
@@ -97,13 +97,13 @@ def answer_to(order: bytes) -> bytes:
 
 
 def _death(status: int, words: str) -> str:
-    """Why a process ended, as a sentence."""
+    """Return why a process ended, as a sentence."""
     if status == -signal.SIGKILL:
-        return "the mesher was killed, most likely because memory ran out; use larger cells (--cell-size)"
+        return "the mesher was killed, most likely out of memory; use larger cells (--cell-size)"
     if status < 0:
         return (
             f"the mesher crashed ({signal.Signals(-status).name}); the file it read may be damaged, or the cells too "
             "small for the memory; try another cell size"
         )
     last = words.strip().splitlines()[-1:] or [f"status {status}"]
-    return f"the mesher's process could not work ({last[0]})"
+    return f"the meshing process failed ({last[0]})"

@@ -1,4 +1,4 @@
-"""The balloon: a hollow sphere or spheroid on a neck, with a rod through it if wanted.
+"""The balloon: a hollow sphere or spheroid on a neck, optionally with a rod through it.
 
 The half profile, with the axis of symmetry z on the left; what stands at z = 0 is held::
 
@@ -18,7 +18,7 @@ The half profile, with the axis of symmetry z on the left; what stands at z = 0 
     0 neck_radius
 
 A rod runs along the axis from z = 0 to the far pole, to which it is bonded; the air passes between it and the neck. What it is
-made of, or that it is rigid, the case says.
+made of, or that it is rigid, is set in the case.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from softmodels.common.schema import (
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Balloons that cannot be: checked by name and value before the mesher starts.
+# Balloons with invalid parameters, detected before meshing.
 
 
 FLATTEST = 0.2
@@ -87,17 +87,19 @@ def _check_wall(balloon: Balloon) -> None:
     radius, polar, wall = balloon.radius, balloon.polar_radius or balloon.radius, balloon.wall
     if not FLATTEST <= polar / radius <= 1.0 / FLATTEST:
         raise GeometryError(
-            f"polar_radius is {shown(polar, 'm')}; it must lie between {FLATTEST:g} and {1 / FLATTEST:g} times radius, "
+            f"polar_radius is {shown(polar, 'm')}; it must be between {FLATTEST:g} and {1 / FLATTEST:g} times radius, "
             f"{shown(radius, 'm')}"
         )
     if max(radius, polar) + wall > LONGEST:
-        raise GeometryError(f"radius is {shown(radius, 'm')}; with its wall it passes {LONGEST:g} m, a mistaken unit")
+        raise GeometryError(
+            f"radius is {shown(radius, 'm')}; with its wall it passes {LONGEST:g} m, which suggests a wrong unit"
+        )
     for name in ("wall", "neck_wall"):
         value = getattr(balloon, name)
         if not value:
             continue
         if value > radius:
-            raise GeometryError(f"{name} is {shown(value, 'm')}; it must not pass radius, {shown(radius, 'm')}")
+            raise GeometryError(f"{name} is {shown(value, 'm')}; it must be at most radius, {shown(radius, 'm')}")
         if value < THINNEST * radius:
             raise GeometryError(
                 f"{name} is {shown(value, 'm')}; it must be at least {THINNEST:g} of radius, {shown(radius, 'm')}"
@@ -105,8 +107,8 @@ def _check_wall(balloon: Balloon) -> None:
     longest = min(NEEDLE * balloon.thinnest / max(balloon.through, 1.0), min(radius, polar))
     if balloon.cell_size > longest:
         raise GeometryError(
-            f"cell_size is {shown(balloon.cell_size, 'm')}; it must not pass {shown(longest, 'm')}: {NEEDLE:g} times a cell's "
-            "width through the wall, and the balloon's radii"
+            f"cell_size is {shown(balloon.cell_size, 'm')}; it must be at most {shown(longest, 'm')}: {NEEDLE:g} times a "
+            f"cell's width through the wall, and the balloon's radii"
         )
 
 
@@ -114,17 +116,17 @@ def _check_neck(balloon: Balloon) -> None:
     outside, most = balloon.neck_radius + (balloon.neck_wall or balloon.wall), balloon.radius + balloon.wall
     if outside > WIDEST * most or balloon.neck_radius > WIDEST * balloon.radius:
         raise GeometryError(
-            f"neck_radius is {shown(balloon.neck_radius, 'm')}; with its wall it must not pass {WIDEST:g} of the balloon's, "
+            f"neck_radius is {shown(balloon.neck_radius, 'm')}; with its wall it must be at most {WIDEST:g} of the balloon's, "
             f"{shown(WIDEST * balloon.radius, 'm')} inside and {shown(WIDEST * most, 'm')} outside"
         )
     if balloon.neck_length > LONGEST_NECK * balloon.radius:
         raise GeometryError(
             f"neck_length is {shown(balloon.neck_length, 'm')}; more than {LONGEST_NECK:g} times radius, "
-            f"{shown(balloon.radius, 'm')}, looks like a mistaken unit"
+            f"{shown(balloon.radius, 'm')}, suggests a wrong unit"
         )
     if balloon.meridian.joint[1] <= 0.1 * balloon.neck_length:
         raise GeometryError(
-            f"neck_wall is {shown(balloon.neck_wall or balloon.wall, 'm')}; so thick a wall leaves no neck_length, "
+            f"neck_wall is {shown(balloon.neck_wall or balloon.wall, 'm')}; so thick a wall leaves no neck_length,  "
             f"{shown(balloon.neck_length, 'm')}, inside"
         )
 
@@ -134,7 +136,7 @@ def _check_fillet(balloon: Balloon) -> None:
         return
     if balloon.fillet > balloon.radius:
         raise GeometryError(
-            f"fillet is {shown(balloon.fillet, 'm')}; it must not pass radius, {shown(balloon.radius, 'm')}"
+            f"fillet is {shown(balloon.fillet, 'm')}; it must be at most radius, {shown(balloon.radius, 'm')}"
         )
     level = balloon.meridian.rounding(balloon.fillet).foot[1]
     least = 0.1 * balloon.neck_length
@@ -156,9 +158,9 @@ def _check_rod(balloon: Balloon) -> None:
 
 def _check_closed(balloon: Balloon) -> None:
     if balloon.rod_radius:
-        raise GeometryError(f"rod_radius is {shown(balloon.rod_radius, 'm')}; a rod needs a neck, and neck_radius is 0")
+        raise GeometryError(f"rod_radius is {shown(balloon.rod_radius, 'm')}; a rod needs a neck, but neck_radius is 0")
     if balloon.held == "outside":
-        raise GeometryError("held is 'outside'; that is of a neck, and neck_radius is 0")
+        raise GeometryError("held is 'outside', which needs a neck, but neck_radius is 0")
     if balloon.dimension == 3 and 360.0 / balloon.angle < 2.5:
         raise GeometryError(
             f"angle is {shown(balloon.angle, 'degree')}; without a neck the balloon could slide away sideways: use 120 deg or "
@@ -215,14 +217,14 @@ class Meridian:
         return cls((a, c), (a + t, c + t), balloon.neck_length + below, neck)
 
     def at(self, axes: Place, angle: float) -> Place:
-        """The place on a spheroid at an angle from the equator upwards; exactly on the axis at the poles."""
+        """Return the place on a spheroid at an angle from the equator upwards; exactly on the axis at the poles."""
         if abs(abs(angle) - 0.5 * math.pi) < 1e-12:
             return (0.0, self.height + math.copysign(axes[1], angle))
         return (axes[0] * math.cos(angle), self.height + axes[1] * math.sin(angle))
 
     @property
     def joint(self) -> Place:
-        """Where the neck's inside meets the inner spheroid."""
+        """Point at which the neck's inside meets the inner spheroid."""
         return (self.neck[0], self.at(self.inner, self.joint_angle)[1])
 
     @property
@@ -231,7 +233,7 @@ class Meridian:
         return -math.acos(self.neck[0] / self.inner[0])
 
     def rounding(self, fillet: float) -> Rounding:
-        """The arc of a radius that touches the neck's outside and the outer spheroid."""
+        """Return the arc of a radius that touches the neck's outside and the outer spheroid."""
         from scipy.optimize import brentq
 
         A, C = self.outer
@@ -251,7 +253,7 @@ class Meridian:
 
 
 def balloon_panels(balloon: Balloon) -> tuple[Panel, ...]:
-    """The half section; see `Balloon`."""
+    """Return the half section; see `Balloon`."""
     maker = _Maker(balloon)
     return (*maker.neck(), *maker.shell(), *maker.rod())
 
@@ -332,7 +334,7 @@ class _Maker:
 
     @property
     def rod_top(self) -> Place:
-        """Where the rod's side meets the shell."""
+        """Point at which the rod's side meets the shell."""
         return (self.balloon.rod_radius, self.meridian.at(self.meridian.inner, self.rod_angle)[1])
 
     @property
@@ -375,7 +377,9 @@ class Balloon(Revolved):
         0.001, "radius of the rounding outside between neck and balloon; 0 for none", zero=True,
         unless=("neck_radius", 0.0),
     )  # fmt: skip
-    held: str = choice_field("end", ("end", "outside"), "the neck's end is held, or its outside too, as tied to a tube")
+    held: str = choice_field(
+        "end", ("end", "outside"), "the neck's end is held, or also its outside, as tied to a tube"
+    )
     rod_radius: float = length_field(
         0.0,
         "radius of a rod along the axis, bonded to the far pole; 0 for none",

@@ -22,11 +22,11 @@ from softmodels.common.errors import GeometryError
 from softmodels.common.schema import choice_field, length_field, shown
 
 NEAR = 1e-9
-"""What counts as the same place, in lengths of the beam."""
+"""Tolerance of equal positions, in lengths of the beam."""
 THICKEST = 20.0
 """Largest width and thickness in lengths of the beam."""
 MOST_CELLS = 3_000_000
-"""Meshes expected to be larger are refused."""
+"""Maximum expected number of cells."""
 GMSH_BOX = 1e-6
 """By how much Gmsh's boxes may be wider, in m."""
 
@@ -38,14 +38,14 @@ class Beam(MirroredHalf):
 
     Physical groups: volume "solid"; surfaces "support" (the clamped end), "tip" (the other end), "top", "bottom", "side", and
     the cut planes "plane0" (y = 0) and "plane1" (z = 0); curve "edge", the lower edge of the clamped end. A quarter takes
-    loads along x alone, a half those along x and z.
+    loads only along x, a half those along x and z.
     """
 
     length: float = length_field(0.060, "length, along x")
     width: float = length_field(0.010, "width, along y")
     thickness: float = length_field(0.005, "thickness, along z")
     clamp: str = choice_field(
-        "held", ("held", "slip"), "clamped end held, or held along x alone, and by its lower edge, so that it may thin"
+        "held", ("held", "slip"), "clamped end held, or held only along x and at its lower edge, so that it may thin"
     )
     part: str = choice_field(
         "half",
@@ -70,13 +70,13 @@ class Beam(MirroredHalf):
         for name in ("length", "width", "thickness"):
             if self.cell_size > getattr(self, name):
                 raise GeometryError(
-                    f"cell_size is {shown(self.cell_size, 'm')}; it must not pass {name}, {shown(getattr(self, name), 'm')}"
+                    f"cell_size is {shown(self.cell_size, 'm')}; it must be at most {name}, {shown(getattr(self, name), 'm')}"
                 )
         for name in ("width", "thickness"):
             if getattr(self, name) > THICKEST * self.length:
                 raise GeometryError(
                     f"{name} is {shown(getattr(self, name), 'm')}; more than {THICKEST:g} times length, "
-                    f"{shown(self.length, 'm')}, looks like a mistaken unit"
+                    f"{shown(self.length, 'm')}, suggests a wrong unit"
                 )
         check_cell_count(self.cell_size, self.expected_cells, MOST_CELLS)
 
@@ -86,12 +86,12 @@ class Beam(MirroredHalf):
 
     @property
     def _cells(self) -> tuple[int, int, int]:
-        """Along x, y and z, of what is built."""
+        """Number of cells along x, y and z in the modelled part."""
         return tuple(math.ceil(edge / self.cell_size - NEAR) for edge in self._edges)  # type: ignore[return-value]
 
     @property
     def _edges(self) -> tuple[float, float, float]:
-        """Lengths in m of what is built: a half, or a quarter."""
+        """Lengths in m of the modelled part: a half, or a quarter."""
         return self.length, self.width / 2, self.thickness / (2 if self.part == "quarter" else 1)
 
     @property
@@ -133,7 +133,7 @@ class Beam(MirroredHalf):
     }
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
-        """Where the middle of the tip's edge is; of a quarter z is that of the axis, 0."""
+        """Return where the middle of the tip's edge is; of a quarter z is that of the axis, 0."""
         top = np.asarray(places["tip"])
         below = np.asarray(places.get("tip_below", top * (1.0, 1.0, -1.0)))
         x, _, z = 0.5 * (top + below)
@@ -144,7 +144,7 @@ class Beam(MirroredHalf):
         return self.length * self.width * self.thickness
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which points lie on the top face's line in the plane y = 0, from the clamp to the tip."""
+        """Report which points lie on the top face's line in the plane y = 0, from the clamp to the tip."""
         points = np.asarray(points, dtype=float)
         near = NEAR * self.length
         return (np.abs(points[:, 2] - 0.5 * self.thickness) < near) & (np.abs(points[:, 1]) < near)

@@ -58,7 +58,7 @@ from softmodels.common.schema import (
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Bellows that cannot be: checked by name and value before the mesher starts.
+# Bellows with invalid parameters, detected before meshing.
 
 
 THINNEST = 5e-3
@@ -103,7 +103,7 @@ def _check_wall(bellows: Bellows) -> None:
     if bellows.cap > THICKEST * bellows.outer_radius:
         raise GeometryError(
             f"cap is {shown(bellows.cap, 'm')}; more than {THICKEST:g} times outer_radius, "
-            f"{shown(bellows.outer_radius, 'm')}, looks like a mistaken unit"
+            f"{shown(bellows.outer_radius, 'm')}, suggests a wrong unit"
         )
 
 
@@ -117,7 +117,7 @@ def _check_rounding(bellows: Bellows) -> None:
         )
     if bend > quarter * (1 + ROUNDING):
         raise GeometryError(
-            f"rounding is {shown(bend, 'm')}; it must not pass a quarter of pitch, {shown(quarter, 'm')}, with which roots "
+            f"rounding is {shown(bend, 'm')}; it must be at most a quarter of pitch, {shown(quarter, 'm')}, with which roots "
             "and crests are half circles"
         )
     depth = bellows.outer_radius - bellows.inner_radius - bellows.wall
@@ -132,13 +132,13 @@ def _check_size(bellows: Bellows) -> None:
     if max(bellows.height, bellows.outer_radius) > LONGEST:
         raise GeometryError(
             f"pitch is {shown(bellows.pitch, 'm')}; with {bellows.convolutions} convolutions the bellows passes {LONGEST:g} m, "
-            "which looks like a mistaken unit"
+            "which suggests a wrong unit"
         )
     longest = min(NEEDLE * bellows.wall / max(bellows.through, 1.0), bellows.inner_radius)
     if bellows.cell_size > longest:
         raise GeometryError(
-            f"cell_size is {shown(bellows.cell_size, 'm')}; it must not pass {shown(longest, 'm')}: {NEEDLE:g} times a cell's "
-            "width through the wall, and inner_radius"
+            f"cell_size is {shown(bellows.cell_size, 'm')}; it must be at most {shown(longest, 'm')}: {NEEDLE:g} times a "
+            f"cell's width through the wall, and inner_radius"
         )
 
 
@@ -165,7 +165,8 @@ class Cut(NamedTuple):
 
 
 def lines(bellows: Bellows) -> dict[tuple[str, ...], float]:
-    """Lengths in m of the lines between arcs, upright at roots and crests and across in the flanks, by what they hang on."""
+    """Return the lengths in m of the lines between arcs, upright at roots and crests and across in the flanks, by what they
+    hang on."""
     bend = "rounding" if bellows.rounding else "pitch"
     depth = bellows.outer_radius - bellows.inner_radius - bellows.wall
     found = {("outer_radius", "inner_radius", "wall", bend): depth - 2.0 * bellows.bend}
@@ -173,7 +174,8 @@ def lines(bellows: Bellows) -> dict[tuple[str, ...], float]:
 
 
 def cuts(bellows: Bellows) -> list[Cut]:
-    """The wall's cross-sections from the lower plate to the upper one, where lines and arcs meet and in the crests' middle."""
+    """Return the wall's cross-sections from the lower plate to the upper one, where lines and arcs meet and in the crests'
+    middle."""
     half, turn, bend = 0.5 * bellows.wall, 0.25 * bellows.pitch, bellows.bend
     root, crest = bellows.inner_radius + half, bellows.outer_radius - half
     found: list[Cut] = []
@@ -204,7 +206,7 @@ def cuts(bellows: Bellows) -> list[Cut]:
 
 
 def bellows_panels(bellows: Bellows) -> tuple[Panel, ...]:
-    """The half section; see `Bellows`."""
+    """Return the half section; see `Bellows`."""
     through = bellows.rows
 
     def cells(length: float) -> int:
@@ -227,7 +229,7 @@ def bellows_panels(bellows: Bellows) -> tuple[Panel, ...]:
 
 
 def _plate(bellows: Bellows, cut: Cut, level: float, cells: Callable[[float], int]) -> Iterator[Panel]:
-    """A plate between a height outside and the wall's end: within the wall, and below or above it."""
+    """Yield a plate between a height outside and the wall's end: within the wall, and below or above it."""
     (inner, floor), (outer, _) = cut.inside, cut.outside
     upper = level > floor
     low, high = min(level, floor), max(level, floor)
@@ -296,7 +298,7 @@ class Bellows(HeldTip, Revolved):
 
     @property
     def height(self) -> float:
-        """Of the whole device in m."""
+        """Height of the whole device in m."""
         return self.convolutions * self.pitch + 2.0 * self.cap
 
     @property
@@ -310,7 +312,7 @@ class Bellows(HeldTip, Revolved):
 
     @property
     def movable(self) -> tuple[str, ...]:
-        """All lengths but those with which a line between two arcs would come, where they meet: no mesh follows that."""
+        """All lengths except those that would insert a line between two arcs where they meet: no mesh can follow that."""
         met = {name for names, line in lines(self).items() if line < NEAR * self.pitch for name in names}
         return tuple(name for name in super().movable if name not in met)
 

@@ -78,7 +78,7 @@ class Arc:
     end: float
 
     def height(self, x: float) -> float:
-        """Radius from the bellows' axis at x, in m."""
+        """Return the radius from the bellows' axis at x, in m."""
         up = math.sqrt(max(0.0, self.radius**2 - (x - self.centre[0]) ** 2))
         return self.centre[1] + (up if self.crest else -up)
 
@@ -97,12 +97,12 @@ class Arc:
 
 
 def half_angle(bellows: BendingBellows) -> float:
-    """Angle in rad that the wall turns between the bottom of a valley and its flank: at most a right one."""
+    """Return the angle in rad that the wall turns between the bottom of a valley and its flank: at most a right one."""
     return min(2.0 * math.atan(2.0 * bellows.depth / bellows.pitch), 0.5 * math.pi)
 
 
 def fold_radius(bellows: BendingBellows) -> float:
-    """Radius in m of the middle of the wall in crests and valleys."""
+    """Return the radius in m of the middle of the wall in crests and valleys."""
     return bellows.pitch / (4.0 * math.sin(half_angle(bellows)))
 
 
@@ -112,7 +112,7 @@ def planned_length(bellows: BendingBellows) -> float:
 
 
 def crest(bellows: BendingBellows) -> float:
-    """Outer radius of the crests and the end plates, in m."""
+    """Return the outer radius of the crests and the end plates, in m."""
     return bellows.radius + bellows.depth + bellows.wall
 
 
@@ -122,7 +122,7 @@ def half_width(bellows: BendingBellows) -> float:
 
 
 def profile(bellows: BendingBellows, outer: bool) -> list[Arc]:
-    """The arcs of the wall's inner or outer face from the root to the cap, four a fold."""
+    """Return the arcs of the wall's inner or outer face from the root to the cap, four a fold."""
     rho, turn, half = fold_radius(bellows), half_angle(bellows), 0.5 * bellows.wall
     side = half if outer else -half
     valley, top = bellows.radius + half, bellows.radius + half + bellows.depth  # of the middle
@@ -142,12 +142,12 @@ def profile(bellows: BendingBellows, outer: bool) -> list[Arc]:
 
 
 def planned_cavity_volume(bellows: BendingBellows) -> float:
-    """Volume in m3 of the half-round air; flanks across x add nothing."""
+    """Return the volume in m3 of the half-round air; flanks across x add nothing."""
     return 0.5 * math.pi * sum(arc.square for arc in profile(bellows, False))
 
 
 def planned_solid_volume(bellows: BendingBellows) -> float:
-    """Volume in m3 of the whole solid: base, end plates and wavy wall."""
+    """Return the volume in m3 of the whole solid: base, end plates and wavy wall."""
     outside = sum(arc.square for arc in profile(bellows, True))
     ends = (bellows.root + bellows.cap) * crest(bellows) ** 2
     base = 2.0 * half_width(bellows) * planned_length(bellows) * bellows.base
@@ -155,19 +155,19 @@ def planned_solid_volume(bellows: BendingBellows) -> float:
 
 
 def wall_length(bellows: BendingBellows) -> float:
-    """Length in m of the middle of the wall of one fold."""
+    """Return the length in m of the middle of the wall of one fold."""
     rho, turn = fold_radius(bellows), half_angle(bellows)
     straight = bellows.depth - 2.0 * rho * (1.0 - math.cos(turn))
     return 4.0 * rho * turn + 2.0 * max(0.0, straight)
 
 
 def fold_size(bellows: BendingBellows) -> float:
-    """Size of the cells in the folds in m: an arc has two of them or so."""
+    """Return the size of the cells in the folds in m: an arc has two of them or so."""
     return min(bellows.cell_size, 1.5 * fold_radius(bellows))
 
 
 def planned_cells(bellows: BendingBellows) -> float:
-    """Rough number of cells: thin walls have cells by their area, thick parts by their volume."""
+    """Return the rough number of cells: thin walls have cells by their area, thick parts by their volume."""
     around = 0.5 * math.pi * (bellows.radius + 0.5 * bellows.depth)
     folds = 2.0 * bellows.folds * wall_length(bellows) * around / fold_size(bellows) ** 2
     base = (
@@ -180,17 +180,17 @@ def planned_cells(bellows: BendingBellows) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Bending bellows that cannot be: checked by name and value before the mesher starts.
+# Bending bellows with invalid parameters, detected before meshing.
 
 
 MOST_CELLS = 3_000_000
-"""Meshes expected to be larger are refused: they are typing mistakes far more often than wishes."""
+"""Maximum expected number of cells; larger meshes are mostly typing errors."""
 
 COARSEST = 10.0
 """Largest ratio of the cell size to the thinnest part: flatter cells are poor."""
 
 WALLS = ("wall", "base", "root", "cap", "radius", "depth")
-"""Dimensions with a least value."""
+"""Dimensions with a minimum."""
 
 
 def check_bellows(bellows: BendingBellows) -> None:
@@ -202,13 +202,13 @@ def check_bellows(bellows: BendingBellows) -> None:
     for name in WALLS:
         if getattr(bellows, name) < bellows.least_wall * (1 - ROUNDING):
             raise GeometryError(
-                f"{name} is {_mm(getattr(bellows, name))}, and least_wall asks for {_mm(bellows.least_wall)}"
+                f"{name} is {_mm(getattr(bellows, name))}, but least_wall requires {_mm(bellows.least_wall)}"
             )
     if planned_length(bellows) > 0.1 * LONGEST:
         raise GeometryError(
             f"pitch is {_mm(bellows.pitch)}; with {bellows.folds} folds the bellows is "
             f"{_mm(planned_length(bellows))} long, and above "
-            f"{0.1 * LONGEST:g} m this looks like a mistaken unit"
+            f"{0.1 * LONGEST:g} m this suggests a wrong unit"
         )
     if crest(bellows) > 2.0 * planned_length(bellows):
         raise GeometryError(
@@ -242,7 +242,7 @@ def _check_base(bellows: BendingBellows) -> None:
     for name in ("base", "rim", "root", "cap"):
         if getattr(bellows, name) > planned_length(bellows) - bellows.root - bellows.cap:
             raise GeometryError(
-                f"{name} is {_mm(getattr(bellows, name))}; it must not pass the length of the folds, "
+                f"{name} is {_mm(getattr(bellows, name))}; it must be at most the length of the folds, "
                 f"{_mm(bellows.folds * bellows.pitch)}"
             )
 
@@ -252,7 +252,7 @@ def _check_cells(bellows: BendingBellows) -> None:
     limit = COARSEST * getattr(bellows, thinnest)
     if bellows.cell_size > limit:
         raise GeometryError(
-            f"cell_size is {_mm(bellows.cell_size)}; with {thinnest} {_mm(getattr(bellows, thinnest))} it must not pass "
+            f"cell_size is {_mm(bellows.cell_size)}; with {thinnest} {_mm(getattr(bellows, thinnest))} it must be at most "
             f"{_mm(limit)}"
         )
     check_cell_count(bellows.cell_size, bellows.expected_cells, MOST_CELLS)
@@ -284,7 +284,7 @@ def _base(bellows: BendingBellows, side: float) -> Entity:
 
 
 def _wall(bellows: BendingBellows, whole: bool = False) -> Entity:
-    """The wall and the end plates: their section in the mirror plane, turned down to the base on one side or on both."""
+    """Return the wall and the end plates: their section in the mirror plane, turned down to the base on one side or on both."""
     import gmsh
 
     occ, axis = gmsh.model.occ, 0.5 * MM * bellows.base
@@ -310,7 +310,7 @@ def _wall(bellows: BendingBellows, whole: bool = False) -> Entity:
 
 
 def _turned(arc: Arc) -> Arc:
-    """The same arc, run through from its end to its start."""
+    """Return the same arc, run through from its end to its start."""
     return Arc(arc.centre, arc.radius, arc.crest, arc.end, arc.start)
 
 
@@ -359,7 +359,7 @@ class _Outline:
 
 
 def _role(bellows: BendingBellows, tag: int) -> str:
-    """The role of a face: flat ones by the block around them, curved ones by how far from the axis they are."""
+    """Return the role of a face: flat ones by the block around them, curved ones by how far from the axis they are."""
     import gmsh
 
     low, high = face_block(tag)
@@ -432,7 +432,7 @@ class BendingBellows(Bending, MirroredHalf, HeldTip):
 
     @property
     def length(self) -> float:
-        """From the clamp to the tip in m."""
+        """Length from the clamp to the tip in m."""
         return planned_length(self)
 
     @property
@@ -449,7 +449,7 @@ class BendingBellows(Bending, MirroredHalf, HeldTip):
         return planned_solid_volume(self)
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which points lie on the base's lower line in the mirror plane, from the clamp to the tip."""
+        """Report which points lie on the base's lower line in the mirror plane, from the clamp to the tip."""
         points, near = np.asarray(points, dtype=float), 1e-9 * self.length
         return (np.abs(points[:, 2] + 0.5 * self.base) < near) & (np.abs(points[:, 1]) < near)
 

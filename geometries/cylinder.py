@@ -49,11 +49,11 @@ from softmodels.common.schema import (
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Cylinders that cannot be: checked by name and value before the mesher starts; and how many cells to expect.
+# Cylinders with invalid parameters, detected before meshing; and how many cells to expect.
 
 
 MOST_CELLS = 5_000_000
-"""Meshes expected to be larger are refused: they are typing mistakes far more often than wishes."""
+"""Maximum expected number of cells; larger meshes are mostly typing errors."""
 
 SLIMMEST, FLATTEST = 200.0, 0.2
 """Largest and smallest length of the cavity in outer radii."""
@@ -71,7 +71,8 @@ NARROWEST, WIDEST = 30.0, 330.0
 """Least and largest angle of the strip in degrees: what is left of the circle on either side needs cells of its own."""
 
 WIDEST_PIECE = 90.0
-"""Largest angle in degrees turned at once: the CAD kernel leaves a seam in a full turn, and no vertex at its centre."""
+"""Largest angle in degrees of one revolution step: the CAD kernel leaves a seam in a full turn, without a vertex at its
+centre."""
 
 THROUGH = {2: 2, 3: 1}
 """Cells through the wall and the cap, by dimension; they are quadratic."""
@@ -95,7 +96,7 @@ def check_cylinder(device: Cylinder) -> None:
     _check_shape(device)
     if device.section == "axisymmetric" and device.strip:
         raise GeometryError(
-            f"strip is {shown(device.strip, 'degree')}; an axisymmetric section is the same all around, take section half"
+            f"strip is {shown(device.strip, 'degree')}; an axisymmetric section cannot have a strip; use section half"
         )
     if device.strip and not NARROWEST <= device.strip <= WIDEST:
         raise GeometryError(
@@ -104,12 +105,12 @@ def check_cylinder(device: Cylinder) -> None:
     for part in ("wall", "cap"):
         if device.cell_size > COARSEST * getattr(device, part):
             raise GeometryError(
-                f"cell_size is {shown(device.cell_size, 'm')}; it must not pass {COARSEST:g} times {part}, "
+                f"cell_size is {shown(device.cell_size, 'm')}; it must be at most {COARSEST:g} times {part}, "
                 f"{shown(getattr(device, part), 'm')}"
             )
     if device.cell_size > device.length:
         raise GeometryError(
-            f"cell_size is {shown(device.cell_size, 'm')}; it must not pass length, {shown(device.length, 'm')}"
+            f"cell_size is {shown(device.cell_size, 'm')}; it must be at most length, {shown(device.length, 'm')}"
         )
     more = f" with wall {shown(device.wall, 'm')} and fillet {shown(device.fillet, 'm')}"
     check_cell_count(device.cell_size, expected_cells(device), MOST_CELLS, more)
@@ -123,16 +124,16 @@ def _check_shape(device: Cylinder) -> None:
         )
     if not FLATTEST * outer <= device.length <= SLIMMEST * outer:
         raise GeometryError(
-            f"length is {shown(device.length, 'm')}; it must lie between {FLATTEST:g} and {SLIMMEST:g} times the outer radius, "
+            f"length is {shown(device.length, 'm')}; it must be between {FLATTEST:g} and {SLIMMEST:g} times the outer radius, "
             f"{shown(outer, 'm')}"
         )
     if device.fillet > 0.4 * device.length:
         raise GeometryError(
-            f"fillet is {shown(device.fillet, 'm')}; it must not pass 0.4 times length, {shown(device.length, 'm')}"
+            f"fillet is {shown(device.fillet, 'm')}; it must be at most 0.4 times length, {shown(device.length, 'm')}"
         )
     if device.wall > THICKEST * radius:
         raise GeometryError(
-            f"wall is {shown(device.wall, 'm')}; it must not pass {THICKEST:g} times inner_radius, {shown(radius, 'm')}"
+            f"wall is {shown(device.wall, 'm')}; it must be at most {THICKEST:g} times inner_radius, {shown(radius, 'm')}"
         )
     if outer > THINNEST * device.wall:
         raise GeometryError(
@@ -140,17 +141,17 @@ def _check_shape(device: Cylinder) -> None:
         )
     if device.cap > THICKEST * outer:
         raise GeometryError(
-            f"cap is {shown(device.cap, 'm')}; it must not pass {THICKEST:g} times the outer radius, {shown(outer, 'm')}"
+            f"cap is {shown(device.cap, 'm')}; it must be at most {THICKEST:g} times the outer radius, {shown(outer, 'm')}"
         )
     if max(outer, device.height) > LONGEST:
         raise GeometryError(
             f"length is {shown(device.length, 'm')}; with cap {shown(device.cap, 'm')} or wall {shown(device.wall, 'm')} the "
-            f"device passes {LONGEST:g} m, which looks like a mistaken unit"
+            f"device passes {LONGEST:g} m, which suggests a wrong unit"
         )
 
 
 def azimuths(device: Cylinder, stripped: bool) -> list[float]:
-    """Azimuths in degrees between which a face is turned to make the solid.
+    """Return the azimuths in degrees between which a face is turned to make the solid.
 
     They are the x axis, where probes are, the y axis, if points are held on it, and the strip's edges, if they are asked for.
     """
@@ -174,7 +175,7 @@ def cell_sizes(device: Cylinder) -> tuple[float, float, float]:
 
 
 def expected_cells(device: Cylinder) -> float:
-    """Return a rough number of cells (within a factor of about two), from the sizes alone."""
+    """Estimate the number of cells (within a factor of about two) from the sizes."""
     wall, cap, arc = cell_sizes(device)
     radius, outer = device.inner_radius, device.outer_radius
     if device.dimension == 2:
@@ -194,7 +195,8 @@ CHOICES = ("section", "strip", "base", "end")
 
 
 def outline(tube: Cylinder) -> list[Side]:
-    """The half profile in m, against the clock from the foot of the cavity's wall; without the axis below the ceiling."""
+    """Return the half profile in m, against the clock from the foot of the cavity's wall; without the axis below the
+    ceiling."""
     inner, outer, fillet = tube.inner_radius, tube.outer_radius, tube.fillet
     straight, length, height = tube.straight, tube.length, tube.height
     corner, root = (inner - fillet, length), (inner, straight)
@@ -213,7 +215,7 @@ def outline(tube: Cylinder) -> list[Side]:
 
 
 def check_alike(tube: Cylinder, other: Cylinder) -> None:
-    """Refuse tubes between which points cannot be carried.
+    """Reject tubes between which points cannot be carried.
 
     Raises:
         GeometryError: The first choice in which they differ, with both values.
@@ -221,10 +223,10 @@ def check_alike(tube: Cylinder, other: Cylinder) -> None:
     for name in CHOICES:
         here, there = getattr(tube, name), getattr(other, name)
         if here != there:
-            raise GeometryError(f"{name} is {here} and {there}; points are carried between tubes of the same")
+            raise GeometryError(f"{name} is {here} and {there}; points can only be mapped between tubes of the same")
     if (tube.fillet > 0.0) != (other.fillet > 0.0):
         raise GeometryError(
-            "one fillet is 0 and the other is not; points of a rounded corner have no place on a sharp one"
+            "one fillet is 0 and the other is not; points of a rounded corner cannot be mapped to a sharp one"
         )
 
 
@@ -260,7 +262,7 @@ def build_solid(device: Cylinder) -> None:
     occ = gmsh.model.occ
     (wall, cap), _ = _profile(device, lambda r, z: (r, 0.0, z))
     volumes = []
-    # The strip's edges cut the wall alone: wedges of the cap would have needles for cells along the axis.
+    # The strip's edges cut only the wall: wedges of the cap would have needles for cells along the axis.
     for face, cuts in ((wall, azimuths(device, device.stripped)), (cap, azimuths(device, False))):
         for start, stop in itertools.pairwise(cuts):
             copy = occ.copy([(2, face)])
@@ -353,7 +355,7 @@ def _name_solids(device: Cylinder) -> None:
 
 
 def _name_faces(device: Cylinder) -> None:
-    """Give every face on the boundary of the solid one role; faces between pieces get none."""
+    """Assign a role to every boundary face of the solid; inner faces get none."""
     import gmsh
 
     roles: dict[str, list[int]] = defaultdict(list)
@@ -426,9 +428,9 @@ class Cylinder(Sectioned, Halved):
         unless=("section", "axisymmetric"),
     )
     base: str = choice_field(
-        "held", ("held", "sliding"), "bottom ring clamped, or held along z alone: half of a tube with two caps"
+        "held", ("held", "sliding"), "bottom ring clamped, or held only along z: half of a tube with two caps"
     )
-    end: str = choice_field("free", ("free", "sliding", "held"), "cap's top free, held along z alone, or clamped")
+    end: str = choice_field("free", ("free", "sliding", "held"), "cap's top free, held only along z, or clamped")
     cell_size: float = length_field(0.002, "edge length of the cells", shape=False)
     order: int = choice_field(2, (1, 2), "order of the cells' geometry: 1 straight, 2 curved edges")
 
@@ -508,7 +510,7 @@ class Cylinder(Sectioned, Halved):
 
     @property
     def anchors(self) -> dict[str, Vector]:
-        """Where the points of `holds` are, in m."""
+        """Coordinates of the points of `holds` in m."""
         radius = self.outer_radius
         places = {"anchor0": (0.0, radius, 0.0), "anchor1": (0.0, -radius, 0.0), "anchor2": (radius, 0.0, 0.0)}
         return {hold.role: places[hold.role] for hold in self.holds if hold.point}
@@ -540,7 +542,7 @@ class Cylinder(Sectioned, Halved):
     }  # fmt: skip
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
-        """Elongation and diameter; bend of a half, twist of a whole tube; see `Actuator.device_figures`.
+        """Return the elongation and diameter; bend of a half, twist of a whole tube; see `Actuator.device_figures`.
 
         Angles are known up to half a turn.
         """
@@ -564,7 +566,8 @@ class Cylinder(Sectioned, Halved):
         return tuple(name for name in parameter_names(self) if name != "strip" and parameter(self, name) != 0.0)
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the boundary at the same share of the same edge of the other's outline; see `Actuator.carried`."""
+        """Return the points of the boundary at the same share of the same edge of the other's outline; see
+        `Actuator.carried`."""
         check_alike(self, other)
         return carried_along(outline(self), outline(other), points, self.outer_radius)
 
@@ -590,7 +593,7 @@ class Cylinder(Sectioned, Halved):
         return math.pi * self.outer_radius**2 * self.height - self.cavity_volume
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which points lie on the outline from the base up the side at +x and over the end to the axis."""
+        """Report which points lie on the outline from the base up the side at +x and over the end to the axis."""
         points = np.asarray(points, dtype=float)
         near = 1e-9 * self.height
         x, y, z = points.T

@@ -152,7 +152,7 @@ def size_function(disk: HollowDisk) -> Callable[[float, float], float]:
 
 
 def expected_cells(disk: HollowDisk) -> float:
-    """Return a rough number of cells (within a factor of about two), from the sizes alone."""
+    """Estimate the number of cells (within a factor of about two) from the sizes."""
     radius, outer = disk.cavity_radius, disk.outer_radius
     upper = disk.height - disk.base
     if disk.profile:
@@ -185,11 +185,11 @@ def expected_cells(disk: HollowDisk) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Hollow disks that cannot be: checked by name and value before the mesher starts.
+# Hollow disks with invalid parameters, detected before meshing.
 
 
 MOST_CELLS = 5_000_000
-"""Meshes expected to be larger are refused: they are typing mistakes far more often than wishes."""
+"""Maximum expected number of cells; larger meshes are mostly typing errors."""
 
 TALLEST = 5.0
 """Largest thickness of membrane, base or cavity in radii of the disk."""
@@ -232,14 +232,14 @@ def _check_profile(disk: HollowDisk) -> None:
     for k, share in enumerate(disk.profile):
         if not LEAST_SHARE * (1 - ROUNDING) <= share <= LARGEST_SHARE * (1 + ROUNDING):
             raise GeometryError(
-                f"profile[{k + 1}] is {share:g}; it must lie between {LEAST_SHARE:g} and {LARGEST_SHARE:g} times membrane"
+                f"profile[{k + 1}] is {share:g}; it must be between {LEAST_SHARE:g} and {LARGEST_SHARE:g} times membrane"
             )
     thinnest, _ = disk.membrane_top.extremes
     if thinnest < SHORTEST * (1 - ROUNDING):
         listed = ", ".join(f"{share:g}" for share in disk.profile)
         raise GeometryError(
             f"profile is {listed}; the smooth line through them leaves a membrane of {shown(max(thinnest, 0.0), 'm')} at its "
-            f"thinnest, and {shown(SHORTEST, 'm')} is the least: let neighbours differ less"
+            f"thinnest; the minimum is {shown(SHORTEST, 'm')}, so let neighbours differ less"
         )
 
 
@@ -261,26 +261,26 @@ def _check_shape(disk: HollowDisk) -> None:
         if length > TALLEST * disk.outer_radius:
             raise GeometryError(
                 f"{part} is {shown(length, 'm')}; more than {TALLEST:g} times the disk's radius, "
-                f"{shown(disk.outer_radius, 'm')}, is no disk and looks like a mistaken unit"
+                f"{shown(disk.outer_radius, 'm')}, is not a disk and suggests a wrong unit"
             )
     if disk.outer_radius > LONGEST:
         raise GeometryError(
             f"wall is {shown(disk.wall, 'm')}; with cavity_radius {shown(disk.cavity_radius, 'm')} the disk's radius "
-            f"passes {LONGEST:g} m, which looks like a mistaken unit"
+            f"passes {LONGEST:g} m, which suggests a wrong unit"
         )
 
 
 def _check_slice(disk: HollowDisk) -> None:
     # Checked before anything divides by the angle.
     if not NARROWEST <= disk.angle <= 360.0:
-        raise GeometryError(f"angle is {shown(disk.angle, 'degree')}; it must lie between {NARROWEST:g} and 360 deg")
+        raise GeometryError(f"angle is {shown(disk.angle, 'degree')}; it must be between {NARROWEST:g} and 360 deg")
     turns = 360.0 / disk.angle
     if abs(turns - round(turns)) > 1e-9 * turns:
         raise GeometryError(
             f"angle is {shown(disk.angle, 'degree')}; it must divide 360 deg evenly, such as 30, 45, 90, 180 or 360 deg"
         )
     if abs(disk.azimuth) > 360.0:
-        raise GeometryError(f"azimuth is {shown(disk.azimuth, 'degree')}; it must lie between -360 and 360 deg")
+        raise GeometryError(f"azimuth is {shown(disk.azimuth, 'degree')}; it must be between -360 and 360 deg")
 
 
 def _check_cells(disk: HollowDisk) -> None:
@@ -288,14 +288,14 @@ def _check_cells(disk: HollowDisk) -> None:
         raise GeometryError(f"refinement is {disk.refinement:g}; it must be 1 (none) or more")
     if disk.cell_size > disk.cavity_radius:
         raise GeometryError(
-            f"cell_size is {shown(disk.cell_size, 'm')}; it must not pass cavity_radius, "
+            f"cell_size is {shown(disk.cell_size, 'm')}; it must be at most cavity_radius, "
             f"{shown(disk.cavity_radius, 'm')}"
         )
     sizes = {"membrane": disk.membrane_top.extremes[0], "base": disk.base, "wall": disk.wall}
     for part, length in sizes.items():
         if disk.cell_size > COARSEST * length:
             raise GeometryError(
-                f"cell_size is {shown(disk.cell_size, 'm')}; it must not pass {COARSEST:g} times {part}, "
+                f"cell_size is {shown(disk.cell_size, 'm')}; it must be at most {COARSEST:g} times {part}, "
                 f"{shown(length, 'm')}"
             )
     more = f" with refinement {disk.refinement:g} and fillet {shown(disk.fillet, 'm')}"
@@ -303,7 +303,7 @@ def _check_cells(disk: HollowDisk) -> None:
 
 
 def clearances(disk: HollowDisk) -> dict[str, float]:
-    """Dimensions in m that have a least value; see `geometries.Actuator.clearances`.
+    """Return the dimensions in m that have a least value; see `geometries.Actuator.clearances`.
 
     A membrane with a profile has one at each entry and three between neighbours, where the smooth line may dip. Where they
     are a fifth of the membrane or more, none of thousands of random profiles dipped to zero anywhere.
@@ -342,7 +342,7 @@ def _membrane_clearances(disk: HollowDisk) -> dict[str, float]:
 
 @functools.lru_cache(maxsize=256)
 def _spline(shares: tuple[float, ...]) -> PPoly:
-    """Shares of the thickness over shares of the radius, from 0 to 1."""
+    """Return the shares of the thickness over shares of the radius, from 0 to 1."""
     from scipy.interpolate import CubicSpline
 
     return CubicSpline(np.linspace(0.0, 1.0, len(shares)), shares, bc_type="clamped")
@@ -366,18 +366,18 @@ class MembraneTop:
     shares: tuple[float, ...]
 
     def thickness(self, radii: ArrayLike) -> Array:
-        """Thickness in m at radii in m; beyond the cavity's edge that of the edge."""
+        """Return the thickness in m at radii in m; beyond the cavity's edge that of the edge."""
         within = np.clip(np.abs(radii) / self.radius, 0.0, 1.0)
         if len(self.shares) == 1:
             return np.full_like(within, self.membrane * self.shares[0])
         return np.asarray(self.membrane * _spline(self.shares)(within))
 
     def height(self, radii: ArrayLike) -> Array:
-        """Height of the top face in m at radii in m."""
+        """Return the height of the top face in m at radii in m."""
         return self.ceiling + self.thickness(radii)
 
     def curvature(self, radii: ArrayLike) -> Array:
-        """Curvature in 1/m of the top's line at radii in m up to the cavity's edge, either way counted positive."""
+        """Return the curvature in 1/m of the top's line at radii in m up to the cavity's edge, either way counted positive."""
         within = np.asarray(radii) / self.radius
         if len(self.shares) == 1:
             return np.zeros_like(within)
@@ -407,7 +407,7 @@ class MembraneTop:
         return 2.0 * math.pi * self.radius**2 * self.membrane * total
 
     def pieces(self) -> list[Array]:
-        """The same curve as cubic Bezier pieces between the given radii, from the cavity's edge to the axis.
+        """Return the same curve as cubic Bezier pieces between the given radii, from the cavity's edge to the axis.
 
         Pieces, because the CAD kernel integrates over one polynomial exactly and over a spline of several it does not (0.1 %).
 
@@ -451,7 +451,7 @@ class OutlineEdge(NamedTuple):
     inner: tuple[Place, Place] | None = None
 
     def places(self, shares: Array) -> Array:
-        """Points (n, 2) in m at shares (n,) of the edge."""
+        """Return the points (n, 2) in m at shares (n,) of the edge."""
         start, end = np.array(self.start), np.array(self.end)
         if self.inner is not None:
             t = shares[:, None]
@@ -464,7 +464,7 @@ class OutlineEdge(NamedTuple):
         return np.array(self.centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
 
     def shares(self, points: Array) -> Array:
-        """Shares (n,) of the edge at which points (n, 2) on it are, those of points beyond an end being 0 or 1."""
+        """Return the shares (n,) of the edge at which points (n, 2) on it are, those of points beyond an end being 0 or 1."""
         start, end = np.array(self.start), np.array(self.end)
         if self.inner is not None:
             found = (points[:, 0] - start[0]) / (end[0] - start[0])
@@ -490,7 +490,7 @@ class OutlineEdge(NamedTuple):
 
 
 def _wrapped(angles: Array) -> Array:
-    """Angles between -pi and pi."""
+    """Return the angles between -pi and pi."""
     return (angles + np.pi) % (2.0 * np.pi) - np.pi
 
 
@@ -519,7 +519,7 @@ def outline(disk: HollowDisk) -> list[OutlineEdge]:
 
 
 def _curved(top: MembraneTop) -> list[OutlineEdge]:
-    """The membrane's top from the cavity's edge to the axis."""
+    """Return the membrane's top from the cavity's edge to the axis."""
     found = []
     for points in top.pieces():
         start, first, second, end = ((float(r), float(z)) for r, z in points)
@@ -528,7 +528,7 @@ def _curved(top: MembraneTop) -> list[OutlineEdge]:
 
 
 def carried(disk: HollowDisk, other: HollowDisk, points: Array) -> Array:
-    """Where points on a disk's boundary lie on another disk; see `geometries.Actuator.carried`."""
+    """Return where points on a disk's boundary lie on another disk; see `geometries.Actuator.carried`."""
     _check_alike(disk, other)
     return carried_along(outline(disk), outline(other), points, disk.outer_radius)
 
@@ -539,17 +539,18 @@ def _check_alike(disk: HollowDisk, other: HollowDisk) -> None:
     for name in CHOICES[:1] + CHOICES[3:] if disk.dimension == 2 else CHOICES:
         if getattr(disk, name) != getattr(other, name):
             raise GeometryError(
-                f"{name} is {getattr(disk, name)} and {getattr(other, name)}; points are carried between disks of the same"
+                f"{name} is {getattr(disk, name)} and {getattr(other, name)}; points can only be mapped between disks of the "
+                f"same"
             )
     for name in ("fillet", "base_fillet"):
         if (getattr(disk, name) > 0.0) != (getattr(other, name) > 0.0):
             raise GeometryError(
                 f"{name} is {shown(getattr(disk, name), 'm')} and {shown(getattr(other, name), 'm')}; points of a rounded "
-                "corner have no place on a sharp one"
+                "corner cannot be mapped to a sharp one"
             )
     if len(disk.profile) != len(other.profile):
         raise GeometryError(
-            f"profile has {len(disk.profile)} and {len(other.profile)} entries; points are carried between equal numbers"
+            f"profile has {len(disk.profile)} and {len(other.profile)} entries; points can only be mapped between equal numbers"
         )
 
 
@@ -558,7 +559,8 @@ def _check_alike(disk: HollowDisk, other: HollowDisk) -> None:
 
 
 WIDEST_PIECE = 90.0
-"""Largest angle in degrees turned at once: the CAD kernel leaves a seam in a full turn, and no vertex at its centre."""
+"""Largest angle in degrees of one revolution step: the CAD kernel leaves a seam in a full turn, without a vertex at its
+centre."""
 
 
 MM = 1e3
@@ -649,7 +651,7 @@ def _face(
 
 
 def _name_surfaces(disk: HollowDisk) -> None:
-    """Give every face on the boundary of the solid one role; faces between pieces get none."""
+    """Assign a role to every boundary face of the solid; inner faces get none."""
     import gmsh
 
     roles: dict[str, list[int]] = defaultdict(list)
@@ -669,14 +671,14 @@ def _surface_role(disk: HollowDisk, tag: int) -> str:
     corners = _corners(2, tag)
     for plane, outward in zip(disk.cut_planes, (1.0, -1.0), strict=False):
         normal = np.array(plane.normal)
-        # Half a disk has both planes in one; the slice's planes are told apart by the side of the axis they lie on.
+        # Half a disk has both planes in one; the slice's planes are distinguished by the side of the axis they lie on.
         along = outward * np.cross(disk.lift, normal)
         if np.abs(corners @ normal).max() < near and abs(centre @ normal) < near and centre @ along > 0.0:
             return plane.name
     ends = np.column_stack([np.hypot(corners[:, 0], corners[:, 1]), corners[:, 2]])
 
     def apart(edge: OutlineEdge) -> float:
-        """How far the face is from being the edge turned: both have the same ends."""
+        """Return how far the face is from being the edge turned: both have the same ends."""
         distances = np.linalg.norm(ends[:, None] - np.array([edge.start, edge.end]), axis=2)
         return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
 
@@ -733,7 +735,7 @@ class HollowDisk(Wedged):
     is the surface "support"; with ``support="rim"`` it belongs to "outer", and its outer edge is the curve "support".
     Half and full disks on a rim add the points "anchor0" (bottom centre) and "anchor1" (full disk: on the rim, at the
     azimuth). The axisymmetric profile has the surface "solid", the curves "cavity", "top", "outer", "axis" and the curve
-    (base) or point (rim) "support"; angle and azimuth mean nothing to it.
+    (base) or point (rim) "support"; angle and azimuth have no effect on it.
     """
 
     cavity_radius: float = length_field(0.010, "radius of the cavity")
@@ -817,7 +819,7 @@ class HollowDisk(Wedged):
 
     @property
     def height(self) -> float:
-        """Height of the disk in m at its rim; the membrane's top is elsewhere only with a `profile`."""
+        """Height of the disk in m at its rim; only with a `profile` does the membrane's top differ."""
         return self.ceiling + self.membrane * (self.profile[-1] if self.profile else 1.0)
 
     @property
@@ -876,7 +878,7 @@ class HollowDisk(Wedged):
         return uniform + self.membrane_top.volume - math.pi * self.cavity_radius**2 * edge
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which points lie on the top face's line from the axis along the slice's beginning.
+        """Report which points lie on the top face's line from the axis along the slice's beginning.
 
         The line runs over the membrane and the wall to the outer radius; see `Actuator.on_profile`.
         """
@@ -906,7 +908,8 @@ class HollowDisk(Wedged):
         return tuple(name for name in parameter_names(self) if getattr(self, name, None) != 0.0)
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the boundary at the same share of the same edge of the other's outline; see `Actuator.carried`."""
+        """Return the points of the boundary at the same share of the same edge of the other's outline; see
+        `Actuator.carried`."""
         return carried(self, other, points)
 
     @property
@@ -916,7 +919,8 @@ class HollowDisk(Wedged):
     variable: ClassVar[tuple[str, ...]] = ("membrane",)
 
     def velocity(self, name: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Motion of points with the membrane's thickness: all that lies above the cavity's ceiling is stretched upwards."""
+        """Return the motion of points with the membrane's thickness: all that lies above the cavity's ceiling is stretched
+        upwards."""
         if name not in self.variable:
             return super().velocity(name, points)
         points = np.asarray(points, dtype=float)
@@ -942,7 +946,7 @@ class HollowDisk(Wedged):
 
 
 def _rounding(radius: float, fillet: float) -> float:
-    """Volume over pi of the solid of revolution between a sharp corner at this radius and the fillet's arc."""
+    """Return the volume over pi of the solid of revolution between a sharp corner at this radius and the fillet's arc."""
     inner = radius - fillet
     return fillet * (radius**2 - inner**2 - 0.5 * math.pi * fillet * inner - 2.0 / 3.0 * fillet**2)
 

@@ -12,7 +12,7 @@ The half profile, with the axis of symmetry z on the left; the chamber below z =
     0                           radius    radius + clamp_width
 
 A plate in the middle and rings are faces of the upper side; with a thickness of their own they are regions of cells bonded on
-it. What they are made of, or that they are rigid, the case says.
+it. Their material, or that they are rigid, is set in the case.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from softmodels.common.schema import (
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Clamped membranes that cannot be: checked by name and value before the mesher starts.
+# Clamped membranes with invalid parameters, detected before meshing.
 
 
 THINNEST = 1e-3
@@ -77,7 +77,7 @@ def check_membrane(membrane: Membrane) -> None:
 def _check_membrane(membrane: Membrane) -> None:
     radius, thickness = membrane.radius, membrane.thickness
     if thickness > radius:
-        raise GeometryError(f"thickness is {shown(thickness, 'm')}; it must not pass radius, {shown(radius, 'm')}")
+        raise GeometryError(f"thickness is {shown(thickness, 'm')}; it must be at most radius, {shown(radius, 'm')}")
     if thickness < THINNEST * radius:
         raise GeometryError(
             f"thickness is {shown(thickness, 'm')}; it must be at least {THINNEST:g} of radius, {shown(radius, 'm')}"
@@ -85,11 +85,11 @@ def _check_membrane(membrane: Membrane) -> None:
     if membrane.chamber_depth > DEEPEST * radius:
         raise GeometryError(
             f"chamber_depth is {shown(membrane.chamber_depth, 'm')}; more than {DEEPEST:g} times radius, "
-            f"{shown(radius, 'm')}, looks like a mistaken unit"
+            f"{shown(radius, 'm')}, suggests a wrong unit"
         )
     if membrane.cell_size > radius:
         raise GeometryError(
-            f"cell_size is {shown(membrane.cell_size, 'm')}; it must not pass radius, {shown(radius, 'm')}"
+            f"cell_size is {shown(membrane.cell_size, 'm')}; it must be at most radius, {shown(radius, 'm')}"
         )
 
 
@@ -97,7 +97,7 @@ def _check_clamp(membrane: Membrane) -> None:
     if membrane.radius + membrane.clamp_width > LONGEST:
         raise GeometryError(
             f"clamp_width is {shown(membrane.clamp_width, 'm')}; with radius {shown(membrane.radius, 'm')} the membrane passes "
-            f"{LONGEST:g} m, which looks like a mistaken unit"
+            f"{LONGEST:g} m, which suggests a wrong unit"
         )
     if membrane.clamp_rounding and membrane.clamp_width:
         raise GeometryError(
@@ -131,8 +131,8 @@ def _check_plate(membrane: Membrane) -> None:
             raise GeometryError(f"{name} is {shown(value, 'm')}; it needs {owner}")
         if value > DEEPEST * membrane.radius:
             raise GeometryError(
-                f"{name} is {shown(value, 'm')}; more than {DEEPEST:g} times radius, {shown(membrane.radius, 'm')}, looks "
-                "like a mistaken unit"
+                f"{name} is {shown(value, 'm')}; more than {DEEPEST:g} times radius, {shown(membrane.radius, 'm')}, suggests "
+                "a wrong unit"
             )
 
 
@@ -187,7 +187,8 @@ class Strip(NamedTuple):
 
 
 def parts(membrane: Membrane) -> list[tuple[float, float, str, float]]:
-    """What covers the membrane from the axis outwards: inner and outer radius, face, thickness in m of what is bonded on it."""
+    """Return what covers the membrane from the axis outwards: inner and outer radius, face, thickness in m of what is bonded on
+    it."""
     found: list[tuple[float, float, str, float]] = []
     at = membrane.plate_radius
     if at:
@@ -203,7 +204,7 @@ def parts(membrane: Membrane) -> list[tuple[float, float, str, float]]:
 
 
 def strips(membrane: Membrane) -> list[Strip]:
-    """The membrane cut at all radii where something begins or its cells change, from the axis outwards."""
+    """Return the membrane cut at all radii where something begins or its cells change, from the axis outwards."""
     across = membrane.thickness / membrane.rows
     largest = min(membrane.cell_size, NEEDLE * across)
     first = min(largest, across)
@@ -233,7 +234,7 @@ def _reversed(pieces: list[tuple[float, int, float]]) -> list[tuple[float, int, 
 
 
 def membrane_panels(membrane: Membrane) -> tuple[Panel, ...]:
-    """The half section; see `Membrane`."""
+    """Return the half section; see `Membrane`."""
     through, edge = membrane.rows, membrane.radius + membrane.clamp_width
     found = []
     along = strips(membrane)
@@ -258,7 +259,7 @@ def membrane_panels(membrane: Membrane) -> tuple[Panel, ...]:
 def _panel(
     region: str, strip: Strip, span: tuple[float, float], faces: tuple[str, str], ends: tuple[str, str], through: int
 ) -> Panel:
-    """A rectangle: heights of its span, roles of its lower and upper face and of its ends, cells through it."""
+    """Return a rectangle: heights of its span, roles of its lower and upper face and of its ends, cells through it."""
     (low, high), (below, above), (inside, outside) = span, faces, ends
     corners = ((strip.inner, low), (strip.outer, low), (strip.outer, high - strip.slope), (strip.inner, high))
     a, b, c, d = corners
@@ -289,8 +290,8 @@ class Membrane(Revolved):
         0.0, "width of the ring that is clamped, outside the radius; 0 holds the membrane's edge", zero=True
     )
     clamp: str = choice_field(
-        "both", ("both", "below", "slip"), "both faces held in the clamp, the lower one alone (glued to the chamber), or both "
-        "held across and free to slip inwards"
+        "both", ("both", "below", "slip"), "both faces held in the clamp, only the lower one (glued to the chamber), "
+        "or both held across and free to slip inwards"
     )  # fmt: skip
     clamp_rounding: float | None = field_of(
         Open(Length(zero=True)), "width and depth of the slope at the upper edge of the clamp, where the edge is held; "
@@ -332,7 +333,7 @@ class Membrane(Revolved):
 
     @property
     def rows(self) -> int:
-        """Fewer turn more stiffly at the held edge; of more, that corner may have a limit of its own before the membrane's."""
+        """With fewer cells the held edge is too stiff in rotation; with more, its corner may reach a limit point of its own."""
         return round(self.through) or (3 if self.dimension == 2 else 2)
 
     @property
@@ -374,7 +375,7 @@ class Membrane(Revolved):
 
     @property
     def plated(self) -> tuple[str, ...]:  # type: ignore[override]
-        """What is bonded on: plate and rings."""
+        """Bonded parts: plate and rings."""
         return tuple(name for name in self.faces if name == "plate" or name.startswith("ring"))
 
     @property

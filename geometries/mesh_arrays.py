@@ -16,7 +16,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshFileError
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A mesh of tetrahedra as arrays: its boundary, which faces hang together, what they enclose.
+# A mesh of tetrahedra as arrays: its boundary, which faces are connected, what they enclose.
 
 
 Ints = NDArray[np.int64]
@@ -46,7 +46,7 @@ class Tetrahedra:
     Attributes:
         points: Nodes in m, shape (n, 3).
         cells: Nodes of the cells in the order of VTK, shape (m, 4) or (m, 10), every one turned the right way.
-        faces: Names of the file: nodes of the triangles of each, or of the nodes alone, one index array each.
+        faces: Names of the file: nodes of the triangles of each, or only of the nodes, one index array each.
         regions: Cells by the names that the file has for them.
     """
 
@@ -57,7 +57,7 @@ class Tetrahedra:
 
     @classmethod
     def made(cls, points: Array, cells: Ints, faces: Mapping[str, Ints], regions: Mapping[str, Ints]) -> Tetrahedra:
-        """A mesh without the nodes that no cell has, its cells turned the right way.
+        """Return a mesh without the nodes that no cell has, its cells turned the right way.
 
         Raises:
             GeometryError: A flat cell.
@@ -113,7 +113,7 @@ class Tetrahedra:
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     def pieces(self, among: Ints) -> list[Ints]:
-        """Boundary triangles that hang together by their edges.
+        """Return the boundary triangles that are connected by their edges.
 
         Args:
             among: Numbers of triangles.
@@ -124,24 +124,25 @@ class Tetrahedra:
         return [among[group == i] for i in range(group.max(initial=-1) + 1)]
 
     def named(self, name: str) -> Ints:
-        """Boundary triangles all of whose corners have a name of the file."""
+        """Return the boundary triangles all of whose corners have a name of the file."""
         return np.flatnonzero(np.isin(self.triangles[:, :3], self.faces[name]).all(axis=1))
 
     def holds(self, place: Vector) -> bool:
-        """Whether a point lies in a cell, edges taken as straight."""
+        """Return whether a point lies in a cell, edges taken as straight."""
         base = self.points[self.cells[:, :4]]
         matrix = np.moveaxis(base[:, 1:] - base[:, :1], 1, 2)
         inner = np.linalg.solve(matrix, (np.asarray(place) - base[:, 0])[..., None])[..., 0]
         return bool(((inner >= 0).all(axis=1) & (inner.sum(axis=1) <= 1)).any())
 
     def distances(self, place: Vector) -> Array:
-        """How far a point is from each boundary triangle, about: from its corners, middles and centre; shape (k,)."""
+        """Return how far a point is from each boundary triangle, about: from its corners, middles and centre; shape (k,)."""
         at = self.corners
         at = np.concatenate([at, (at + np.roll(at, 1, axis=1)) / 2, at.mean(axis=1, keepdims=True)], axis=1)
         return np.asarray(np.linalg.norm(at - np.asarray(place), axis=2).min(axis=1))
 
     def enclosed(self, wall: Ints) -> float:
-        """Volume in m3 before a wall by the divergence theorem, -1/3 int x . n; planes through the origin add nothing.
+        """Return the volume in m3 before a wall by the divergence theorem, -1/3 int x . n; planes through the origin add
+        nothing.
 
         Args:
             wall: Boundary triangles.
@@ -157,7 +158,7 @@ class Tetrahedra:
 
 
 def triangle_tables(width: int) -> tuple[Array, Array, Array]:
-    """Values and two slopes of a triangle's shape functions at the points of `RULE`, shape (q, width) each.
+    """Return the values and two slopes of a triangle's shape functions at the points of `RULE`, shape (q, width) each.
 
     Args:
         width: 3 nodes, or 6 with those inside the edges behind the corners.
@@ -180,7 +181,8 @@ EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 
 
 def tetrahedron_slopes() -> tuple[Array, Array]:
-    """Values and slopes of the shape functions of ten nodes at the points of `CELL_RULE`, shapes (q, 10) and (q, 10, 3)."""
+    """Return the values and slopes of the shape functions of ten nodes at the points of `CELL_RULE`, shapes (q, 10) and (q, 10,
+    3)."""
     ways = np.vstack([-np.ones(3), np.eye(3)])  # of the barycentric coordinates
     r = CELL_RULE
     first, second = r[:, EDGES[:, 0]], r[:, EDGES[:, 1]]
@@ -191,7 +193,7 @@ def tetrahedron_slopes() -> tuple[Array, Array]:
 
 
 def _volumes(points: Array, cells: Ints) -> Array:
-    """Six times the cells' volumes, edges taken as straight, below zero for those turned the wrong way; shape (m,)."""
+    """Return six times the cells' volumes, edges taken as straight, below zero for those turned the wrong way; shape (m,)."""
     a, b, c, d = np.moveaxis(points[cells[:, :4]], 1, 0)
     return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a))
 
@@ -219,7 +221,7 @@ class MeshArrays:
     nodes: Mapping[str, Ints]
 
     def triangles(self, role: str) -> Ints:
-        """Nodes of a role's faces, normals out of the solid, shape (k, 3) or (k, 6)."""
+        """Return the nodes of a role's faces, normals out of the solid, shape (k, 3) or (k, 6)."""
         cell, side = self.faces[role].T
         order = SIDES if self.cells.shape[1] == 4 else np.hstack([SIDES, MIDDLES])
         return np.asarray(np.take_along_axis(self.cells[cell], order[side], axis=1))
@@ -287,7 +289,7 @@ def _corners_of(group: int) -> Ints:
 
 
 def _owned(cells: Ints, corners: Mapping[str, Ints]) -> dict[str, Ints]:
-    """Cell and side of the faces of each role, by their corners."""
+    """Return the cell and side of the faces of each role, by their corners."""
     sides = np.sort(cells[:, SIDES].reshape(-1, 3), axis=1)
     keys = {tuple(side): place for place, side in enumerate(sides.tolist())}
     found = {}

@@ -1,4 +1,4 @@
-"""Gmsh from start to finish: a private model, one mesh, one complete file.
+"""Mesh a device with Gmsh: private model, mesh, complete file.
 
 Only this module starts Gmsh, so the settings that make a mesh repeatable stand in one place.
 """
@@ -52,7 +52,7 @@ def hushed(words: bytes) -> Iterator[None]:
     library = ctypes.CDLL(None)
     with contextlib.ExitStack() as stack:
         for stream in STREAMS:
-            with contextlib.suppress(OSError):  # closed, as in a service: nothing is seen there
+            with contextlib.suppress(OSError):  # closed, as in a service: no output is shown there
                 stack.enter_context(_filtered(stream, words))
         try:
             yield
@@ -76,23 +76,23 @@ def _filtered(stream: int, words: bytes) -> Iterator[None]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Meshes that were made before, kept in the user's cache: the same device is meshed once.
+# Cache of meshes in the user's folder, so that the same device is meshed once.
 #
 # A mesh is known by the device's class and fields, by the file it is drawn in, and by what meshes it: Gmsh's version and the
 # source of this package. Classes from elsewhere are meshed anew each time, since what they build from is not known here.
 
 
 MOST_KEPT = 500_000_000
-"""Bytes of all kept meshes; those unused for longest go first."""
+"""Maximum size of the cache in bytes; least recently used meshes are removed first."""
 
 
 def folder() -> Path:
-    """Where meshes are kept."""
+    """Return where meshes are kept."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "softmodels" / "meshes"
 
 
 def load_cached_mesh(actuator: Meshable, path: Path) -> bool:
-    """Put a device's kept mesh into a file; whether there was one."""
+    """Copy a device's cached mesh to a file; return whether there was one."""
     with contextlib.suppress(OSError, RuntimeError):  # no cache, or no home, is no failure
         if (kept := _place(actuator)) is not None and kept.exists():
             shutil.copyfile(kept, path)
@@ -102,17 +102,17 @@ def load_cached_mesh(actuator: Meshable, path: Path) -> bool:
 
 
 def is_mesh_cached(actuator: Meshable) -> bool:
-    """Whether a device's mesh is kept."""
+    """Return whether a device's mesh is kept."""
     with contextlib.suppress(OSError, RuntimeError):
         return (kept := _place(actuator)) is not None and kept.exists()
     return False
 
 
 def mesh_label(actuator: Meshable) -> str:
-    """What is reported where a device is about to be meshed."""
+    """Return the message before a device is meshed."""
     kind = "solid" if actuator.dimension == 3 else "axisymmetric section"
     what = f"{type(actuator).__name__} ({kind}, 1/{actuator.copies})"
-    return f"{what} was meshed before" if is_mesh_cached(actuator) else f"meshing {what}"
+    return f"{what}: using the cached mesh" if is_mesh_cached(actuator) else f"meshing {what}"
 
 
 def cache_mesh(actuator: Meshable, path: Path) -> None:
@@ -130,7 +130,7 @@ def cache_mesh(actuator: Meshable, path: Path) -> None:
 
 
 def _place(actuator: Meshable) -> Path | None:
-    """The file in the cache; None for a device that is not kept."""
+    """Return the file in the cache; None for a device that is not kept."""
     kind = type(actuator)
     if kind.__module__.partition(".")[0] != __name__.partition(".")[0]:
         return None
@@ -142,7 +142,7 @@ def _place(actuator: Meshable) -> Path | None:
 
 @functools.cache
 def _mesher() -> str:
-    """What meshes: Gmsh and this package."""
+    """Return what meshes: Gmsh and this package."""
     import gmsh
 
     source = hashlib.sha256(gmsh.__version__.encode())
@@ -181,7 +181,7 @@ SECTIONS = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
 
 
 def is_whole(path: Path) -> bool:
-    """Whether a mesh file is complete: Gmsh does not tell of a full disk, its file then ends early."""
+    """Return whether a mesh file is complete: Gmsh does not tell of a full disk, its file then ends early."""
     with path.open("rb") as file:
         file.seek(max(path.stat().st_size - 2 * len(LAST_WORDS), 0))
         return LAST_WORDS in file.read()
@@ -220,7 +220,7 @@ def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int,
 
 
 def _check(path: Path, content: bytes) -> None:
-    """Refuse what does not have a mesh's sections, whole and in order, and nothing between them."""
+    """Reject what does not have a mesh's sections, whole and in order, and nothing between them."""
     if not START.match(content):
         raise MeshFileError(f"{path} is not a mesh file (MSH 4.1, text) as this program writes it")
     if b"\0" in content:
@@ -370,7 +370,7 @@ ROUNDS = 10
 
 @dataclasses.dataclass(frozen=True)
 class MeshSummary:
-    """What a mesh file holds.
+    """Contents of a mesh file.
 
     Attributes:
         cells: Number of tetrahedra (3-D) or triangles (axisymmetric).
@@ -387,7 +387,7 @@ class MeshSummary:
 
 @contextlib.contextmanager
 def private_model() -> Iterator[None]:
-    """Give a fresh, current Gmsh model; afterwards a caller's own Gmsh session is as it was."""
+    """Return a fresh, current Gmsh model; afterwards a caller's own Gmsh session is as it was."""
 
     with LOCK:
         yield from _fresh_model()
@@ -464,7 +464,7 @@ def _make(actuator: Meshable, path: Path) -> None:
             if not actuator.meshed:
                 _generate(actuator)
             elif _worst(actuator.dimension) <= 0.0:
-                raise MeshingError("the mesh has a cell turned inside out; mesh the part anew where it comes from")
+                raise MeshingError("the mesh has an inverted cell; remesh the part in its own program")
             for mirror in actuator.mirrors:
                 mirror_mesh(mirror)
             gmsh.write(str(path))
@@ -528,13 +528,13 @@ def _generate(actuator: Meshable) -> None:
     worst = _worst(actuator.dimension)
     if worst <= 0.0:
         raise MeshingError(
-            f"The mesh has a cell turned inside out (smallest quality {worst:.2g}); "
+            f"The mesh has an inverted cell (smallest quality {worst:.2g}); "
             f"try a smaller cell size, more refinement or a larger fillet (or none)"
         )
 
 
 def _check_cells() -> None:
-    """Refuse a solid whose faces, meshed already, promise more cells than a machine solves for.
+    """Reject a solid whose faces, meshed already, promise more cells than a machine solves for.
 
     Meshes that Gmsh makes of thin and of thick parts alike have within 1.5 times as many tetrahedra as this expects.
     """
@@ -554,15 +554,15 @@ def _check_cells() -> None:
     expected = max(3.2 * len(corners), 4.4 * volume / np.average(edges, weights=areas) ** 3)
     if expected > MOST_CELLS:
         raise GeometryError(
-            f"about {expected:.2g} cells are expected and {MOST_CELLS:,} are allowed; the part's roundings and holes ask for "
-            "small ones: use a larger cell_size, or fewer cells around a circle"
+            f"about {expected:.2g} cells are expected, but at most {MOST_CELLS:,} are allowed; the part's roundings and "
+            f"holes need small ones: use a larger cell_size, or fewer cells around a circle"
         )
 
 
 def _straighten(dimension: int) -> None:
     """Put the mid-edge nodes of spoilt cells back on straight edges; their neighbours follow until all are sound.
 
-    With straight edges every cell is as good as before it was curved. A few chords in place of arcs cost little volume.
+    With straight edges every cell is as good as before it was curved. A few chords instead of arcs cost little volume.
     """
     import gmsh
 
@@ -607,11 +607,11 @@ def _measure(dimension: int) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How many cells a mesh may have: the check that every device's own checks end with.
+# Limit on the number of cells, the last check of every device.
 
 
 def check_cell_count(cell_size: float, expected: float, most: int, more: str = "") -> None:
-    """Refuse a mesh that is larger than anyone means: a typing mistake far more often than a wish.
+    """Reject a mesh that is larger than anyone means: a typing mistake far more often than a wish.
 
     Args:
         cell_size: The device's, in m.
@@ -624,7 +624,8 @@ def check_cell_count(cell_size: float, expected: float, most: int, more: str = "
     """
     if expected > most:
         raise GeometryError(
-            f"cell_size is {shown(cell_size, 'm')}{more}; about {expected:.2g} cells are expected and {most:,} are allowed"
+            f"cell_size is {shown(cell_size, 'm')}{more}; about {expected:.2g} cells are expected, but at most {most:,} are "
+            f"allowed; use larger cells"
         )
 
 
@@ -649,7 +650,7 @@ def add_block(low: Vector, high: Vector) -> Entity:
 
 
 def one_solid(solids: Sequence[Entity]) -> Entity:
-    """The only one of them; MeshingError if the CAD kernel has made more or none."""
+    """Return the only one of them; MeshingError if the CAD kernel has made more or none."""
     if [dimension for dimension, _ in solids] != [3]:
         raise MeshingError(
             f"the CAD kernel made {len(solids)} solids of one body; please report this with the parameters"
@@ -691,7 +692,7 @@ def set_sizes(size: Callable[[float, float, float], float]) -> None:
 
 
 def corners_of(tag: int) -> NDArray[np.float64]:
-    """Corners of a face in m, shape (n, 3)."""
+    """Return the corners of a face in m, shape (n, 3)."""
     import gmsh
 
     corners = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
@@ -699,7 +700,7 @@ def corners_of(tag: int) -> NDArray[np.float64]:
 
 
 def face_block(tag: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners in m of the block around a face, which is larger by up to 1e-10 m."""
+    """Return the corners in m of the block around a face, which is larger by up to 1e-10 m."""
     import gmsh
 
     low, high = np.array(gmsh.model.occ.getBoundingBox(2, tag)).reshape(2, 3) / MM

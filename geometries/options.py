@@ -1,4 +1,4 @@
-"""Command-line options made from a dataclass's fields, so that a new parameter is an option the moment it exists."""
+"""Command-line options generated from a dataclass's fields."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class QuantitiesType(QuantityType):
 
 @functools.singledispatch
 def _type(kind: Kind) -> click.ParamType:
-    """The type that click gives the option of a kind of value."""
+    """Return the type that click gives the option of a kind of value."""
     return click.STRING
 
 
@@ -103,14 +103,14 @@ def _(kind: Several) -> click.ParamType:
 
 
 def flag(name: str) -> str:
-    """An option as it is typed."""
+    """Return an option as typed."""
     return f"--{name.replace('_', '-')}"
 
 
 def field_option(
     name: str, field: About, default: object = None, metavar: str | None = None
 ) -> Callable[[Command], Command]:
-    """The option of a field; its value is None unless given, in the unit of the field's kind.
+    """Return the option of a field; its value is None unless given, in the unit of the field's kind.
 
     Args:
         name: The option's.
@@ -122,7 +122,7 @@ def field_option(
     if isinstance(kind, Flag):
         return click.option(flag(name), name, is_flag=True, default=None, help=text)
     again = kind.several and not kind.unit  # several quantities stand between commas
-    text += "  [may be given again]" if again else ""
+    text += "  [may be repeated]" if again else ""
     text += "" if default is None else f"  [default: {_friendly(default, kind.unit)}]"
     return click.option(
         flag(name), name, type=_type(kind), metavar=metavar, default=None, help=text, multiple=again,
@@ -156,15 +156,15 @@ def device_options(device: type[Actuator]) -> Callable[[Command], Command]:
 
 
 def given(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of a command's values that were given."""
+    """Return those of a command's values that were given."""
     return {name: value for name, value in values.items() if value is not None}
 
 
 def device_told(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
-    """The device of a command's options; see `device_from`.
+    """Return the device of a command's options; see `device_from`.
 
     Raises:
-        GeometryError: As there, and for an option that means nothing with the others.
+        GeometryError: As there, and for an option that has no effect with the others.
     """
     made = device_from(device, values)
     check_meaning(made, values)
@@ -172,7 +172,7 @@ def device_told(device: type[Actuator], values: Mapping[str, Any]) -> Actuator:
 
 
 def check_meaning(made: Actuator, values: Mapping[str, Any]) -> None:
-    """Refuse options that were given although the device has no use for them.
+    """Reject options that were given although the device has no use for them.
 
     Args:
         made: The device.
@@ -184,7 +184,7 @@ def check_meaning(made: Actuator, values: Mapping[str, Any]) -> None:
     for name, field in about(made).items():
         if values.get(name) is not None and (other := field.idle(made)):
             given = f" {getattr(made, other)}" if field.unless and other == field.unless[0] else ""
-            raise GeometryError(f"{flag(name)} means nothing with {flag(other)}{given}; leave one of them out")
+            raise GeometryError(f"{flag(name)} has no effect with {flag(other)}{given}; leave one of them out")
 
 
 def _typed(kind: Kind, ctx: click.Context, param: click.Parameter, value: Any) -> Any:

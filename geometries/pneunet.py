@@ -58,7 +58,7 @@ from softmodels.common.schema import (
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where the walls of a PneuNet are: all stand square to the axes, so that a list of places along each says everything.
+# Where the walls of a PneuNet are: all stand square to the axes, so that a list of positions along each axis defines them.
 
 
 Vector = tuple[float, float, float]
@@ -86,7 +86,7 @@ class Box:
         return float(2.0 * (x * y + y * z + z * x))
 
     def holds(self, low: NDArray[np.float64], high: NDArray[np.float64], near: float) -> bool:
-        """Whether another block, given by its corners, lies in this one, to ``near`` (m)."""
+        """Return whether another block, given by its corners, lies in this one, to ``near`` (m)."""
         return bool(np.all(low > np.subtract(self.low, near)) and np.all(high < np.add(self.high, near)))
 
 
@@ -106,27 +106,27 @@ def half_width(finger: PneuNet) -> float:
 
 
 def ceiling(finger: PneuNet) -> float:
-    """Height of the chambers' ceiling above the middle of the base, in m."""
+    """Return the height of the chambers' ceiling above the middle of the base, in m."""
     return 0.5 * finger.base + finger.chamber_height
 
 
 def top(finger: PneuNet) -> float:
-    """Height of the chambers' outside, in m."""
+    """Return the height of the chambers' outside, in m."""
     return ceiling(finger) + finger.top_wall
 
 
 def gap_floor(finger: PneuNet) -> float:
-    """Height at which a gap ends, in m."""
+    """Return the height at which a gap ends, in m."""
     return 0.5 * finger.base + finger.channel_height + finger.bridge
 
 
 def starts(finger: PneuNet) -> list[float]:
-    """Where the air of each chamber begins along x, in m."""
+    """Return where the air of each chamber begins along x, in m."""
     return [finger.root + k * pitch(finger) for k in range(finger.chambers)]
 
 
 def air(finger: PneuNet) -> list[Box]:
-    """The air above the base, half of it (y > 0): the chambers, then the pieces of the channel between them."""
+    """Return the air above the base, half of it (y > 0): the chambers, then the pieces of the channel between them."""
     floor, half, duct = 0.5 * finger.base, 0.5 * finger.chamber_width, 0.5 * finger.channel_width
     chambers = [Box((x, 0.0, floor), (x + finger.chamber_length, half, ceiling(finger))) for x in starts(finger)]
     pieces = [
@@ -137,7 +137,7 @@ def air(finger: PneuNet) -> list[Box]:
 
 
 def gaps(finger: PneuNet) -> list[Box]:
-    """The gaps between the chambers above the base, half of each; none between ribs."""
+    """Return the gaps between the chambers above the base, half of each; none between ribs."""
     if not finger.gap:
         return []
     begins = [x + finger.chamber_length + finger.wall for x in starts(finger)[:-1]]
@@ -145,23 +145,24 @@ def gaps(finger: PneuNet) -> list[Box]:
 
 
 def upper(finger: PneuNet) -> Box:
-    """What lies above the base, half of it, without gaps and air."""
+    """Return what lies above the base, half of it, without gaps and air."""
     return Box((0.0, 0.0, 0.5 * finger.base), (planned_length(finger), half_width(finger), top(finger)))
 
 
 def planned_cavity_volume(finger: PneuNet) -> float:
-    """Volume in m3 of the air on one side of the base."""
+    """Return the volume in m3 of the air on one side of the base."""
     return 2.0 * sum(box.volume for box in air(finger))
 
 
 def planned_solid_volume(finger: PneuNet) -> float:
-    """Volume in m3 of the whole solid."""
+    """Return the volume in m3 of the whole solid."""
     above = upper(finger).volume - sum(box.volume for box in air(finger) + gaps(finger))
     return 2.0 * (finger.sides * above + planned_length(finger) * half_width(finger) * finger.base)
 
 
 def planned_cells(finger: PneuNet) -> float:
-    """Rough number of cells, within a factor of 1.5 as counted: thin walls have cells by their area, thick ones by volume."""
+    """Return the rough number of cells, within a factor of 1.5 as counted: thin walls have cells by their area, thick ones by
+    volume."""
     boxes = [upper(finger), *air(finger), *gaps(finger)]
     by_area = 6.5 * finger.sides * sum(box.area for box in boxes) / finger.cell_size**2
     by_volume = 8.0 * 0.5 * planned_solid_volume(finger) / finger.cell_size**3
@@ -169,7 +170,7 @@ def planned_cells(finger: PneuNet) -> float:
 
 
 def places(finger: PneuNet) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Where walls stand along x, y (from the mirror plane) and z (from the middle of the base), rising, in m."""
+    """Return where walls stand along x, y (from the mirror plane) and z (from the middle of the base), rising, in m."""
     ends = [0.0, planned_length(finger)]
     for x in starts(finger):
         ends += [x, x + finger.chamber_length]
@@ -183,7 +184,8 @@ def places(finger: PneuNet) -> tuple[NDArray[np.float64], NDArray[np.float64], N
 
 
 def carried_points(finger: PneuNet, other: PneuNet, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where points on the boundary lie on another finger with as many walls: linear between walls; see `Actuator.carried`."""
+    """Return where points on the boundary lie on another finger with as many walls: linear between walls; see
+    `Actuator.carried`."""
     points = np.array(points, dtype=float)
     for axis, (mine, theirs) in enumerate(zip(places(finger), places(other), strict=True)):
         order = np.argsort(mine, kind="stable")
@@ -195,11 +197,11 @@ def carried_points(finger: PneuNet, other: PneuNet, points: NDArray[np.float64])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# PneuNets that cannot be: checked by name and value before the mesher starts.
+# PneuNets with invalid parameters, detected before meshing.
 
 
 MOST_CELLS = 3_000_000
-"""Meshes expected to be larger are refused: they are typing mistakes far more often than wishes."""
+"""Maximum expected number of cells; larger meshes are mostly typing errors."""
 
 COARSEST = 10.0
 """Largest ratio of the cell size to the thinnest part: flatter cells are poor."""
@@ -210,7 +212,7 @@ SOLID = ("wall", "side_wall", "top_wall", "base", "root", "cap", "bridge")
 
 
 def walls(finger: PneuNet) -> dict[str, float]:
-    """Every dimension in m of the solid and of the air that has a least value, by its parameter."""
+    """Return every dimension in m of the solid and of the air that has a least value, by its parameter."""
     several = finger.chambers > 1
     names = ["chamber_length", "chamber_width", "chamber_height", "wall" if several else "", "side_wall", "top_wall"]
     names += ["base", "root", "cap", *(("channel_width", "channel_height") if several else ())]
@@ -238,16 +240,16 @@ def _mm(value: float) -> str:
 def _check_walls(finger: PneuNet) -> None:
     for name, value in walls(finger).items():
         if value < finger.least_wall * (1 - ROUNDING):
-            raise GeometryError(f"{name} is {_mm(value)}, and least_wall asks for {_mm(finger.least_wall)}")
+            raise GeometryError(f"{name} is {_mm(value)}, but least_wall requires {_mm(finger.least_wall)}")
     if planned_length(finger) > 0.1 * LONGEST:
         raise GeometryError(
             f"chamber_length is {_mm(finger.chamber_length)}; with {finger.chambers} chambers the finger is "
-            f"{_mm(planned_length(finger))} long, and above {0.1 * LONGEST:g} m this looks like a mistaken unit"
+            f"{_mm(planned_length(finger))} long, and above {0.1 * LONGEST:g} m this suggests a wrong unit"
         )
     for name in ("chamber_width", "chamber_height", "side_wall", "top_wall", "base"):
         if getattr(finger, name) > 0.1 * LONGEST:
             raise GeometryError(
-                f"{name} is {_mm(getattr(finger, name))}; above {_mm(0.1 * LONGEST)} this looks like a mistaken unit"
+                f"{name} is {_mm(getattr(finger, name))}; above {_mm(0.1 * LONGEST)} this suggests a wrong unit"
             )
 
 
@@ -282,7 +284,7 @@ def _check_cells(finger: PneuNet) -> None:
     limit = COARSEST * solid[thinnest]
     if finger.cell_size > limit:
         raise GeometryError(
-            f"cell_size is {_mm(finger.cell_size)}; with {thinnest} {_mm(solid[thinnest])} it must not pass {_mm(limit)}"
+            f"cell_size is {_mm(finger.cell_size)}; with {thinnest} {_mm(solid[thinnest])} it must be at most {_mm(limit)}"
         )
     check_cell_count(finger.cell_size, finger.expected_cells, MOST_CELLS)
 
@@ -321,7 +323,8 @@ def _add(box: Box) -> Entity:
 
 
 def _whole(box: Box, sides: int, below: int = -1) -> Box:
-    """A block on both sides of the mirror plane: above the base, below it (1), or from below to above (-1 of two sides)."""
+    """Return a block on both sides of the mirror plane: above the base, below it (1), or from below to above (-1 of two
+    sides)."""
     (x0, _, z0), (x1, y1, z1) = box.low, box.high
     if sides == 2 and below < 0:
         z0 = -z1
@@ -331,14 +334,14 @@ def _whole(box: Box, sides: int, below: int = -1) -> Box:
 
 
 def _without(body: Box, empty: list[Box]) -> Entity:
-    """A block with others cut out of it."""
+    """Return a block with others cut out of it."""
     import gmsh
 
     return one_solid(gmsh.model.occ.cut([_add(body)], [_add(box) for box in empty])[0])
 
 
 def _base(finger: PneuNet) -> dict[str, list[Entity]]:
-    """The layers of the base by region."""
+    """Return the layers of the base by region."""
     L, w = planned_length(finger), half_width(finger)
 
     def layer(low: float, high: float) -> Entity:
@@ -353,7 +356,7 @@ def _base(finger: PneuNet) -> dict[str, list[Entity]]:
 
 
 def _role(finger: PneuNet, tag: int) -> str:
-    """The role of a face from the block around it, which is flat."""
+    """Return the role of a face from the block around it, which is flat."""
     low, high = face_block(tag)
     near = 1e-6  # the kernel's blocks are a little larger than what is in them
     flat = int(np.argmin(high - low))
@@ -460,12 +463,12 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
 
     @property
     def length(self) -> float:
-        """From the clamp to the tip in m."""
+        """Length from the clamp to the tip in m."""
         return planned_length(self)
 
     @property
     def height(self) -> float:
-        """From the middle of the base to the chambers' outside in m."""
+        """Height from the middle of the base to the chambers' outside in m."""
         return top(self)
 
     @property
@@ -498,7 +501,7 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
         return {name.replace("_", " "): value for name, value in walls(self).items()}
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which points lie on the base's lower line in the mirror plane, from the clamp to the tip."""
+        """Report which points lie on the base's lower line in the mirror plane, from the clamp to the tip."""
         points, near = np.asarray(points, dtype=float), 1e-9 * self.length
         return (np.abs(points[:, 2] - self.probes["tip"][2]) < near) & (np.abs(points[:, 1]) < near)
 

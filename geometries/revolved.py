@@ -76,7 +76,7 @@ class Side:
     growth: float = 1.0
 
     def places(self, shares: Array) -> Array:
-        """Places (n, 2) at shares (n,) of a line's length or of an arc's angle."""
+        """Return the places (n, 2) at shares (n,) of a line's length or of an arc's angle."""
         start, end = np.array(self.start), np.array(self.end)
         if self.centre is None:
             return start + shares[:, None] * (end - start)
@@ -84,7 +84,7 @@ class Side:
         return np.array(self.centre) + np.array(self.axes) * np.column_stack([np.cos(angle), np.sin(angle)])
 
     def shares(self, places: Array) -> Array:
-        """Shares (n,) at which places (n, 2) on it are; those of places beyond an end are 0 or 1."""
+        """Return the shares (n,) at which places (n, 2) on it are; those of places beyond an end are 0 or 1."""
         start, end = np.array(self.start), np.array(self.end)
         if self.centre is None:
             along = end - start
@@ -93,7 +93,7 @@ class Side:
         return np.clip(_wrapped(np.arctan2(y, x) - self._angle(self.start)) / self.turn, 0.0, 1.0)
 
     def missed(self, places: Array) -> Array:
-        """How far places (n, 2) are from it, in m; exact for those on it."""
+        """Return how far places (n, 2) are from it, in m; exact for those on it."""
         return np.asarray(np.linalg.norm(self.places(self.shares(places)) - places, axis=1))
 
     @property
@@ -109,7 +109,7 @@ class Side:
 
     @property
     def control(self) -> tuple[Place, float]:
-        """Where the tangents of an arc's ends meet, and the weight with which it makes the arc a rational parabola."""
+        """Point at which the tangents of an arc's ends meet, and the weight with which it makes the arc a rational parabola."""
         assert self.centre is not None
         half = 0.5 * self.turn
         middle = self._angle(self.start) + half
@@ -118,12 +118,12 @@ class Side:
 
     @property
     def key(self) -> frozenset[Place]:
-        """What two sides have in common that are one: no two of a section join the same corners."""
+        """Key by which two equal sides match: no two sides of a section join the same corners."""
         return frozenset((self.start, self.end))
 
     @property
     def reversed(self) -> Side:
-        """The same from its end to its start."""
+        """The same side from its end to its start."""
         return dataclasses.replace(self, start=self.end, end=self.start, growth=1.0 / self.growth)
 
     def _angle(self, place: Place) -> float:
@@ -132,12 +132,12 @@ class Side:
 
     @property
     def turn(self) -> float:
-        """Angle of an arc in rad, against the clock."""
+        """Angle of an arc in rad, counter-clockwise."""
         return float(_wrapped(np.array(self._angle(self.end) - self._angle(self.start))))
 
 
 def _wrapped(angles: Array) -> Array:
-    """Angles between -pi and pi."""
+    """Return the angles between -pi and pi."""
     return (angles + np.pi) % (2.0 * np.pi) - np.pi
 
 
@@ -159,12 +159,12 @@ class Panel:
 
 
 def outline(panels: Iterable[Panel]) -> list[Side]:
-    """The sides of panels that have a role, each once."""
+    """Return the sides of panels that have a role, each once."""
     return list({side.key: side for panel in panels for side in panel.sides if side.role}.values())
 
 
 def chained(sides: Iterable[Side]) -> list[Side]:
-    """Sides that make one line, in its order and direction: from the axis at the top outwards."""
+    """Return the sides that make one line, in its order and direction: from the axis at the top outwards."""
     left = list(sides)
     at = max((place for side in left for place in (side.start, side.end)), key=lambda place: (-place[0], place[1]))
     found: list[Side] = []
@@ -179,12 +179,12 @@ def chained(sides: Iterable[Side]) -> list[Side]:
 
 
 def turned_volume(panels: Iterable[Panel]) -> float:
-    """Volume in m3 of the panels turned around the axis."""
+    """Return the volume in m3 of the panels turned around the axis."""
     return sum(abs(sum(side.volume for side in panel.sides)) for panel in panels)
 
 
 def enclosed_volume(sides: Iterable[Side]) -> float:
-    """Volume in m3 between a wall turned around the axis and planes square to it through the wall's ends."""
+    """Return the volume in m3 between a wall turned around the axis and planes square to it through the wall's ends."""
     return abs(sum(side.volume for side in sides))
 
 
@@ -224,7 +224,7 @@ HALF_TURN = math.pi * (1.0 - 1e-6)
 
 
 def whole_edges(sides: Iterable[Side], corners: Sequence[Place]) -> list[Side]:
-    """Sides put together, in order and direction: from the axis at the top outwards, and back along the axis.
+    """Return the sides put together, in order and direction: from the axis at the top outwards, and back along the axis.
 
     Args:
         sides: Of an outline, in any order and either way round.
@@ -241,7 +241,7 @@ def whole_edges(sides: Iterable[Side], corners: Sequence[Place]) -> list[Side]:
 
 
 def _joined(first: Side, second: Side, corners: Sequence[Place]) -> Side | None:
-    """The first of two sides with the other put to one of its ends; None if they do not go on in each other."""
+    """Return the first of two sides with the other put to one of its ends; None if they do not go on in each other."""
     for other in (second, second.reversed):
         if first.end == other.start and not _is_corner(first.end, corners) and _in_one(first, other):
             return dataclasses.replace(first, end=other.end)
@@ -251,12 +251,12 @@ def _joined(first: Side, second: Side, corners: Sequence[Place]) -> Side | None:
 
 
 def _is_corner(place: Place, corners: Sequence[Place]) -> bool:
-    """Whether a place is one of the corners, which may have been computed in another way, to rounding."""
+    """Return whether a place is one of the corners, which may have been computed in another way, to rounding."""
     return any(math.dist(place, corner) <= STRAIGHT * max(map(abs, corner)) for corner in corners)
 
 
 def _in_one(one: Side, two: Side) -> bool:
-    """Whether a side that begins where the other ends goes on along the same line or arc."""
+    """Return whether a side that begins where the other ends goes on along the same line or arc."""
     if one.centre is not None and two.centre is not None:
         apart = np.abs(np.subtract((*one.centre, *one.axes), (*two.centre, *two.axes))).max()
         same = apart < STRAIGHT * max(one.axes)
@@ -322,7 +322,8 @@ class Drawing:
         return int(self.occ.addLine(self.corner(side.start), self.corner(side.end)))
 
     def _arc(self, side: Side) -> int:
-        """A piece of an ellipse as what it is, a rational parabola: the kernel's own ellipses ask for their longer axis."""
+        """Return a piece of an ellipse as what it is, a rational parabola: the kernel's own ellipses ask for their longer
+        axis."""
         middle, weight = side.control
         helper = self._point(middle)
         points = [self.corner(side.start), helper, self.corner(side.end)]
@@ -387,7 +388,7 @@ def build_wedge(device: Revolved) -> None:
 
 
 def _name_surfaces(device: Revolved) -> None:
-    """Give every face on the boundary of the solid one role; faces between panels get none."""
+    """Assign a role to every boundary face of the solid; inner faces get none."""
     import gmsh
 
     roles: dict[str, list[int]] = defaultdict(list)
@@ -399,7 +400,7 @@ def _name_surfaces(device: Revolved) -> None:
 
 
 def _surface_role(device: Revolved, tag: int) -> str:
-    """Role of a face: the cut plane in which it lies, or the side of which it is the turn."""
+    """Return the role of a face: the cut plane in which it lies, or the side of which it is the turn."""
     import gmsh
 
     near = 1e-7 * device.size
@@ -407,7 +408,7 @@ def _surface_role(device: Revolved, tag: int) -> str:
     centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
     for plane, outward in zip(device.cut_planes, (1.0, -1.0), strict=False):
         normal = np.array(plane.normal)
-        # Half a device has both planes in one; the slice's planes are told apart by the side of the axis they lie on.
+        # Half a device has both planes in one; the slice's planes are distinguished by the side of the axis they lie on.
         along = outward * np.cross(device.lift, normal)
         if np.abs(corners @ normal).max() < near and abs(centre @ normal) < near and centre @ along > 0.0:
             return plane.name
@@ -415,7 +416,7 @@ def _surface_role(device: Revolved, tag: int) -> str:
     sides = [side for side in device.sides if side.role != AXIS]
 
     def apart(side: Side) -> float:
-        """How far the face is from being the side turned: both have the same ends."""
+        """Return how far the face is from being the side turned: both have the same ends."""
         distances = np.linalg.norm(ends[:, None] * near - np.array([side.start, side.end]), axis=2)
         return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
 
@@ -423,7 +424,7 @@ def _surface_role(device: Revolved, tag: int) -> str:
 
 
 def _corners(tag: int) -> np.ndarray:
-    """Corner points of a face, shape (n, 3)."""
+    """Return the corner points of a face, shape (n, 3)."""
     import gmsh
 
     found = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
@@ -445,25 +446,25 @@ def _name(dimension: int, tags: list[int], role: str) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Points on the outline of a body of revolution, at the same share of the same edge of another one's.
+# Map points on the outline of a body of revolution to the same relative position on another one's.
 
 
 FARTHEST = 0.05
-"""How far from the outline a point may be in sizes of the device: nodes that a mesher put on chords are a little inside."""
+"""Tolerance of a point on the outline, relative to the size, because nodes on chords are slightly inside."""
 
 
 class CarriedEdge(Protocol):
     """A piece of an outline."""
 
     def places(self, shares: Array) -> Array:
-        """Places (n, 2) at shares (n,) of it."""
+        """Return the places (n, 2) at shares (n,) of it."""
 
     def shares(self, points: Array) -> Array:
-        """Shares (n,) at which places (n, 2) on it are; those of places beyond an end are 0 or 1."""
+        """Return the shares (n,) at which places (n, 2) on it are; those of places beyond an end are 0 or 1."""
 
 
 def carried_along(edges: Sequence[CarriedEdge], others: Sequence[CarriedEdge], points: Array, size: float) -> Array:
-    """Where points on the boundary lie on another body of revolution; see `geometries.Actuator.carried`.
+    """Return where points on the boundary lie on another body of revolution; see `geometries.Actuator.carried`.
 
     Args:
         edges: The outline in (radius, height), in m.
@@ -500,8 +501,8 @@ def _check_near(points: Array, missed: Array, size: float) -> None:
     if len(points) and missed.max() > FARTHEST * size:
         place = ", ".join(f"{1e3 * value:.4g}" for value in points[missed.argmax()])
         raise GeometryError(
-            f"the point ({place}) mm is not on the device's boundary but {shown(float(missed.max()), 'm')} from it; only "
-            "points of the boundary can be carried"
+            f"the point ({place}) mm is {shown(float(missed.max()), 'm')} off the device's boundary; "
+            f"only boundary points can be mapped"
         )
 
 
@@ -512,7 +513,7 @@ MOST_THROUGH = 20
 """Most cells through a wall: no result needs them."""
 
 MOST_CELLS = 2_000_000
-"""Meshes expected to be larger are refused: they are typing mistakes far more often than wishes."""
+"""Maximum expected number of cells; larger meshes are mostly typing errors."""
 
 TETRAHEDRON = 0.12
 """Volume of a regular tetrahedron with edges of length 1."""
@@ -558,7 +559,7 @@ class Revolved(Wedged):
     @property
     @abstractmethod
     def panels(self) -> tuple[Panel, ...]:
-        """The half section, its dimensions known to make one."""
+        """The half section; its dimensions have been checked."""
 
     @property
     @abstractmethod
@@ -567,7 +568,7 @@ class Revolved(Wedged):
 
     @property
     def rows(self) -> int:
-        """How many cells there are through a wall."""
+        """Number of cells through a wall."""
         return round(self.through)
 
     @functools.cached_property
@@ -591,19 +592,20 @@ class Revolved(Wedged):
         return tuple(name for name in parameter_names(self) if parameter(self, name) != 0.0)
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the boundary at the same share of the same edge of the other's outline; see `Actuator.carried`."""
+        """Return the points of the boundary at the same share of the same edge of the other's outline; see
+        `Actuator.carried`."""
         if type(other) is not type(self) or [one.role for one in self.edges] != [one.role for one in other.edges]:
             raise GeometryError(
-                f"points are carried between devices whose outlines have the same edges; this {type(self).__name__} has "
+                f"points can only be mapped between devices whose outlines have the same edges; this {type(self).__name__} has "
                 f"{len(self.edges)} and the other {type(other).__name__} {len(other.edges)}, or others"
             )
         if self.dimension != other.dimension or (self.dimension == 3 and self.angle != other.angle):
-            raise GeometryError("points are carried between devices of the same section and angle")
+            raise GeometryError("points can only be mapped between devices of the same section and angle")
         return carried_along(self.edges, other.edges, points, self.size)
 
     @property
     def anchors(self) -> Mapping[str, Place]:
-        """Where single vertices that hold it are, as (radius, height) in m by role."""
+        """Positions of single supported vertices, as (radius, height) in m by role."""
         return {}
 
     @property
@@ -657,7 +659,7 @@ class Revolved(Wedged):
         if self.dimension == 3:
             if not NARROWEST <= self.angle <= 360.0:
                 raise GeometryError(
-                    f"angle is {shown(self.angle, 'degree')}; it must lie between {NARROWEST:g} and 360 deg"
+                    f"angle is {shown(self.angle, 'degree')}; it must be between {NARROWEST:g} and 360 deg"
                 )
             turns = 360.0 / self.angle
             if abs(turns - round(turns)) > 1e-9 * turns:

@@ -113,13 +113,13 @@ class Channel(NamedTuple):
         return self.cones[-1].end
 
     def radius(self, along: float) -> float:
-        """Radius of the section at a distance along the ray; that of the last cone's end from there on."""
+        """Return the radius of the section at a distance along the ray; that of the last cone's end from there on."""
         cone = next((part for part in self.cones if along < part.end), self.cones[-1])
         return cone.bore + cone.slope * (min(along, self.end) - cone.start)
 
 
 def side(slab: SeminarActuator) -> tuple[Place, Place]:
-    """The straight side at y > 0: its outward unit normal, and where it meets the tip's rounding."""
+    """Return the straight side at y > 0: its outward unit normal, and where it meets the tip's rounding."""
     # The side is the tangent from the base's corner to the circle of the rounding.
     half, middle, radius = 0.5 * slab.base_width, slab.length - slab.tip_radius, slab.tip_radius
     reach = math.hypot(middle, half)
@@ -130,7 +130,7 @@ def side(slab: SeminarActuator) -> tuple[Place, Place]:
 
 
 def outline_area(slab: SeminarActuator) -> float:
-    """Area of half the slab (y > 0) seen from above, in m2."""
+    """Return the area of half the slab (y > 0) seen from above, in m2."""
     normal, (x, y) = side(slab)
     middle = slab.length - slab.tip_radius
     straight = 0.5 * (0.5 * slab.base_width * x + y * middle)  # corners (0, 0), (middle, 0), (x, y), (0, half width)
@@ -138,7 +138,7 @@ def outline_area(slab: SeminarActuator) -> float:
 
 
 def edge_distance(slab: SeminarActuator, x: float, y: float) -> float:
-    """Distance of a point inside from the slab's two sides and tip, the base not counted; negative outside."""
+    """Return the distance of a point inside from the slab's two sides and tip, the base not counted; negative outside."""
     normal, (tx, ty) = side(slab)
     y = abs(y)
     straight = (tx - x) * normal[0] + (ty - y) * normal[1]
@@ -149,17 +149,17 @@ def edge_distance(slab: SeminarActuator, x: float, y: float) -> float:
 
 
 def half_count(slab: SeminarActuator) -> int:
-    """How many channels have y >= 0: as many entries as a list of channels has."""
+    """Return how many channels have y >= 0: as many entries as a list of channels has."""
     return (slab.channels + 1) // 2
 
 
 def spread(slab: SeminarActuator) -> float:
-    """Angle of the manifold's arc in radians, which is that between the outermost channels."""
+    """Return the angle of the manifold's arc in radians, which is that between the outermost channels."""
     return math.radians(2.0 * slab.angles[-1] if slab.angles else slab.spread)
 
 
 def half_angles(slab: SeminarActuator) -> list[float]:
-    """Directions in radians of the channels with y >= 0, from the middle outwards."""
+    """Return the directions in radians of the channels with y >= 0, from the middle outwards."""
     if slab.angles:
         return [math.radians(angle) for angle in slab.angles]
     if slab.channels == 1:
@@ -169,7 +169,7 @@ def half_angles(slab: SeminarActuator) -> list[float]:
 
 
 def own(slab: SeminarActuator, several: str, common: str, number: int) -> tuple[float, str]:
-    """A channel's own value and the name it was given by: an entry of a list, or what is common to all.
+    """Return a channel's own value and the name it was given by: an entry of a list, or what is common to all.
 
     Args:
         slab: The device.
@@ -182,26 +182,28 @@ def own(slab: SeminarActuator, several: str, common: str, number: int) -> tuple[
 
 
 def half_fan(slab: SeminarActuator) -> list[Channel | None]:
-    """The channels with y >= 0, from the middle outwards; None in place of one for which there is no room."""
+    """Return the channels with y >= 0, from the middle outwards; None instead of one for which there is no room."""
     return [_channel(slab, number, angle) for number, angle in enumerate(half_angles(slab), 1)]
 
 
 def fan(slab: SeminarActuator) -> list[Channel | None]:
-    """All channels from the one at the smallest y to that at the largest; None in place of one without room."""
+    """Return all channels from the one at the smallest y to that at the largest; None instead of one without room."""
     half = half_fan(slab)
     mirrored = [line and line._replace(angle=-line.angle) for line in half[slab.channels % 2 :]]
     return [*reversed(mirrored), *half]
 
 
 def pairs(lines: list[Channel]) -> list[tuple[int, int, Channel, Channel, float]]:
-    """Neighbouring channels with their numbers and the angle between them; the first of an even number with its image."""
+    """Return the neighbouring channels with their numbers and the angle between them; the first of an even number with its
+    image."""
     middle = [(1, 1, lines[0], lines[0], 2.0 * lines[0].angle)] if lines[0].angle > 0.0 else []
     couples = enumerate(itertools.pairwise(lines), 1)
     return middle + [(k, k + 1, one, other, other.angle - one.angle) for k, (one, other) in couples]
 
 
 def _channel(slab: SeminarActuator, number: int, angle: float) -> Channel | None:
-    """The channel along a direction: as long as its list says, or as the sides leave room; None if there is none."""
+    """Return the channel along a direction, None if there is none: with the length from its list, or else the largest that the
+    sides allow."""
     bore, end_bore = own(slab, "bores", "channel_bore", number)[0], own(slab, "end_bores", "end_bore", number)[0]
     start = slab.manifold_radius
     if slab.reaches:
@@ -224,7 +226,7 @@ def _channel(slab: SeminarActuator, number: int, angle: float) -> Channel | None
 
 
 def _farthest(slab: SeminarActuator, angle: float, need: float) -> float:
-    """Distance along a ray at which the sides are as near as ``need``; 0 if they are nearer at the manifold."""
+    """Return the distance along a ray at which the sides are as near as ``need``; 0 if they are nearer at the manifold."""
     c, s = math.cos(angle), math.sin(angle)
     low, high = slab.manifold_radius, slab.length
     if edge_distance(slab, low * c, low * s) <= need:
@@ -236,7 +238,7 @@ def _farthest(slab: SeminarActuator, angle: float, need: float) -> float:
 
 
 def _centre(reach: float, start: float, end_bore: float, growth: float) -> float:
-    """Distance of the centre of a cap that ends at ``reach``; 0 if there is no room for one.
+    """Return the distance of the centre of a cap that ends at ``reach``; 0 if there is no room for one.
 
     Args:
         reach: Distance at which the cap ends.
@@ -318,7 +320,7 @@ def size_function(slab: SeminarActuator) -> Callable[[float, float, float], floa
 
 
 def expected_cells(slab: SeminarActuator) -> float:
-    """Return a rough number of cells (within a factor of about two), from the sizes alone."""
+    """Estimate the number of cells (within a factor of about two) from the sizes."""
     share = 0.5 if slab.part == "half" else 1.0
     total = 0.5 * slab.base_width * slab.length * slab.thickness / slab.cell_size**3
     lines = [(slab.manifold_radius * spread(slab), slab.manifold_bore)]
@@ -340,7 +342,7 @@ def expected_cells(slab: SeminarActuator) -> float:
 
 
 MOST_CELLS = 3_000_000
-"""Meshes expected to be larger are refused: they are typing mistakes far more often than wishes."""
+"""Maximum expected number of cells; larger meshes are mostly typing errors."""
 
 WIDEST, NARROWEST = 160.0, 10.0
 """Largest and smallest spread in degrees; beyond 160 the outermost channels run along the clamp."""
@@ -380,26 +382,26 @@ def _degrees(value: float) -> str:
 
 
 def _fan(slab: SeminarActuator) -> str:
-    """How wide the fan is, by the name it was given."""
+    """Return how wide the fan is, by the name it was given."""
     several = f"angles[{half_count(slab)}] {_degrees(slab.angles[-1])}" if slab.angles else ""
     return several or f"spread {_degrees(slab.spread)}"
 
 
 def _check_wall(slab: SeminarActuator, left: float, given: str, face: str) -> None:
-    """Refuse less solid than the least wall between the network and a face; ``given`` begins the sentence."""
+    """Reject less solid than the least wall between the network and a face; ``given`` begins the sentence."""
     if left < slab.least_wall * (1 - 1e-9):
         raise GeometryError(
             f"{given} "
             + (f"breaks through {face}" if left <= 0.0 else f"leaves {_mm(left)} to {face}")
-            + f", and least_wall asks for {_mm(slab.least_wall)}"
+            + f", but least_wall requires {_mm(slab.least_wall)}"
         )
 
 
 def _check_slab(slab: SeminarActuator) -> None:
     if max(slab.length, slab.base_width) > 0.1 * LONGEST:
         raise GeometryError(
-            f"length is {_mm(slab.length)} and base_width {_mm(slab.base_width)}; above {0.1 * LONGEST:g} m this looks "
-            "like a mistaken unit"
+            f"length is {_mm(slab.length)} and base_width {_mm(slab.base_width)}; above {0.1 * LONGEST:g} m this suggests "
+            "a wrong unit"
         )
     if slab.thickness > 0.5 * min(slab.length, slab.base_width):
         raise GeometryError(
@@ -410,7 +412,7 @@ def _check_slab(slab: SeminarActuator) -> None:
     if slab.tip_radius > limit:
         raise GeometryError(f"tip_radius is {_mm(slab.tip_radius)}; this slab takes at most {_mm(limit)}")
     if slab.tip == "held" and slab.tip_radius == 0.0:
-        raise GeometryError("tip is 'held' and tip_radius 0; the rounding is what is held, so it needs a radius")
+        raise GeometryError("tip is 'held' and tip_radius 0; the rounding is the support, so it needs a radius")
 
 
 def _check_lists(slab: SeminarActuator) -> None:
@@ -440,11 +442,11 @@ def _check_lists(slab: SeminarActuator) -> None:
     if not NARROWEST * (1 - 1e-9) <= arc <= WIDEST * (1 + 1e-9):
         given = f"angles[{count}] is {_degrees(0.5 * arc)}" if slab.angles else f"spread is {_degrees(arc)}"
         low, high = (0.5 * NARROWEST, 0.5 * WIDEST) if slab.angles else (NARROWEST, WIDEST)
-        raise GeometryError(f"{given}; it must lie between {low:g} and {high:g} deg")
+        raise GeometryError(f"{given}; it must be between {low:g} and {high:g} deg")
 
 
 def _bores(slab: SeminarActuator) -> list[tuple[float, str]]:
-    """Every radius of the channels that was given, and the name it was given by."""
+    """Return every radius of the channels that was given, and the name it was given by."""
     pairs = (("bores", "channel_bore"), ("end_bores", "end_bore"))
     found = {
         name: bore
@@ -469,7 +471,7 @@ def _check_manifold(slab: SeminarActuator) -> None:
         mouth, name = own(slab, "bores", "channel_bore", number)
         if mouth > LARGEST_BORE_RATIO * bore:
             raise GeometryError(
-                f"{name} is {_mm(mouth)}; it must not pass {LARGEST_BORE_RATIO:g} times manifold_bore, {_mm(bore)}"
+                f"{name} is {_mm(mouth)}; it must be at most {LARGEST_BORE_RATIO:g} times manifold_bore, {_mm(bore)}"
             )
     if radius < 2.0 * bore:
         raise GeometryError(
@@ -481,7 +483,7 @@ def _check_manifold(slab: SeminarActuator) -> None:
 
 
 def _check_channel(slab: SeminarActuator, number: int, found: Channel | None) -> Channel:
-    """The channel, unless it is so short that nothing of it is left outside the manifold."""
+    """Return the channel, unless it is so short that nothing of it is left outside the manifold."""
     end_bore, name = own(slab, "end_bores", "end_bore", number)
     if found is None or found.end - found.start < slab.manifold_bore + end_bore:
         far = f"reaches[{number}] {_mm(slab.reaches[number - 1])}" if slab.reaches else f"edge {_mm(slab.edge)}"
@@ -495,7 +497,7 @@ def _check_channel(slab: SeminarActuator, number: int, found: Channel | None) ->
 def _check_sides(slab: SeminarActuator, found: list[Channel]) -> None:
     """Solid between the network and the slab's sides, along every centre line."""
     if slab.edge < slab.least_wall:
-        raise GeometryError(f"edge is {_mm(slab.edge)}; least_wall asks for {_mm(slab.least_wall)}")
+        raise GeometryError(f"edge is {_mm(slab.edge)}; least_wall requires {_mm(slab.least_wall)}")
     arc = [0.5 * spread(slab) * k / SAMPLES for k in range(SAMPLES + 1)]
     bore = slab.manifold_bore
     given = f"manifold_bore is {_mm(bore)}; with manifold_radius {_mm(slab.manifold_radius)} and {_fan(slab)} it"
@@ -533,7 +535,7 @@ def _check_neighbours(slab: SeminarActuator, found: list[Channel]) -> None:
                     f"channels is {slab.channels}; with {_fan(slab)}, manifold_radius {_mm(slab.manifold_radius)} and "
                     f"{name} {_mm(mouth)} neighbours (channels {first} and {second}) "
                     + ("break into each other" if left <= 0.0 else f"are {_mm(left)} apart")
-                    + f", and least_wall asks for {_mm(slab.least_wall)}"
+                    + f", but least_wall requires {_mm(slab.least_wall)}"
                 )
 
 
@@ -555,9 +557,9 @@ def _check_fillet(slab: SeminarActuator, found: list[Channel]) -> None:
 
 def _check_cells(slab: SeminarActuator) -> None:
     if not 3.0 <= slab.around <= 64.0:
-        raise GeometryError(f"around is {slab.around:g}; it must lie between 3 and 64 cells around a channel")
+        raise GeometryError(f"around is {slab.around:g}; it must be between 3 and 64 cells around a channel")
     if slab.cell_size > slab.thickness:
-        raise GeometryError(f"cell_size is {_mm(slab.cell_size)}; it must not pass thickness, {_mm(slab.thickness)}")
+        raise GeometryError(f"cell_size is {_mm(slab.cell_size)}; it must be at most thickness, {_mm(slab.thickness)}")
     check_cell_count(slab.cell_size, expected_cells(slab), MOST_CELLS, f" with around {slab.around:g}")
 
 
@@ -578,7 +580,7 @@ PLACES = {
 
 
 def clearances(slab: SeminarActuator) -> dict[str, float]:
-    """Dimensions in m that have a least value; see `geometries.Actuator.clearances`.
+    """Return the dimensions in m that have a least value; see `geometries.Actuator.clearances`.
 
     Where all are least_wall or more, the slab can be made.
     """
@@ -592,7 +594,7 @@ def clearances(slab: SeminarActuator) -> dict[str, float]:
 
 
 def _sections(slab: SeminarActuator, count: int) -> dict[str, float]:
-    """Widths of the manifold and the channels, and the solid above and below them."""
+    """Return the widths of the manifold and the channels, and the solid above and below them."""
     bores = {"the manifold": slab.manifold_bore}
     for place, (several, common) in PLACES.items():
         if getattr(slab, several):
@@ -609,7 +611,7 @@ def _sections(slab: SeminarActuator, count: int) -> dict[str, float]:
 
 
 def _sides(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
-    """Solid between the network and the slab's base, sides and tip."""
+    """Return the solid between the network and the slab's base, sides and tip."""
     radius, bore, half = slab.manifold_radius, slab.manifold_bore, 0.5 * spread(slab)
     normal, _ = side(slab)
     nearest = min(math.atan2(normal[1], normal[0]), half)  # there the arc's distance is flat, so this is smooth
@@ -641,7 +643,7 @@ def _to_side(slab: SeminarActuator, line: Channel, along: float, radius: float) 
 
 
 def _neighbours(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
-    """Solid between neighbouring channels, at the manifold and wherever a cone of either ends."""
+    """Return the solid between neighbouring channels, at the manifold and wherever a cone of either ends."""
     found = {}
     for first, second, one, other, pitch in pairs(lines):
         places = {"at the manifold": (slab.manifold_radius + slab.manifold_bore, 0)}
@@ -659,7 +661,7 @@ def _neighbours(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]
 
 
 def _rooms(slab: SeminarActuator, lines: list[Channel]) -> dict[str, float]:
-    """What the shape needs beyond walls: 0 is enough."""
+    """Return what the shape needs beyond walls: 0 is enough."""
     radius, bore, fillet = slab.manifold_radius, slab.manifold_bore, slab.fillet
     half, shorter = 0.5 * spread(slab), {"length": slab.length, "width": slab.base_width}
     found = {f"room for the thickness in the {name}": 0.5 * size - slab.thickness for name, size in shorter.items()}
@@ -715,7 +717,7 @@ def build_slab(slab: SeminarActuator) -> None:
 
 @functools.lru_cache(maxsize=64)
 def measured_volume(slab: SeminarActuator) -> float:
-    """Volume in m3 of half the slab without its channels, by the CAD kernel."""
+    """Return the volume in m3 of half the slab without its channels, by the CAD kernel."""
     import gmsh
 
     from geometries.meshing import private_model
@@ -739,13 +741,13 @@ def build_both_halves(slab: SeminarActuator) -> None:
     solids, _ = occ.cut([_whole_prism(slab)], air)
     if [dimension for dimension, _ in solids] != [3]:
         raise MeshingError(
-            f"the CAD kernel made {len(solids)} solids of one slab; change manifold_bore or channel_bore a little"
+            f"the CAD kernel made {len(solids)} solids of one slab; change manifold_bore or channel_bore slightly"
         )
     occ.synchronize()
 
 
 def _whole_prism(slab: SeminarActuator) -> Entity:
-    """The whole slab without channels."""
+    """Return the whole slab without channels."""
     import gmsh
 
     occ = gmsh.model.occ
@@ -780,13 +782,13 @@ def half_slab(slab: SeminarActuator) -> list[Entity]:
     solids, _ = occ.cut([_prism(slab)], _network(slab))
     if [dimension for dimension, _ in solids] != [3]:
         raise MeshingError(
-            f"the CAD kernel made {len(solids)} solids of one slab; change manifold_bore or channel_bore a little"
+            f"the CAD kernel made {len(solids)} solids of one slab; change manifold_bore or channel_bore slightly"
         )
     return solids
 
 
 def _prism(slab: SeminarActuator) -> Entity:
-    """Half the slab without channels."""
+    """Return half the slab without channels."""
     import gmsh
 
     occ = gmsh.model.occ
@@ -809,7 +811,7 @@ def _prism(slab: SeminarActuator) -> Entity:
 
 
 def _network(slab: SeminarActuator) -> list[Entity]:
-    """The air of all channels that reach into the half at y > 0, in one piece, its creases rounded."""
+    """Return the air of all channels that reach into the half at y > 0, in one piece, its creases rounded."""
     lines = [line for line in half_fan(slab) if line is not None]
     # Across the mirror plane, past the middle channel and its rounding, so that the cut there is clean.
     begin = -2.0 * (lines[0].bore + 2.0 * slab.fillet) / slab.manifold_radius
@@ -817,7 +819,7 @@ def _network(slab: SeminarActuator) -> list[Entity]:
 
 
 def _rounded(slab: SeminarActuator, parts: list[Entity]) -> list[Entity]:
-    """Manifold and channels in one piece, its creases rounded."""
+    """Return the manifold and channels in one piece, its creases rounded."""
     import gmsh
 
     occ = gmsh.model.occ
@@ -830,13 +832,13 @@ def _rounded(slab: SeminarActuator, parts: list[Entity]) -> list[Entity]:
         return list(occ.fillet([tag for _, tag in air], edges, [MM * slab.fillet]))
     except Exception:  # bare
         raise MeshingError(
-            f"the CAD kernel could not round {len(edges)} creases with fillet {MM * slab.fillet:g} mm; "
-            "take a smaller one, or --fillet 0mm for sharp creases"
+            f"the CAD kernel could not round {len(edges)} creases with fillet {MM * slab.fillet:g} "
+            f"mm; use a smaller one, or --fillet 0mm for sharp creases"
         ) from None
 
 
 def _creases(slab: SeminarActuator, air: list[Entity]) -> list[int]:
-    """Curves on the manifold where two curved walls of the air meet at an angle."""
+    """Return the curves on the manifold where two curved walls of the air meet at an angle."""
     import gmsh
 
     model = gmsh.model
@@ -862,7 +864,7 @@ def _creases(slab: SeminarActuator, air: list[Entity]) -> list[int]:
 
 
 def _manifold(slab: SeminarActuator, begin: float) -> list[Entity]:
-    """The arc from an angle (rad) to its end at y > 0, and the round cap there."""
+    """Return the arc from an angle (rad) to its end at y > 0, and the round cap there."""
     import gmsh
 
     occ = gmsh.model.occ
@@ -876,7 +878,7 @@ def _manifold(slab: SeminarActuator, begin: float) -> list[Entity]:
 
 
 def _cap(slab: SeminarActuator, angle: float) -> Entity:
-    """The round cap where the manifold ends at an angle in radians."""
+    """Return the round cap where the manifold ends at an angle in radians."""
     import gmsh
 
     radius = MM * slab.manifold_radius
@@ -885,7 +887,7 @@ def _cap(slab: SeminarActuator, angle: float) -> Entity:
 
 
 def _air(slab: SeminarActuator, line: Channel) -> Entity:
-    """A channel: its half profile turned around its ray."""
+    """Return a channel: its half profile turned around its ray."""
     import gmsh
 
     occ = gmsh.model.occ
@@ -1015,7 +1017,7 @@ def arc_map(
 
 
 def _gaps(angles: Array) -> Array:
-    """Half the angle to the knots before and after each, shape (2, n)."""
+    """Return half the angle to the knots before and after each, shape (2, n)."""
     half = 0.5 * np.diff(angles)
     return np.array([np.append(np.inf, half), np.append(half, np.inf)])
 
@@ -1023,7 +1025,8 @@ def _gaps(angles: Array) -> Array:
 def _knots(
     slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[Channel, Channel]]
 ) -> list[tuple[float, float, float, float]]:
-    """Channels, and the arc's ends where there are none: angle, half the mouth's, its stretch, and angle on the other."""
+    """Return the channels, and the arc's ends where there are none: angle, half the mouth's, its stretch, and angle on the
+    other."""
     half = []
     for line, its_line in lines:
         wide, its_wide = (
@@ -1059,12 +1062,12 @@ SEARCH, FLATTEST = 40, 0.1
 
 
 def dot(one: Array, other: Array) -> Array:
-    """Products of rows, shape (n,)."""
+    """Return the products of rows, shape (n,)."""
     return np.asarray((one * other).sum(axis=1))
 
 
 def unit(vectors: Array) -> tuple[Array, Array]:
-    """Rows of length 1, shape (n, 3), and the lengths, shape (n,); the first axis where the length is 0."""
+    """Return the rows of length 1, shape (n, 3), and the lengths, shape (n,); the first axis where the length is 0."""
     lengths = np.sqrt(dot(vectors, vectors))
     if lengths.all():
         return vectors / lengths[:, None], lengths
@@ -1075,7 +1078,7 @@ def unit(vectors: Array) -> tuple[Array, Array]:
 
 
 def tube_level(slab: SeminarActuator, points: Array) -> tuple[Array, Array]:
-    """Level of the manifold's wall with its round ends, shape (n,), and its gradient, shape (n, 3)."""
+    """Return the level of the manifold's wall with its round ends, shape (n,), and its gradient, shape (n, 3)."""
     half = 0.5 * spread(slab)
     turn = np.clip(np.arctan2(points[:, 1], points[:, 0]), -half, half)
     foot = np.column_stack(
@@ -1104,17 +1107,18 @@ class Junction:
         return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
     def local(self, points: Array) -> tuple[Array, Array, Array]:
-        """Distance along the ray and from it, shape (n,), and the unit direction from it across and up, shape (n, 2)."""
+        """Return the distance along the ray and from it, shape (n,), and the unit direction from it across and up, shape (n,
+        2)."""
         turned = (points - [0.0, 0.0, self.slab.offset]) @ self.axes.T
         direction, radius = unit(turned[:, 1:])
         return turned[:, 0], radius, direction
 
     def place(self, along: Array, radius: Array, direction: Array) -> Array:
-        """Inverse of `local`."""
+        """Return the inverse of `local`."""
         return np.column_stack([along, radius[:, None] * direction]) @ self.axes + [0.0, 0.0, self.slab.offset]
 
     def cone_level(self, points: Array) -> tuple[Array, Array]:
-        """Level of the first cone, prolonged at both ends, shape (n,), and its gradient, shape (n, 3)."""
+        """Return the level of the first cone, prolonged at both ends, shape (n,), and its gradient, shape (n, 3)."""
         cone = self.line.cones[0]
         along, radius, direction = self.local(points)
         cosine = 1.0 / math.hypot(1.0, cone.slope)
@@ -1123,7 +1127,7 @@ class Junction:
         return level, normal
 
     def rim(self, direction: Array, start: Array | None = None) -> tuple[Array, Array]:
-        """Centres of the ball that rolls along both walls.
+        """Return the centres of the ball that rolls along both walls.
 
         Args:
             direction: From the ray, across and up, shape (n, 2).
@@ -1146,7 +1150,7 @@ class Junction:
         return self.place(along, cone.bore + cone.slope * (along - cone.start) + out, direction), along
 
     def _guess(self, direction: Array) -> Array:
-        """Where along the ray the centres lie if the channel were a cylinder."""
+        """Return where along the ray the centres lie if the channel were a cylinder."""
         slab, line = self.slab, self.line
         across, up = (line.bore + slab.fillet) * direction.T
         out = slab.manifold_bore + slab.fillet
@@ -1156,7 +1160,7 @@ class Junction:
         return np.where(beyond, ball, np.sqrt(ring**2 - across**2))
 
     def _lever(self, points: Array, turn: Array, start: Array) -> tuple[Array, Array, Array]:
-        """How the distance to the rim falls with its polar angle.
+        """Return how the distance to the rim falls with its polar angle.
 
         Args:
             points: Places, shape (n, 3).
@@ -1179,7 +1183,7 @@ class Junction:
         return dot(points - centre, tangent), dot(tangent, tangent), along
 
     def nearest(self, points: Array) -> Array:
-        """Centres on the rim closest to points near the rounding, shape (n, 3).
+        """Return the centres on the rim closest to points near the rounding, shape (n, 3).
 
         Newton's method on the squared distance, with a least curvature and a largest step: about where the rim's centres of
         curvature lie several of its centres are equally near.
@@ -1202,7 +1206,7 @@ class Junction:
         return self.rim(direction, along)[0]
 
     def level(self, points: Array) -> tuple[Array, Array]:
-        """Level of the wall with its rounding, shape (n,), and its gradient, shape (n, 3)."""
+        """Return the level of the wall with its rounding, shape (n,), and its gradient, shape (n, 3)."""
         first, one = tube_level(self.slab, points)
         second, other = self.cone_level(points)
         along, _, direction = self.local(points)
@@ -1227,13 +1231,13 @@ class Junction:
         return level, normal
 
     def frame(self, centre: Array) -> Array:
-        """Outward from the solid at both walls' gradients and along the rim: columns, shape (n, 3, 3)."""
+        """Return the outward from the solid at both walls' gradients and along the rim: columns, shape (n, 3, 3)."""
         _, one = tube_level(self.slab, centre)
         _, other = self.cone_level(centre)
         return np.stack([-one, -other, unit(np.cross(one, other))[0]], axis=2)
 
     def shares(self, centre: Array, vectors: Array) -> Array:
-        """Components of vectors in the `frame` at places on the rim, shape (n, 3)."""
+        """Return the components of vectors in the `frame` at places on the rim, shape (n, 3)."""
         return np.linalg.solve(self.frame(centre), vectors[:, :, None])[:, :, 0]
 
 
@@ -1276,7 +1280,7 @@ def _pairs(slab: SeminarActuator, other: SeminarActuator) -> list[_Pair]:
     lines, its_lines = half_fan(slab), half_fan(other)
     found: list[_Pair] = []
     for number, (line, its_line) in enumerate(zip(lines, its_lines, strict=True)):
-        assert line is not None and its_line is not None  # the constructor has refused it
+        assert line is not None and its_line is not None  # checked by the constructor
         gaps = [
             0.5 * (slab.manifold_radius * abs(line.angle - next_angle) - line.bore - bore)
             for next_angle, bore in _adjacent_walls(lines, number)
@@ -1290,14 +1294,14 @@ def _pairs(slab: SeminarActuator, other: SeminarActuator) -> list[_Pair]:
 
 
 def _adjacent_walls(lines: list[Channel | None], number: int) -> list[tuple[float, float]]:
-    """Angles and bores of the channels beside one, the image of the first included."""
+    """Return the angles and bores of the channels beside one, the image of the first included."""
     known = [line for line in lines if line is not None]
     beside = [(line.angle, line.bore) for line in (known[number - 1 : number] + known[number + 1 : number + 2])]
     return [*beside, (-known[0].angle, known[0].bore)] if number == 0 and known[0].angle > 0.0 else beside
 
 
 def carry_network(slab: SeminarActuator, other: SeminarActuator, points: Array) -> tuple[Array, Array]:
-    """Distance of points from the air, shape (n,), and where the network's motion takes them, shape (n, 3)."""
+    """Return the distance of points from the air, shape (n,), and where the network's motion takes them, shape (n, 3)."""
     pairs = _pairs(slab, other)
     first, _ = tube_level(slab, points)
     tube = _tube_map(slab, other, [(pair.one.line, pair.two.line) for pair in pairs])(points)
@@ -1312,7 +1316,7 @@ def carry_network(slab: SeminarActuator, other: SeminarActuator, points: Array) 
 
 
 def _beside(pair: _Pair, points: Array, tube: Array, first: Array, second: Array) -> tuple[Array, Array]:
-    """Where points nearest to one channel go, and their distance from the air.
+    """Return where points nearest to one channel go, and their distance from the air.
 
     Args:
         pair: The channel.
@@ -1354,7 +1358,7 @@ def _beside(pair: _Pair, points: Array, tube: Array, first: Array, second: Array
 
 
 def _onto_rounding(pair: _Pair, points: Array, target: Array) -> Array:
-    """Points moved along the gradient until the rounded wall's level is what it was."""
+    """Return the points moved along the gradient until the rounded wall's level is what it was."""
     for _ in range(3):  # levels are distances: one step does nearly all
         level, normal = pair.two.level(points)
         gap = level - target
@@ -1365,7 +1369,7 @@ def _onto_rounding(pair: _Pair, points: Array, target: Array) -> Array:
 
 
 def _onto_wall(pair: _Pair, points: Array, first: Array, second: Array) -> Array:
-    """Points moved until the level of the nearer of two walls that meet in a sharp crease is what it was."""
+    """Return the points moved until the level of the nearer of two walls that meet in a sharp crease is what it was."""
     nearer = first < second
     for _ in range(4):
         (one, normal), (two, its_normal) = tube_level(pair.two.slab, points), pair.two.cone_level(points)
@@ -1375,7 +1379,7 @@ def _onto_wall(pair: _Pair, points: Array, first: Array, second: Array) -> Array
 
 
 def _crease_map(pair: _Pair, points: Array) -> Array:
-    """Motion with the crease: components in the frame that rolls along both walls stay, in radii of the rounding."""
+    """Return the motion with the crease: components in the frame that rolls along both walls stay, in radii of the rounding."""
     _, _, direction = pair.one.local(points)
     centre, its_centre = pair.one.rim(direction)[0], pair.two.rim(direction)[0]
     size = pair.two.slab.fillet / pair.one.slab.fillet if pair.one.slab.fillet else 1.0
@@ -1384,7 +1388,7 @@ def _crease_map(pair: _Pair, points: Array) -> Array:
 
 
 def _channel_level(junction: Junction, points: Array) -> Array:
-    """Level of a whole channel, a ball of its bore at the beginning and its cap included."""
+    """Return the level of a whole channel, a ball of its bore at the beginning and its cap included."""
     line = junction.line
     along, radius, _ = junction.local(points)
     level = np.hypot(along - line.start, radius) - line.bore
@@ -1395,7 +1399,7 @@ def _channel_level(junction: Junction, points: Array) -> Array:
 
 
 def _stretched(along: Array, length: Array, its_length: Array, *, rigid: bool) -> Array:
-    """Places along a length on another length, which rise; with slope 1 at the beginning if that is rigid.
+    """Return the places along a length on another length, which rise; with slope 1 at the beginning if that is rigid.
 
     A rational function of second degree (Gregory and Delbourgo, IMA J. Numer. Anal. 2, 1982, doi:10.1093/imanum/2.2.123).
     """
@@ -1408,7 +1412,7 @@ def _stretched(along: Array, length: Array, its_length: Array, *, rigid: bool) -
 
 
 def _channel_map(pair: _Pair, points: Array) -> Array:
-    """A channel onto the other's: shares of each cone's length from the crease on, angles and heights over the wall."""
+    """Return a channel onto the other's: shares of each cone's length from the crease on, angles and heights over the wall."""
     line, its_line = pair.one.line, pair.two.line
     along, radius, direction = pair.one.local(points)
     begin, its_begin = pair.one.rim(direction)[1], pair.two.rim(direction)[1]
@@ -1432,7 +1436,7 @@ def _channel_map(pair: _Pair, points: Array) -> Array:
 def _tube_map(
     slab: SeminarActuator, other: SeminarActuator, lines: list[tuple[Channel, Channel]]
 ) -> Callable[[Array], Array]:
-    """The manifold onto the other's: by angle along the arc, angle around it and height over its wall."""
+    """Return the manifold onto the other's: by angle along the arc, angle around it and height over its wall."""
     turn_map = arc_map(slab, other, lines)
     half, its_half = 0.5 * spread(slab), 0.5 * spread(other)
 
@@ -1465,7 +1469,7 @@ NEARLY = 0.95
 
 
 def movable(slab: SeminarActuator) -> tuple[str, ...]:
-    """Names of the parameters that `carried` follows; see `Actuator.movable`."""
+    """Return the names of the parameters that `carried` follows; see `Actuator.movable`."""
     from geometries.actuator import parameter_names
 
     # A corner has no rounding's faces, and a slab symmetric about z = 0 stays so.
@@ -1476,7 +1480,7 @@ def movable(slab: SeminarActuator) -> tuple[str, ...]:
 
 
 def carried(slab: SeminarActuator, other: SeminarActuator, points: Array) -> Array:
-    """Where points on the boundary of a slab lie on another; see `Actuator.carried`."""
+    """Return where points on the boundary of a slab lie on another; see `Actuator.carried`."""
     _check_alike(slab, other)
     points = np.asarray(points, dtype=float)
     if other == slab:
@@ -1495,7 +1499,7 @@ def carried(slab: SeminarActuator, other: SeminarActuator, points: Array) -> Arr
 
 
 def _check_alike(slab: SeminarActuator, other: SeminarActuator) -> None:
-    """Refuse another kind of device, other choices, and a list, a rounding or a level that only one of them has."""
+    """Reject another kind of device, other choices, and a list, a rounding or a level that only one of them has."""
     if type(other) is not type(slab):
         raise GeometryError(f"the mesh of a {type(slab).__name__} cannot follow a {type(other).__name__}")
     for name in ("channels", "part", "tip", "order"):
@@ -1509,7 +1513,7 @@ def _check_alike(slab: SeminarActuator, other: SeminarActuator) -> None:
 
 
 def _lengths(slab: SeminarActuator, other: SeminarActuator) -> Callable[[Array], Array]:
-    """A smooth, rising function from places along one slab's straight sides to those along the other's.
+    """Return a smooth, rising function from places along one slab's straight sides to those along the other's.
 
     The faces move along with the network below them: with the manifold and with the end of the channel that reaches farthest.
     """
@@ -1529,7 +1533,7 @@ def _lengths(slab: SeminarActuator, other: SeminarActuator) -> Callable[[Array],
 
 
 def _prism_outline(slab: SeminarActuator, other: SeminarActuator, points: Array) -> Array:
-    """The slab without channels onto the other's."""
+    """Return the slab without channels onto the other's."""
     x, y, z = points.T
     (_, (corner, edge)), (_, (its_corner, its_edge)) = side(slab), side(other)
     wide, its_wide = 0.5 * slab.base_width, 0.5 * other.base_width
@@ -1552,7 +1556,7 @@ def _prism_outline(slab: SeminarActuator, other: SeminarActuator, points: Array)
 
 
 def _to_faces(slab: SeminarActuator, points: Array) -> Array:
-    """A smooth distance from all outer faces: 0 on each, below the least of the distances inside."""
+    """Return a smooth distance from all outer faces: 0 on each, below the least of the distances inside."""
     x, y, z = points.T
     normal, (corner, edge) = side(slab)
     middle = slab.length - slab.tip_radius
@@ -1603,13 +1607,13 @@ class SeminarActuator(MirroredHalf, HeldTip):
     )
     end_bores: tuple[float, ...] = lengths_field("each channel's own end_bore, from the middle outwards")
     angles: tuple[float, ...] = angles_field(
-        "each channel's direction from the middle, rising; 0 deg first for an odd number; in place of spread"
+        "each channel's direction from the middle, rising; 0 deg first for an odd number; instead of spread"
     )
     reaches: tuple[float, ...] = lengths_field(
-        "how far from the middle of the base each channel ends, from the middle outwards; in place of edge"
+        "how far from the middle of the base each channel ends, from the middle outwards; instead of edge"
     )
     least_wall: float = length_field(
-        0.0005, "thinnest solid allowed between channels and faces, and between channels", shape=False
+        0.0005, "minimum solid between channels and faces, and between channels", shape=False
     )
     cell_size: float = length_field(0.005, "edge length of the cells far from the channels", shape=False)
     around: float = number_field(10.0, "cells around a channel's section", shape=False)
@@ -1680,7 +1684,7 @@ class SeminarActuator(MirroredHalf, HeldTip):
     }  # fmt: skip
 
     def device_figures(self, places: Mapping[str, Vector]) -> dict[str, float]:
-        """How the slab is bent, from where its tip is; see `Actuator.device_figures`.
+        """Return how the slab is bent, from where its tip is; see `Actuator.device_figures`.
 
         The tip is the middle of its edge. ``lift_angle_deg`` is the angle of the line from the base's middle to it,
         ``curvature_per_m`` (1/m) that of the circle through it which leaves the base along x.
@@ -1709,7 +1713,7 @@ class SeminarActuator(MirroredHalf, HeldTip):
         return movable(self)
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where points on the boundary lie on another slab, to rounding on all of it; see `Actuator.carried`.
+        """Return where points on the boundary lie on another slab, to rounding on all of it; see `Actuator.carried`.
 
         Roundings of the network's creases are followed too, and the two slabs may give their channels by lists or in common.
         """
@@ -1722,7 +1726,7 @@ class SeminarActuator(MirroredHalf, HeldTip):
         return clearances(self)
 
     def on_profile(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which points lie on the top face's line in the mirror plane, from the base to the tip."""
+        """Report which points lie on the top face's line in the mirror plane, from the base to the tip."""
         points = np.asarray(points, dtype=float)
         near = 1e-9 * self.length
         return (np.abs(points[:, 2] - 0.5 * self.thickness) < near) & (np.abs(points[:, 1]) < near)

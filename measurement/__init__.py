@@ -1,4 +1,4 @@
-"""From photographs of a shadow to outlines in metres.
+"""Measure outlines in metres from photographs of a shadow.
 
     import measurement
 

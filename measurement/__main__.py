@@ -1,4 +1,4 @@
-"""``python -m measurement``: from photographs of a shadow to outlines in metres, on the command line."""
+"""``python -m measurement``: measure outlines in metres from photographs of a shadow."""
 
 from __future__ import annotations
 

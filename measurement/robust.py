@@ -14,12 +14,12 @@ FAR = 2.0
 
 
 def deviation(rest: Array) -> float:
-    """Standard deviation of normally distributed values about zero, from the median of their sizes."""
+    """Return the standard deviation of normally distributed values about zero, from the median of their sizes."""
     return float(deviations(rest, None))
 
 
 def deviations(rest: npt.NDArray[np.floating], axis: int | tuple[int, ...] | None) -> Array:
-    """The same along some axes of an array."""
+    """Return the same along some axes of an array."""
     return np.asarray(1.4826 * np.median(np.abs(rest), axis=axis))
 
 
@@ -41,7 +41,7 @@ class RobustFit:
 
 
 def robust_fit(terms: Array, values: Array, rounds: int) -> RobustFit:
-    """Least squares of values (n,) by terms (n, m), reweighted so many times."""
+    """Return the least squares of values (n,) by terms (n, m), reweighted so many times."""
     weight = np.ones(len(values))
     for _ in range(rounds):
         coefficients = np.linalg.lstsq(terms * weight[:, None], values * weight, rcond=None)[0]

@@ -1,4 +1,4 @@
-"""Simulation of pneumatic soft actuators on FEniCSx: from a case to a load path that ends in results, not in divergence.
+"""Simulation of pneumatic soft actuators with FEniCSx: load paths through limit points and bifurcations.
 
     import softmodels as sm
 
@@ -6,8 +6,9 @@
     run = sm.inflate(disk, sm.Yeoh(14e3, 60.0), pressures="0:177 cm")
     run.pressure, run.apex, run.limit
 
-Every name is loaded when it is first used. Numbers are in SI units, inwards and outwards; texts carry a unit. Nothing is
-printed, no signal handler is set, no process exits: errors are exceptions, with the sentence that the command line prints.
+Every name is loaded when it is first used. Numbers are in SI units, both in arguments and results; texts carry a unit. Library
+calls
+print nothing, set no signal handler and never exit: errors are exceptions with the message that the command line prints.
 """
 
 from __future__ import annotations

@@ -21,10 +21,10 @@ PLACES = {
     ),
     "demo": CommandPlace(
         "softmodels.cli.demo", "demo",
-        "Go once around: simulate a known silicone, photograph it, measure the photographs, fit, and compare.",
+        "Run the whole workflow: simulate a known silicone, photograph it, measure the photographs, fit, and compare.",
     ),
     "design": CommandPlace(
-        "softmodels.cli.design", "design", "Find the device that does best what a problem FILE asks for, within its limits."
+        "softmodels.cli.design", "design", "Find the device that best meets the objective of a problem FILE, within its limits."
     ),
     "examples": CommandPlace(
         "softmodels.cli.examples", "examples",
@@ -40,7 +40,7 @@ PLACES = {
     ),
     "limit": CommandPlace(
         "softmodels.cli.limit_command", "command",
-        "Tell the largest pressure a device can bear, and where it is strained most there.",
+        "Find the largest pressure a device can take, and the place of its largest strain.",
     ),
     "mould": CommandPlace(
         "softmodels.cli.mould", "command",
@@ -59,7 +59,7 @@ PLACES = {
         "List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.",
     ),
 }  # fmt: skip
-"""The commands but for `draw` and `doctor`, which are below."""
+"""The commands except `draw` and `doctor`, which are below."""
 
 
 @click.group(cls=LazyGroup, places=PLACES, speaks=speaks, context_settings={"help_option_names": ["-h", "--help"]})
@@ -77,11 +77,11 @@ def softmodels() -> None:
     softmodels export case.toml -o x.inp    the same case for CalculiX or FEBio
     softmodels draw results/disk        make the pictures, film and report of a run anew
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
-    softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, where it is not stable
+    softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, its unstable range
     softmodels score --material fitted.toml --tensile other.csv   a material against held-out measurements
     softmodels silicones                named silicones with all their sources
     softmodels examples                 small files to try everything with: photographs, a curve, a part, cases
-    softmodels demo                     once around: simulate, photograph, measure, fit, compare
+    softmodels demo                     whole workflow: simulate, photograph, measure, fit, compare
     softmodels doctor                   check the installation
     """
 
@@ -89,9 +89,9 @@ def softmodels() -> None:
 @softmodels.command("draw")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--pictures", type=click.Choice(("all", "few")), default="all", show_default=True,
-              help="few: the curves, the stress and the report alone.")  # fmt: skip
+              help="few: only the curves, the stress and the report.")  # fmt: skip
 def draw(folder: Path, pictures: str) -> None:
-    """Make the pictures, the film and the report of the results in FOLDER anew."""
+    """Redraw the pictures, the film and the report of the results in FOLDER."""
     from softmodels.pictures.draw import draw_folder
 
     draw_folder(folder, few=pictures == "few")
@@ -99,7 +99,7 @@ def draw(folder: Path, pictures: str) -> None:
 
 @softmodels.command("doctor")
 def check() -> None:
-    """Tell what is installed and whether it works: versions, MPI, compiler, a one-second solve."""
+    """Check the installation: list versions and what is missing (MPI, compiler), and solve a small case."""
     from softmodels.cli.doctor import doctor
 
     doctor()

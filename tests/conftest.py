@@ -195,7 +195,7 @@ def comm():
 def two_cavities(step_file, tmp_path_factory):
     """STEP file of a block of 20 x 10 x 10 mm with two like cavities above each other, 1.5 mm apart.
 
-    What one does moves the other's walls. They lie around (11, 0, 2) and (11, 0, -2) mm, and the block begins at x = 0.
+    What one does moves the other's walls. They lie around (11, 0, 2) and (11, 0, -2) mm, and the block starts at x = 0.
     """
 
     def draw(occ):

@@ -38,10 +38,10 @@ from softmodels.common.files import GEOMETRY, check_file, read_file
 from softmodels.common.schema import choice_field, length_field
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Meshes that other programs wrote: read into arrays, with the names that they have for faces and regions.
+# Read meshes of other programs into arrays, with their names of faces and regions.
 #
 # Gmsh's ``.msh`` and Abaqus' ``.inp`` are read by meshio, which runs nothing that a file holds. An ``.stl`` has surfaces
-# alone; the solid between them is meshed by Gmsh, in a process of its own.
+# only; the solid between them is meshed by Gmsh, in a separate process.
 
 
 FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl"}
@@ -99,19 +99,21 @@ def _by_meshio(file: str, format_name: str) -> Any:
     except OSError as error:
         raise GeometryError(f"file {file} cannot be read ({error.strerror})") from None
     except SystemExit:  # meshio's way with some files
-        raise GeometryError(f"file {file} is not a mesh as its ending says") from None
+        raise GeometryError(f"file {file} is not a mesh of the format of its extension") from None
     except Exception as error:  # meshio raises what its readers happen to meet
         words = " ".join(str(error).split())[:200] or "no reason given"
-        raise GeometryError(f"file {file} is not a mesh as its ending says ({words})") from None
+        raise GeometryError(f"file {file} is not a mesh of the format of its extension ({words})") from None
     if len(found.points) > Path(file).stat().st_size:  # a count in its header that no numbers follow
-        raise GeometryError(f"file {file} is not a mesh as its ending says (it announces more nodes than it has bytes)")
+        raise GeometryError(
+            f"file {file} is not a mesh of the format of its extension (it announces more nodes than it has bytes)"
+        )
     if not len(found.points) or not np.isfinite(found.points).all() or np.shape(found.points)[1] != 3:
         raise GeometryError(f"file {file} has no nodes in three dimensions")
     return found
 
 
 def _check_deck(file: str, text: str) -> None:
-    """Refuse a deck that has meshio open other files, or count to numbers that no deck has; it runs nothing else."""
+    """Reject a deck that has meshio open other files, or count to numbers that no deck has; it runs nothing else."""
     ranges = False
     for number, line in enumerate(text.splitlines(), 1):
         if line.startswith("**"):
@@ -121,8 +123,8 @@ def _check_deck(file: str, text: str) -> None:
         named = line.startswith("*") and re.search(r",\s*INPUT\s*=", line, re.IGNORECASE)
         if keyword == "INCLUDE" or named:
             raise GeometryError(
-                f"file {file} takes lines from another file (line {number}: {line.strip()[:80]!r}), and no other file is "
-                "opened for a mesh; write nodes and elements into one file, or paste the other file's lines in there"
+                f"file {file} includes another file (line {number}: {line.strip()[:80]!r}), "
+                f"which is not supported; put all nodes and elements into one file"
             )
         if line.startswith("*"):
             ranges = "GENERATE" in line.upper()
@@ -130,18 +132,16 @@ def _check_deck(file: str, text: str) -> None:
             first, last, *_ = [*re.findall(r"-?\d+", line), "0", "0"]
             if len(last) > 18 or int(last) - int(first) > len(text):
                 raise GeometryError(
-                    f"file {file} is not a mesh as its ending says (line {number} has a set of {line.strip()[:80]!r}, more "
-                    "than the file has letters)"
+                    f"file {file} is not a mesh of the format of its extension (line {number} has a set of "
+                    f"{line.strip()[:80]!r}, more than the file has characters)"
                 )
 
 
 def _tetrahedra(file: str, found: Any) -> tuple[Ints, list[int]]:
-    """All tetrahedra of one order, and the cell blocks that they come from."""
+    """Return all tetrahedra of one order, and the cell blocks that they come from."""
     kinds = [block.type for block in found.cells]
     if other := sorted({kind for kind in kinds if kind.startswith(OTHER_CELLS)}):
-        raise GeometryError(
-            f"file {file} has {', '.join(other)} cells; tetrahedra of 4 or 10 nodes are taken: mesh it with those"
-        )
+        raise GeometryError(f"file {file} has {', '.join(other)} cells; only tetrahedra of 4 or 10 nodes are supported")
     blocks = [i for i, kind in enumerate(kinds) if kind in ("tetra", "tetra4", "tetra10")]
     if not blocks:
         raise GeometryError(f"file {file} has no tetrahedra; it has {', '.join(sorted(set(kinds))) or 'no cells'}")
@@ -149,12 +149,12 @@ def _tetrahedra(file: str, found: Any) -> tuple[Ints, list[int]]:
         raise GeometryError(f"file {file} mixes tetrahedra of 4 and of 10 nodes; mesh it with one kind")
     cells = np.concatenate([np.asarray(found.cells[i].data, dtype=np.int64) for i in blocks])
     if cells.min() < 0 or cells.max() >= len(found.points):
-        raise GeometryError(f"file {file} has cells with nodes that it does not have")
+        raise GeometryError(f"file {file} has cells with undefined nodes")
     return cells, blocks
 
 
 def _face_names(found: Any) -> dict[str, Ints]:
-    """Nodes by name: of node sets, of sets of triangles, of physical surfaces."""
+    """Return the nodes by name: of node sets, of sets of triangles, of physical surfaces."""
     names = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in found.point_sets.items()}
     for name, parts in _cell_sets(found):
         chosen = [
@@ -175,7 +175,7 @@ def _face_names(found: Any) -> dict[str, Ints]:
 
 
 def _region_names(found: Any, blocks: list[int]) -> dict[str, Ints]:
-    """Cells by name, counted among the tetrahedra."""
+    """Return the cells by name, counted among the tetrahedra."""
     starts = dict(zip(blocks, np.cumsum([0] + [len(found.cells[i].data) for i in blocks]).tolist(), strict=False))
     names: dict[str, Ints] = {}
     for name, parts in _cell_sets(found):
@@ -190,19 +190,19 @@ def _region_names(found: Any, blocks: list[int]) -> dict[str, Ints]:
 
 
 def _cell_sets(found: Any) -> list[tuple[str, Any]]:
-    """Sets of cells by name; those of Gmsh's own (``gmsh:``) hold no cells."""
+    """Return the sets of cells by name; those of Gmsh's own (``gmsh:``) hold no cells."""
     return [(name, parts) for name, parts in found.cell_sets.items() if not name.startswith("gmsh:")]
 
 
 def _physical(found: Any, dimension: int) -> dict[str, int]:
-    """Gmsh's physical groups of a dimension: number by name."""
+    """Return Gmsh's physical groups of a dimension: number by name."""
     if "gmsh:physical" not in found.cell_data:
         return {}
     return {name: int(number) for name, (number, dim) in found.field_data.items() if dim == dimension}
 
 
 def read_surfaces(file: str, unit: float) -> tuple[NDArray[np.float64], Ints]:
-    """The closed surfaces of an STL file: corners in m, shape (n, 3), and triangles, shape (t, 3).
+    """Return the closed surfaces of an STL file: corners in m, shape (n, 3), and triangles, shape (t, 3).
 
     Args:
         file: Its path.
@@ -224,8 +224,8 @@ def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], In
     extent = float(np.abs(places).max()) if np.isfinite(places).all() else math.inf
     if extent > FARTHEST:
         raise GeometryError(
-            f"file {file} has a corner {extent:.4g} m from its origin, and {FARTHEST:g} m are taken; check its unit, or repair "
-            "it in the program that wrote it"
+            f"file {file} has a corner {extent:.4g} m from its origin, but at most {FARTHEST:g} m is allowed; check its unit, "
+            f"or repair it in the program that wrote it"
         )
     points, triangles_of_all = _joined(places, np.concatenate(triangles))
     _check_closed(file, points, triangles_of_all)
@@ -239,7 +239,7 @@ def _closed(file: str, found: Any, unit: float) -> tuple[NDArray[np.float64], In
 
 
 def _filled(file: str, found: Any, unit: float, cell_size: float) -> Tetrahedra:
-    """The solid between the surfaces of an STL file, meshed."""
+    """Return the solid between the surfaces of an STL file, meshed."""
     points, triangles = _closed(file, found, unit)
     try:
         nodes, cells = apart(_fill, points, triangles, cell_size)
@@ -252,7 +252,7 @@ def _filled(file: str, found: Any, unit: float, cell_size: float) -> Tetrahedra:
 
 
 def _joined(points: NDArray[np.float64], triangles: Ints) -> tuple[NDArray[np.float64], Ints]:
-    """An STL file's triangles with common corners: it lists each corner with each triangle anew."""
+    """Return an STL file's triangles with common corners: it lists each corner with each triangle anew."""
     from scipy.spatial import cKDTree
 
     near = SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -271,8 +271,8 @@ def _check_closed(file: str, points: NDArray[np.float64], triangles: Ints) -> No
     if len(open_edges):
         x, y, z = 1e3 * points[open_edges[0]].mean(axis=0)
         raise GeometryError(
-            f"file {file} is not watertight: {len(open_edges)} edges do not belong to two triangles, the first near {x:.4g}, "
-            f"{y:.4g}, {z:.4g} mm; repair it in the program that wrote it"
+            f"file {file} is not watertight: {len(open_edges)} edges do not belong to exactly two triangles, the first near "
+            f"{x:.4g}, {y:.4g}, {z:.4g} mm; repair it in the program that wrote it"
         )
 
 
@@ -324,7 +324,7 @@ def _meshed(
 
 
 def _shells(surfaces: list[int]) -> list[list[int]]:
-    """Surfaces that hang together by their curves."""
+    """Return the surfaces that are connected by their curves."""
     import gmsh
 
     left, shells = set(surfaces), []
@@ -349,7 +349,7 @@ def _extent(shell: list[int]) -> float:
 # ----------------------------------------------------------------------------------------------------------------------
 # What each boundary triangle of a foreign mesh does: cut plane, wall of a cavity, support, or just its outside.
 #
-# The rules are those of drawings (`geometries.imported.step`): take away the cut planes; the triangles that hang together by
+# The rules are those of drawings (`geometries.imported.step`): take away the cut planes; the triangles that are connected by
 # their edges are then the outside or one cavity each.
 
 
@@ -358,7 +358,7 @@ NEAR = 1e-5
 
 
 def find_roles(part: ImportedMesh, mesh: Tetrahedra) -> dict[str, Ints]:
-    """Boundary triangles by role; every triangle has one.
+    """Return the boundary triangles by role; every triangle has one.
 
     Raises:
         GeometryError: A choice that picks nothing, or something that cannot have this role.
@@ -382,7 +382,7 @@ def find_roles(part: ImportedMesh, mesh: Tetrahedra) -> dict[str, Ints]:
                 f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside"
             )
         if not np.isin(wall, left).all():
-            raise GeometryError(f"cavities has {text!r}; that cavity is chosen already")
+            raise GeometryError(f"cavities has {text!r}; that cavity is already selected")
         roles[cavity_role(i)] = wall
         left = np.setdiff1d(left, wall)
     for role, field, text in (("support", "support", part.support), (BONDED, "bonded", part.bonded)):
@@ -393,7 +393,7 @@ def find_roles(part: ImportedMesh, mesh: Tetrahedra) -> dict[str, Ints]:
 
 
 def _some(part: ImportedMesh, mesh: Tetrahedra, what: str, field: str, text: str, left: Ints) -> Ints:
-    """The triangles among ``left`` that a text picks; there must be some."""
+    """Return the triangles among ``left`` that a text picks; there must be some."""
     found = _chosen(mesh, field, text, left)
     if not len(found):
         spans = ", ".join(
@@ -401,7 +401,7 @@ def _some(part: ImportedMesh, mesh: Tetrahedra, what: str, field: str, text: str
             for name, a, b in zip(AXES, 1e3 * mesh.points.min(axis=0), 1e3 * mesh.points.max(axis=0), strict=True)
         )
         raise GeometryError(
-            f"{what}; the part has no such face, or it is a cut plane's or a cavity's already (it spans {spans} mm)"
+            f"{what}; the part has no such face, or it already belongs to a cut plane or a cavity (it spans {spans} mm)"
         )
     return found
 
@@ -425,7 +425,7 @@ def _chosen(mesh: Tetrahedra, field: str, text: str, left: Ints) -> Ints:
 
 
 def _in_cut_plane(part: ImportedMesh, mesh: Tetrahedra, text: str, left: Ints) -> Ints:
-    """All triangles in the plane of those that a text picks, which must go through the origin."""
+    """Return all triangles in the plane of those that a text picks, which must go through the origin."""
     what, near = f"planes has {text!r}", NEAR * mesh.extent
     normal = _fitted_normal(mesh, _some(part, mesh, what, "planes", text, left))
     picked = mesh.corners[_some(part, mesh, what, "planes", text, left)].reshape(-1, 3) @ normal
@@ -438,14 +438,14 @@ def _in_cut_plane(part: ImportedMesh, mesh: Tetrahedra, text: str, left: Ints) -
 
 
 def _fitted_normal(mesh: Tetrahedra, triangles: Ints) -> np.ndarray:
-    """Unit normal of the plane nearest to some triangles."""
+    """Return the unit normal of the plane nearest to some triangles."""
     places = mesh.corners[triangles].reshape(-1, 3)
     normal: np.ndarray = np.linalg.svd(places - places.mean(axis=0), full_matrices=False)[2][2]
     return np.round(normal, 6) / np.linalg.norm(np.round(normal, 6)) + 0.0
 
 
 def outward(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> tuple[Vector, ...]:
-    """Unit normals of the cut planes, away from the solid.
+    """Return the unit normals of the cut planes, away from the solid.
 
     Raises:
         GeometryError: A plane that does not bound the part, or planes between which its images do not fill the whole.
@@ -455,7 +455,7 @@ def outward(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> 
         normal = _fitted_normal(mesh, roles[f"plane{i}"])
         normal = np.where(mesh.normals[roles[f"plane{i}"][0]] @ normal < 0, -normal, normal) + 0.0
         if (mesh.points @ normal).max() > NEAR * mesh.extent:
-            raise GeometryError(f"planes has {text!r}; the part reaches to both sides of it, so it is not cut there")
+            raise GeometryError(f"planes has {text!r}; the part extends to both sides of it, so it is not cut there")
         x, y, z = (float(value) for value in normal)
         normals.append((x, y, z))
     check_slice(normals, part.planes)
@@ -463,7 +463,7 @@ def outward(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> 
 
 
 def put_on_planes(mesh: Tetrahedra, roles: Mapping[str, Ints], normals: Sequence[Vector]) -> Tetrahedra:
-    """The mesh with the nodes on its cut planes exactly there: files round."""
+    """Return the mesh with the nodes on its cut planes exactly there: files round."""
     points = mesh.points.copy()
     for _ in range(3):  # a node on two planes comes nearer to both
         for i, normal in enumerate(normals):
@@ -473,7 +473,7 @@ def put_on_planes(mesh: Tetrahedra, roles: Mapping[str, Ints], normals: Sequence
 
 
 def cavity_volumes(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> tuple[float, ...]:
-    """Volume in m3 of each cavity of the part as meshed.
+    """Return the volume in m3 of each cavity of the part as meshed.
 
     Raises:
         GeometryError: A wall that encloses nothing.
@@ -487,7 +487,8 @@ def cavity_volumes(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Int
 
 
 def gauge(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> Vector:
-    """The corner of the boundary nearest to the wanted point, or the one farthest from the held faces, or from the origin."""
+    """Return the corner of the boundary nearest to the wanted point, or the one farthest from the held faces, or from the
+    origin."""
     nodes = np.unique(mesh.triangles[:, :3])
     places = mesh.points[nodes]
     if part.gauge_point:
@@ -499,7 +500,7 @@ def gauge(part: ImportedMesh, mesh: Tetrahedra, roles: Mapping[str, Ints]) -> Ve
 
 
 def _around(mesh: Tetrahedra, pieces: list[Ints], text: str) -> Ints:
-    """The piece of wall nearest to a point in the air."""
+    """Return the piece of wall nearest to a point in the air."""
     place = point("cavities", text)
     if mesh.holds(place):
         raise GeometryError(f"cavities has {text!r}; that point lies in the solid, not in a cavity's air")
@@ -508,7 +509,7 @@ def _around(mesh: Tetrahedra, pieces: list[Ints], text: str) -> Ints:
 
 
 def _with_faces(part: ImportedMesh, mesh: Tetrahedra, pieces: list[Ints], text: str, left: Ints) -> Ints:
-    """The piece of wall that the picked triangles belong to, or several if they do."""
+    """Return the piece of wall that the picked triangles belong to, or several if they do."""
     picked = _some(part, mesh, f"cavities has {text!r}", "cavities", text, left)
     return np.concatenate([piece for piece in pieces if np.isin(piece, picked).any()])
 
@@ -536,14 +537,14 @@ class ImportedMesh(ImportedPart):
     a region.
     """
 
-    unit: str = choice_field("mm", tuple(UNITS), "unit of the file's lengths, which such files do not tell")
-    cell_size: float = length_field(0.003, "longest edge of the cells, of an STL file alone", shape=False)
+    unit: str = choice_field("mm", tuple(UNITS), "unit of the file's lengths, which such files do not store")
+    cell_size: float = length_field(0.003, "longest edge of the cells, only for an STL file", shape=False)
 
     meshed: ClassVar[bool] = True
     kind: ClassVar[str] = "mesh (--file part.msh, part.inp or part.stl)"
 
     def check_cells(self) -> None:
-        """Nothing: a mesh is taken as it is."""
+        """Return nothing to model, as a mesh is used unchanged."""
 
     @property
     def mesh(self) -> Tetrahedra:

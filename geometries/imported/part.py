@@ -1,4 +1,4 @@
-"""What parts from files have in common, whether they are drawn or meshed: texts that say which of their faces do what."""
+"""Base class of parts from files, drawn or meshed, with texts that assign roles to faces."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ BONDED = "bonded"
 
 
 def only_inner_shell[Shell](file: str, inner: Sequence[Shell], centre: Callable[[Shell], NDArray[np.float64]]) -> Shell:
-    """The wall of a part's only cavity.
+    """Return the wall of a part's only cavity.
 
     Args:
         file: The part's file.
@@ -60,17 +60,17 @@ def only_inner_shell[Shell](file: str, inner: Sequence[Shell], centre: Callable[
 
 
 def cavity_role(number: int) -> str:
-    """Role of a cavity's walls, counted from 0."""
+    """Return the role of a cavity's walls, counted from 0."""
     return "cavity" if number == 0 else f"cavity{number + 1}"
 
 
 @dataclasses.dataclass(frozen=True)
 class Reading:
-    """What a file holds, in m and m3, of the part as drawn.
+    """Contents of a file in m and m3, of the part as drawn.
 
     Attributes:
         normals: Outward unit normals of the cut planes.
-        gauge: The corner whose motion is told.
+        gauge: The corner whose motion is reported.
         solid_volume: Of the solid.
         cavity_volumes: Of each cavity.
         regions: Names of its solids, if there are several.
@@ -90,7 +90,7 @@ class ImportedPart(Actuator):
     A half, a quarter or a wedge of a part is cut on planes through the origin (``planes``), which meet at 180/n degrees, and
     its cavities may be open there and nowhere else. Physical groups: volume "solid", or several by their names; surfaces
     "cavity", "cavity2", ... in the order of ``cavities``, "support", "plane0", "plane1", ..., "bonded" if given, and "outer".
-    `geometries.imported.part` tells how faces are picked.
+    `geometries.imported.part` describes how faces are selected.
 
     With several cavities, cavity i has the pressure ``pressure_ratios[i]`` times P. Then P works on the sum of the volumes
     times their ratios, and that is what `cavity_volume` and a run's added volume are. A load that gives each cavity a series
@@ -112,7 +112,7 @@ class ImportedPart(Actuator):
         (), "pressure in each cavity over the requested one; all 1 if not given", numbers=True, shape=False
     )
     gauge_point: str = text_field(
-        "", "corner whose motion is told, such as 'at 70, 0, 4 mm'; the farthest if not given"
+        "", "corner whose motion is reported, such as 'at 70, 0, 4 mm'; the farthest if not given"
     )
     rise: str = choice_field("z", ("x", "y", "z"), "direction in which that motion is counted")
 
@@ -120,14 +120,14 @@ class ImportedPart(Actuator):
     unbonded: ClassVar = ("outer",)
     meeting: ClassVar = None
     kind: ClassVar[str] = "file"
-    """What the file is, for messages."""
+    """Description of the file for messages."""
 
     def check(self) -> None:
         if not self.file:
             raise GeometryError(f"file is empty; name the part's {self.kind}")
         object.__setattr__(self, "file", whole_path(self.file))
         if not self.support and len(self.planes) < 3:
-            raise GeometryError("support is empty; say which faces are held, such as 'x = 0 mm'")
+            raise GeometryError("support is empty; give the held faces, such as 'x = 0 mm'")
         if len(set(self.planes)) != len(self.planes) or len(self.planes) > 3:
             raise GeometryError(f"planes is {', '.join(self.planes)}; at most three, each once")
         if self.pressure_ratios and len(self.pressure_ratios) != self.cavity_count:
@@ -145,10 +145,10 @@ class ImportedPart(Actuator):
     @property
     @abc.abstractmethod
     def reading(self) -> Reading:
-        """What the file holds; read once."""
+        """Contents of the file; read once."""
 
     def digest(self) -> str:
-        """SHA-256 of the file's content.
+        """Return SHA-256 of the file's content.
 
         Raises:
             GeometryError: It cannot be read.
@@ -158,7 +158,7 @@ class ImportedPart(Actuator):
         except OSError as error:
             raise GeometryError(f"file {self.file} cannot be read ({error.strerror})") from None
         except ValueError:  # a zero byte in its name
-            raise GeometryError(f"file {self.file!r} is no name of a file") from None
+            raise GeometryError(f"file {self.file!r} is not a file name") from None
 
     @property
     def files(self) -> Mapping[str, str]:
@@ -166,7 +166,7 @@ class ImportedPart(Actuator):
 
     @property
     def key(self) -> str:
-        """Twelve digits that change with the parameters and with what the file holds, not with where it is."""
+        """Twelve digits that change with the parameters and the file's contents, not with its path."""
         parameters = [(f.name, getattr(self, f.name)) for f in dataclasses.fields(self) if f.name != "file"]
         return hashlib.sha256(repr((type(self).__name__, self.digest(), parameters)).encode()).hexdigest()[:12]
 
@@ -192,7 +192,7 @@ class ImportedPart(Actuator):
 
     @property
     def cavity_count(self) -> int:
-        """Number of cavities; 1 where none is named, because then the file's only closed inner shell is the cavity."""
+        """Number of cavities; 1 if none is named, because then the file's only closed inner shell is the cavity."""
         return max(len(self.cavities), 1)
 
     @property
@@ -232,7 +232,7 @@ class ImportedPart(Actuator):
 
 
 def region_name(text: str) -> str:
-    """A name of small letters, digits and ``_`` that begins with a letter: "Base plate (2)" is ``base_plate_2``."""
+    """Return a name of small letters, digits and ``_`` that begins with a letter: "Base plate (2)" is ``base_plate_2``."""
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     name = re.sub(r"\W+", "_", plain).strip("_").lower()
     return name if re.match(r"[a-z]", name) else f"region_{name}".rstrip("_")
@@ -262,7 +262,8 @@ Colour = tuple[int, int, int]
 
 
 def face_names(path: str | Path) -> dict[str, list[int]]:
-    """Names that a file gives to faces, and the numbers of the instances that have each; faces without a name are left out."""
+    """Return the names that a file gives to faces, and the numbers of the instances that have each; faces without a name are
+    left out."""
     found = defaultdict(list)
     for number, text in FACE.findall(_read(path)):
         if name := _plain(text).strip():
@@ -271,12 +272,12 @@ def face_names(path: str | Path) -> dict[str, list[int]]:
 
 
 def named_surfaces(path: str | Path, name: str) -> list[int]:
-    """Where the faces of a name stand among the surfaces that Gmsh makes of a file (0 is the first).
+    """Return where the faces of a name stand among the surfaces that Gmsh makes of a file (0 is the first).
 
-    Needs a current Gmsh session, and leaves its model as it is.
+    Needs a current Gmsh session, and leaves its model unchanged.
 
     Raises:
-        GeometryError: So many faces have this name that it says nothing, or the CAD kernel changed one beyond recognition.
+        GeometryError: Too many faces have this name, or the CAD kernel changed one beyond recognition.
     """
     wanted = face_names(path)[name]
     if len(wanted) >= SHADES**3:
@@ -290,9 +291,10 @@ def named_surfaces(path: str | Path, name: str) -> list[int]:
 
 
 def solid_names(path: str | Path) -> list[str]:
-    """Name of the body that each volume which Gmsh makes of a file comes from, in their order; empty where it has none.
+    """Return the name of the body that each volume which Gmsh makes of a file comes from, in their order; empty where it has
+    none.
 
-    Needs a current Gmsh session, and leaves its model as it is.
+    Needs a current Gmsh session, and leaves its model unchanged.
     """
     import gmsh  # type: ignore[import-untyped]
 
@@ -307,7 +309,7 @@ def solid_names(path: str | Path) -> list[str]:
 
 
 def surface_colours(path: str | Path) -> list[Colour | None]:
-    """Colour of each surface that Gmsh makes of a file, None where it has none; needs a current Gmsh session."""
+    """Return the colour of each surface that Gmsh makes of a file, None where it has none; needs a current Gmsh session."""
     return _colours(_unmoved(_read(path)))
 
 
@@ -316,7 +318,7 @@ def _read(path: str | Path) -> str:
 
 
 def _plain(text: str) -> str:
-    r"""A name without the escapes of ISO 10303-21: ``''``, ``\\``, ``\X\E9``, ``\X2\00E9\X0\``, ``\S\i``."""
+    r"""Return a name without the escapes of ISO 10303-21: ``''``, ``\\``, ``\X\E9``, ``\X2\00E9\X0\``, ``\S\i``."""
 
     def letter(found: re.Match[str]) -> str:
         short, two, four, shifted, slash = found.groups()
@@ -334,12 +336,12 @@ def _plain(text: str) -> str:
 
 
 def _unmoved(text: str) -> str:
-    """The file with every part of an assembly where it was drawn."""
+    """Return the file with every part of an assembly where it was drawn."""
     return MOVE.sub(r"\1 \2, \2)", text)
 
 
 def _marked(text: str, marks: dict[int, Colour]) -> str:
-    """The file with these colours on these faces and no other."""
+    """Return the file with these colours on these faces and no other."""
     text = STYLE.sub(
         r"\1 CARTESIAN_POINT('', (0., 0., 0.));", _unmoved(text)
     )  # what refers to a style still finds something
@@ -369,7 +371,7 @@ def _marked(text: str, marks: dict[int, Colour]) -> str:
 
 
 def _colours(text: str, dimension: int = 2) -> list[Colour | None]:
-    """Colours of the surfaces, or volumes, that Gmsh makes of a file of this text."""
+    """Return the colours of the surfaces, or volumes, that Gmsh makes of a file of this text."""
     import gmsh  # type: ignore[import-untyped]
 
     before = gmsh.model.getCurrent()
@@ -388,12 +390,12 @@ def _colours(text: str, dimension: int = 2) -> list[Colour | None]:
 
 
 def _shades(number: int) -> Colour:
-    """Colour that marks something by a number."""
+    """Return the colour that marks something by a number."""
     return STEP * (number // SHADES**2), STEP * (number // SHADES % SHADES), STEP * (number % SHADES)
 
 
 def _mark(colour: Colour) -> Colour:
-    """The mark that a colour was: rounding moves it by a little."""
+    """Return the mark that a colour was: rounding moves it by a little."""
     red, green, blue = (STEP * (shade // STEP) + STEP // 2 for shade in colour)
     return red, green, blue
 
@@ -456,7 +458,7 @@ def faces(field: str, text: str) -> Faces:
     """Read a choice of faces.
 
     Raises:
-        GeometryError: Not one of the forms this module knows.
+        GeometryError: Not one of this module's forms.
     """
     _check_size(field, text)
     if found := re.fullmatch(r"\s*([xyz])\s*=\s*(.+)", text):
@@ -465,7 +467,7 @@ def faces(field: str, text: str) -> Faces:
     if found := re.fullmatch(r"\s*normal" + ",".join([NUMBER] * 3) + r"(?:at\s*(.+))?", text):
         direction = np.array([_number(field, part) for part in found.groups()[:3]])
         if not direction.any():
-            raise GeometryError(f"{field} is {text!r}; a normal has a length")
+            raise GeometryError(f"{field} is {text!r}; a normal must not have zero length")
         x, y, z = (float(part) for part in direction / np.linalg.norm(direction))
         return Faces(text, normal=(x, y, z), at=_length(field, found[4]) if found[4] else 0.0)
     ranges = r"\s*in" + ",".join([NUMBER + r"\.\." + NUMBER] * 3) + r"([a-z]+)\s*"
@@ -505,8 +507,8 @@ def _check_size(field: str, text: str) -> None:
 
 
 def _about_commas(text: str) -> str:
-    """A hint for "at 10,5, 0, 2 mm", which may be 10.5."""
-    return "; commas part the numbers, and decimals have a point" if re.search(r"\d,\d", text) else ""
+    """Return a hint for "at 10,5, 0, 2 mm", which may be 10.5."""
+    return "; separate numbers by commas, and write decimals with a point" if re.search(r"\d,\d", text) else ""
 
 
 def _bytes(text: str) -> Colour:
@@ -535,7 +537,7 @@ def _length(field: str, text: str) -> float:
 def chosen(
     field: str, choice: Faces, tags: list[int], near: float, file: str, pieces: Sequence[Sequence[int]] = ()
 ) -> list[int]:
-    """Which faces of the current Gmsh model a choice picks out of ``tags``.
+    """Return which faces of the current Gmsh model a choice picks out of ``tags``.
 
     Args:
         field: What the choice is for.
@@ -568,7 +570,7 @@ def chosen(
 
 
 def listed(what: str, known: list[str]) -> str:
-    """What names or colours there are, for a message."""
+    """Return what names or colours there are, for a message."""
     if not known:
         return f"no face in the file has a {what}"
     more = f" and {len(known) - 20} more" if len(known) > 20 else ""
@@ -596,7 +598,7 @@ def _in_plane(tag: int, normal: NDArray[np.float64], at: float, near: float) -> 
 
 
 def surface_points(tag: int) -> NDArray[np.float64]:
-    """Some points all over a surface of the current Gmsh model, beyond its border too; shape (16, 3), m."""
+    """Return some points all over a surface of the current Gmsh model, beyond its border too; shape (16, 3), m."""
     import gmsh
 
     low, high = gmsh.model.getParametrizationBounds(2, tag)

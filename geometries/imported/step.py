@@ -1,4 +1,4 @@
-"""A part drawn elsewhere: a STEP file, and texts that say which of its faces do what."""
+"""Parts from STEP files, with texts that assign roles to faces."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ SAMPLES = 5
 
 
 def expected_triangles(faces: list[int], cell_size: float, curvature: float) -> float:
-    """Number of triangles on faces of the current Gmsh model, or fewer: fine edges make the faces beside them finer.
+    """Return the number of triangles on faces of the current Gmsh model, or fewer: fine edges make the faces beside them finer.
 
     Args:
         faces: Their tags.
@@ -65,7 +65,7 @@ def expected_triangles(faces: list[int], cell_size: float, curvature: float) -> 
 
 
 def _curvatures(face: int) -> np.ndarray:
-    """Largest curvature (1/m) at places all over a face."""
+    """Return the largest curvature (1/m) at places all over a face."""
     import gmsh
 
     low, high = gmsh.model.getParametrizationBounds(2, face)
@@ -90,7 +90,7 @@ NAMELESS = re.compile(r"Open CASCADE STEP translator.*|SOLID|COMPOUND|")
 
 @dataclasses.dataclass(frozen=True)
 class Solids:
-    """What is solid in the current Gmsh model.
+    """Solids of the current Gmsh model.
 
     Attributes:
         regions: Volumes by region.
@@ -106,7 +106,7 @@ class Solids:
 
     @property
     def boundary(self) -> list[int]:
-        """Surfaces around all of it; those between two solids are none."""
+        """Surfaces that bound the union of the solids, without those between two of them."""
         import gmsh  # type: ignore[import-untyped]
 
         volumes = [(3, tag) for tag in self.tags]
@@ -114,7 +114,7 @@ class Solids:
 
     @property
     def volume(self) -> float:
-        """In m3."""
+        """Volume in m3."""
         import gmsh
 
         return sum(float(gmsh.model.occ.getMass(3, tag)) for tag in self.tags)
@@ -128,14 +128,14 @@ class Solids:
         return np.average([gmsh.model.occ.getCenterOfMass(3, tag) for tag in self.tags], axis=0, weights=masses)
 
     def holds(self, place: list[float]) -> bool:
-        """Whether a point (m) lies in the solid."""
+        """Return whether a point (m) lies in the solid."""
         import gmsh
 
         return any(gmsh.model.isInside(3, tag, place) for tag in self.tags)
 
 
 def glued(part: ImportedActuator) -> Solids:
-    """The solids of the current Gmsh model, read from a part's file, glued where they touch.
+    """Return the solids of the current Gmsh model, read from a part's file, glued where they touch.
 
     Raises:
         GeometryError: There is none; they overlap; or one touches no other.
@@ -168,7 +168,7 @@ def glued(part: ImportedActuator) -> Solids:
 
 
 def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
-    """Names of the regions of a file's solids, in the order of the volumes."""
+    """Return the names of the regions of a file's solids, in the order of the volumes."""
     import gmsh
 
     found = []
@@ -180,7 +180,7 @@ def _names(file: str, volumes: list[tuple[int, int]]) -> list[str]:
 
 
 def _check_touching(part: ImportedActuator, solids: Solids, owner: dict[int, str]) -> None:
-    """Refuse a solid that shares no face with those that the first one hangs together with."""
+    """Reject a solid that shares no face with those that the first one is connected with."""
     import gmsh
 
     beside = defaultdict(set)
@@ -204,12 +204,12 @@ def _check_touching(part: ImportedActuator, solids: Solids, owner: dict[int, str
 #
 # A cavity is found from a point in its air or from faces of its wall. Take away the faces on the cut planes: the walls that
 # hang together by their edges are then the outside or one cavity each, and the wall nearest to the point is that of its own
-# cavity, since the straight way there crosses no other. So a cavity is open on cut planes alone; one with an inlet hangs
-# together with the outside.
+# cavity, since the straight way there crosses no other. So a cavity is open only on cut planes; one with an inlet is connected
+# with the outside.
 
 
 def extent() -> float:
-    """Diagonal of the current Gmsh model's box in m."""
+    """Return the diagonal of the current Gmsh model's box in m."""
     import gmsh  # type: ignore[import-untyped]
 
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
@@ -217,12 +217,12 @@ def extent() -> float:
 
 
 def _near() -> float:
-    """What counts as the same place in m: Gmsh's boxes are wider by its tolerance."""
+    """Return what counts as the same place in m: Gmsh's boxes are wider by its tolerance."""
     return 1e-5 * extent()
 
 
 def find_roles(part: ImportedActuator, solids: Solids) -> dict[str, list[int]]:
-    """Surfaces of the current Gmsh model by role; every surface has one.
+    """Return the surfaces of the current Gmsh model by role; every surface has one.
 
     Raises:
         GeometryError: A choice that picks nothing, or something that cannot have this role.
@@ -246,7 +246,7 @@ def find_roles(part: ImportedActuator, solids: Solids) -> dict[str, list[int]]:
                 f"cavities has {text!r}; that is outside the part, or its cavity is open to the outside"
             )
         if not set(wall) <= set(left):
-            raise GeometryError(f"cavities has {text!r}; that cavity is chosen already")
+            raise GeometryError(f"cavities has {text!r}; that cavity is already selected")
         roles[cavity_role(i)] = wall
         left = [tag for tag in left if tag not in wall]
     for role, field, text in (("support", "support", part.support), (BONDED, "bonded", part.bonded)):
@@ -257,7 +257,7 @@ def find_roles(part: ImportedActuator, solids: Solids) -> dict[str, list[int]]:
 
 
 def _some(part: ImportedActuator, field: str, what: str, text: str, left: list[int], solids: Solids) -> list[int]:
-    """The faces among ``left`` that a text picks; there must be some."""
+    """Return the faces among ``left`` that a text picks; there must be some."""
     import gmsh
 
     found = chosen(field, faces(field, text), left, _near(), part.file, solids.pieces)
@@ -265,13 +265,13 @@ def _some(part: ImportedActuator, field: str, what: str, text: str, left: list[i
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3) * 1e3
         spans = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip(AXES, low, high, strict=True))
         raise GeometryError(
-            f"{what}; the part has no such face, or it is a cut plane's or a cavity's already (it spans {spans} mm)"
+            f"{what}; the part has no such face, or it already belongs to a cut plane or a cavity (it spans {spans} mm)"
         )
     return found
 
 
 def _in_cut_plane(part: ImportedActuator, text: str, left: list[int], solids: Solids) -> list[int]:
-    """All faces in the plane of those that a text picks, which must go through the origin."""
+    """Return all faces in the plane of those that a text picks, which must go through the origin."""
     what = f"planes has {text!r}"
     picked = _some(part, "planes", what, text, left, solids)
     points = np.concatenate([surface_points(tag) for tag in picked])
@@ -286,14 +286,14 @@ def _in_cut_plane(part: ImportedActuator, text: str, left: list[int], solids: So
 
 
 def _fitted_normal(tags: list[int]) -> np.ndarray:
-    """Unit normal of the plane nearest to some surfaces."""
+    """Return the unit normal of the plane nearest to some surfaces."""
     points = np.concatenate([surface_points(tag) for tag in tags])
     normal: np.ndarray = np.linalg.svd(points - points.mean(axis=0))[2][2]
     return np.round(normal, 12) + 0.0  # square to an axis means so, without -0
 
 
 def outward(part: ImportedActuator, solids: Solids, roles: dict[str, list[int]]) -> tuple[Vector, ...]:
-    """Unit normals of the cut planes, away from the solid; the surfaces of the current Gmsh model are meshed.
+    """Return the unit normals of the cut planes, away from the solid; the surfaces of the current Gmsh model are meshed.
 
     Raises:
         GeometryError: A plane that does not bound the part, or planes between which its images do not fill the whole.
@@ -307,7 +307,7 @@ def outward(part: ImportedActuator, solids: Solids, roles: dict[str, list[int]])
         normal = _fitted_normal(roles[f"plane{i}"])
         normal = np.where(normal @ centre > 0, -normal, normal) + 0.0
         if (points @ normal).max() > _near():
-            raise GeometryError(f"planes has {text!r}; the part reaches to both sides of it, so it is not cut there")
+            raise GeometryError(f"planes has {text!r}; the part extends to both sides of it, so it is not cut there")
         x, y, z = (float(value) for value in normal)
         normals.append((x, y, z))
     check_slice(normals, part.planes)
@@ -315,7 +315,7 @@ def outward(part: ImportedActuator, solids: Solids, roles: dict[str, list[int]])
 
 
 def _pieces(tags: list[int]) -> list[list[int]]:
-    """Faces that hang together by their edges."""
+    """Return the faces that are connected by their edges."""
     import gmsh
 
     by_edge = defaultdict(list)
@@ -331,7 +331,7 @@ def _pieces(tags: list[int]) -> list[list[int]]:
 
 
 def _around(pieces: list[list[int]], solids: Solids, text: str) -> list[int]:
-    """The piece of wall nearest to a point in the air."""
+    """Return the piece of wall nearest to a point in the air."""
     import gmsh
 
     place = point("cavities", text)
@@ -350,7 +350,7 @@ def _around(pieces: list[list[int]], solids: Solids, text: str) -> list[int]:
 def _with_faces(
     pieces: list[list[int]], part: ImportedActuator, text: str, left: list[int], solids: Solids
 ) -> list[int]:
-    """The piece of wall that the picked faces belong to, or several if they do."""
+    """Return the piece of wall that the picked faces belong to, or several if they do."""
     picked = _some(part, "cavities", f"cavities has {text!r}", text, left, solids)
     return [tag for piece in pieces if set(piece) & set(picked) for tag in piece]
 
@@ -360,7 +360,7 @@ def _size(piece: list[int]) -> float:
 
 
 def _box(piece: list[int]) -> np.ndarray:
-    """Lowest and highest corner of some faces' box in m, shape (2, 3)."""
+    """Return the lowest and highest corner of some faces' box in m, shape (2, 3)."""
     import gmsh
 
     boxes = np.array([gmsh.model.occ.getBoundingBox(2, tag) for tag in piece])
@@ -468,7 +468,7 @@ def _enclosed(solids: Solids, tags: list[int]) -> float:
 
 
 def _gauge(part: ImportedActuator, support: list[int]) -> Vector:
-    """The corner nearest to the wanted point, or the one farthest from the held faces, or from the origin."""
+    """Return the corner nearest to the wanted point, or the one farthest from the held faces, or from the origin."""
     import gmsh
 
     corners = np.array([gmsh.model.getValue(0, tag, []) for _, tag in gmsh.model.getEntities(0)])
@@ -504,7 +504,7 @@ class ImportedActuator(ImportedPart):
 
     def check_cells(self) -> None:
         if not 4.0 <= self.curvature <= 100.0:
-            raise GeometryError(f"curvature is {self.curvature:g}; it must lie between 4 and 100 cells around a circle")
+            raise GeometryError(f"curvature is {self.curvature:g}; it must be between 4 and 100 cells around a circle")
 
     @property
     def reading(self) -> Reading:
@@ -525,7 +525,7 @@ class ImportedActuator(ImportedPart):
                 f"file {self.file} draws one of {self.copies} equal pieces, cut on its planes; draw the whole part"
             )
         if len(open_part(self, "MM").tags) > 1:
-            raise GeometryError(f"file {self.file} holds several solids; a mould is made of a part of one solid")
+            raise GeometryError(f"file {self.file} has several solids; a mould needs a part of a single solid")
 
     def build(self) -> None:
         build_part(self)

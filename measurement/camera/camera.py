@@ -24,22 +24,22 @@ MODELS = {"opencv": (0, 4, 5, 8, 12, 14), "lensfun": (8,)}
 """Known lens models and the numbers of coefficients each may have."""
 
 ROUND_TRIP = 0.01
-"""Largest distance in px by which a point may miss itself on its way through the lens and back."""
+"""Round-trip tolerance of distortion and undistortion in px."""
 
 
 class CameraError(ValueError):
-    """A camera, lens or calibration that cannot be used; the message is a sentence for the user."""
+    """An unusable camera, lens or calibration; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Camera:
-    """What is known of a camera at one focal length and focus.
+    """Data of a camera at one focal length and focus.
 
     Attributes:
         matrix: Pinhole matrix (3, 3) in px: focal lengths and principal point.
         distortion: Coefficients of the lens; none for a perfect lens. Model ``opencv``: k1, k2, p1, p2, k3, ... in
             OpenCV's order. Model ``lensfun``: unit of radius (px), centre x and y (px), k0 to k4, where an ideal point at
-            the distance r units from the centre is seen at r (k0 + k1 r + k2 r^2 + k3 r^3 + k4 r^4); lensfun's models
+            the distance r units from the centre appears at r (k0 + k1 r + k2 r^2 + k3 r^3 + k4 r^4); lensfun's models
             ptlens, poly3 and poly5 are all of this kind.
         width: Pixels in a row.
         height: Rows.
@@ -79,7 +79,7 @@ class Camera:
 
     @classmethod
     def ideal(cls, width: int, height: int, focal_px: float | None = None) -> Camera:
-        """A camera without distortion, the principal point in the middle of the picture.
+        """Return a camera without distortion, the principal point in the middle of the picture.
 
         Args:
             width: Pixels in a row.
@@ -92,7 +92,7 @@ class Camera:
         return cls(matrix, np.zeros(0), width, height, "no lens correction", 0.0)
 
     def distort(self, points: ArrayLike) -> Points:
-        """Where ideal pinhole pixels (n, 2) are seen in the photograph (n, 2), in px."""
+        """Return where ideal pinhole pixels (n, 2) are seen in the photograph (n, 2), in px."""
         ideal = as_points(points)
         if self.distortion.size == 0 or ideal.size == 0:
             return ideal.copy()
@@ -105,7 +105,7 @@ class Camera:
         return seen.reshape(-1, 2)
 
     def undistort(self, points: ArrayLike) -> Points:
-        """The ideal pinhole pixels (n, 2) of points (n, 2) seen in the photograph, in px; the inverse of `distort`.
+        """Return the ideal pinhole pixels (n, 2) of points (n, 2) seen in the photograph, in px; the inverse of `distort`.
 
         Points that no ray reaches under the lens model, far outside the calibrated field, come back as NaN.
         """
@@ -140,7 +140,7 @@ class Camera:
         return centre + offset * factor[:, None]
 
     def error(self, points: ArrayLike) -> Points:
-        """Standard error (n,) in px of the undistorted places of points (n, 2) in the photograph, per axis."""
+        """Return the standard error (n,) in px of the undistorted places of points (n, 2) in the photograph, per axis."""
         raw = as_points(points)
         if self.errors_px.size == 0:
             return np.full(len(raw), self.error_px)
@@ -180,9 +180,7 @@ class Camera:
                 errors_px=numbers(table.get("errors_px", [])),
             )
         except KeyError as error:
-            raise CameraError(
-                f"the camera's table has no field {error}; make it anew with calibrate or setup"
-            ) from None
+            raise CameraError(f"the camera's table has no field {error}; recreate it with calibrate or setup") from None
         except TypeError as error:
             raise CameraError(f"the camera's table cannot be read: {error}") from None
         except ValueError as error:
@@ -199,18 +197,18 @@ def _whole(value: Any) -> int:
 
 
 def as_points(points: ArrayLike) -> Points:
-    """Points as a float array (n, 2); one point may come as a pair."""
+    """Return the points as a float array (n, 2); one point may come as a pair."""
     return np.asarray(points, dtype=float).reshape(-1, 2)
 
 
 def frame_points(width: int, height: int, count: int = 21) -> Points:
-    """A regular lattice of ``count`` by ``count`` pixels over the whole frame, (count^2, 2)."""
+    """Return a regular lattice of ``count`` by ``count`` pixels over the whole frame, (count^2, 2)."""
     x, y = np.meshgrid(np.linspace(0.0, width - 1.0, count), np.linspace(0.0, height - 1.0, count))
     return np.column_stack([x.ravel(), y.ravel()])
 
 
 def beyond_projection(start: Points, end: Points) -> Points:
-    """What is left (n, 2) of the way from one set of points to another after the best homography, in px.
+    """Return what is left (n, 2) of the way from one set of points to another after the best homography, in px.
 
     Only this part of a lens' distortion matters here: a homography is fitted to the screen's grid anyway.
     """

@@ -1,8 +1,8 @@
-"""Lens profiles of the lensfun project, found by what a photograph says of itself or by name.
+"""Lens profiles of the lensfun project, found by EXIF data or by name.
 
 lensfun moves pixels with three radial models (ptlens, poly3, poly5). All are a polynomial in the radius, so its own map,
 sampled over the frame, is repeated by five coefficients: nothing of lensfun's scaling by crop factor and aspect ratio has
-to be copied here, and the residual of that fit says whether it holds.
+to be copied here, and the residual of that fit shows whether it is valid.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ ZOOM = 0.1
 
 @dataclasses.dataclass(frozen=True)
 class Exif:
-    """What a photograph says of its camera.
+    """EXIF data of a photograph's camera.
 
     Attributes:
         maker: Maker of the camera, maybe empty.
@@ -100,7 +100,7 @@ def lens_profile(
     focal_mm: float | None = None,
     database: Path | str | None = None,
 ) -> Camera:
-    """The camera that lensfun's database describes.
+    """Return the camera that lensfun's database describes.
 
     Args:
         names: A photograph whose EXIF names camera and lens, or these names.
@@ -118,7 +118,7 @@ def lens_profile(
     if not wanted:
         raise CameraError("the photograph does not name its lens; give the lens by name")
     if not focal:
-        raise CameraError("the photograph does not tell its focal length; give it in mm")
+        raise CameraError("the photograph has no focal length (EXIF); give it in mm")
     body, glass = _find(known.maker, known.camera, wanted, database)
     if not glass.min_focal * 0.99 <= focal <= glass.max_focal * 1.01:
         raise CameraError(
@@ -126,10 +126,10 @@ def lens_profile(
         )
     lensfunpy = _lensfun()
     if glass.type != lensfunpy.LensType.RECTILINEAR:
-        raise CameraError(f"the lens {glass.model} is no rectilinear lens; calibrate it from chessboards")
+        raise CameraError(f"the lens {glass.model} is not a rectilinear lens; calibrate it from chessboards")
     calibration = glass.interpolate_distortion(focal)
     if calibration is None or calibration.model == lensfunpy.DistortionModel.NONE:
-        raise CameraError(f"lensfun knows the lens {glass.model} but not its distortion; calibrate it from chessboards")
+        raise CameraError(f"lensfun has the lens {glass.model} but not its distortion; calibrate it from chessboards")
     # A zoom's distortion changes sign somewhere; right there the profile names none, and its neighbours tell its error.
     near = np.clip(np.array([1.0, 1.0 - ZOOM, 1.0 + ZOOM]) * focal, glass.min_focal, glass.max_focal)
     cameras = [_at_focal(body, glass, float(length), width, height) for length in near]
@@ -139,7 +139,7 @@ def lens_profile(
 
 
 def _at_focal(body: lensfunpy.Camera, glass: lensfunpy.Lens, focal: float, width: int, height: int) -> Camera:
-    """The camera at one focal length in mm, without its error."""
+    """Return the camera at one focal length in mm, without its error."""
     lensfun = _lensfun()
     modifier = lensfun.Modifier(glass, body.crop_factor, width, height)
     modifier.initialize(focal, APERTURE, DISTANCE, scale=1.0, flags=lensfun.ModifyFlags.DISTORTION)
@@ -155,13 +155,14 @@ def _at_focal(body: lensfunpy.Camera, glass: lensfunpy.Lens, focal: float, width
 
 
 def _lensfun() -> Any:
-    """The library, loaded where it is asked for: it links against GLib, which a bare machine lacks and nothing else needs."""
+    """Return the library, loaded where it is asked for: it links against GLib, which a bare machine does not have and nothing
+    else needs."""
     try:
         import lensfunpy
     except ImportError as error:
         raise CameraError(
             f"lensfun's library cannot be loaded ({error}); install GLib (libglib2.0-0 on Debian), calibrate the lens "
-            "from chessboards, or leave it out with --lens none"
+            "from chessboards, or skip the correction with --lens none"
         ) from None
     return lensfunpy
 
@@ -170,7 +171,7 @@ def _find(maker: str, camera: str, lens: str, database: Path | str | None) -> tu
     known = _lensfun().Database(load_common=False) if database is None else _database_file(Path(database))
     bodies = known.find_cameras(maker or None, camera) or known.find_cameras(None, camera)
     if not bodies:
-        raise CameraError(f"lensfun does not know the camera {maker} {camera}; check its name or calibrate it")
+        raise CameraError(f"lensfun does not have the camera {maker} {camera}; check its name or calibrate it")
     # The search is by likeness; a lens with other numbers in its name (focal lengths, stops) is another lens.
     alike = [
         found
@@ -179,7 +180,7 @@ def _find(maker: str, camera: str, lens: str, database: Path | str | None) -> tu
     ]
     if not alike:
         raise CameraError(
-            f"lensfun does not know the lens {lens} for the {bodies[0].model}; check its name or calibrate"
+            f"lensfun does not have the lens {lens} for the {bodies[0].model}; check its name or calibrate"
         )
     exact = [found for found in alike if _plain(found.model) == _plain(lens)]
     return bodies[0], (exact or alike)[0]
@@ -196,11 +197,11 @@ def _database_file(path: Path) -> lensfunpy.Database:
     try:
         return lensfunpy.Database(xml=text, load_common=False, load_bundled=False)
     except lensfunpy.LensfunError:
-        raise CameraError(f"{path} is no lens profile in lensfun's format") from None
+        raise CameraError(f"{path} is not a lens profile in lensfun's format") from None
 
 
 def _sample(modifier: lensfunpy.Modifier, points: Points) -> Points:
-    """lensfun's place in the photograph for each ideal pixel (n, 2)."""
+    """Return lensfun's place in the photograph for each ideal pixel (n, 2)."""
     maps = [modifier.apply_geometry_distortion(x, y, 1, 1) for x, y in points]
     if maps[0] is None:
         raise CameraError(
@@ -212,13 +213,13 @@ def _sample(modifier: lensfunpy.Modifier, points: Points) -> Points:
 def _radial_fit(ideal: Points, seen: Points, centre: Points, unit: float) -> Points:
     offset = ideal - centre
     radius = np.linalg.norm(offset, axis=1) / unit
-    inside = radius > 0.05  # the ratio below means nothing in the very middle
+    inside = radius > 0.05  # the ratio below is ill-defined at the centre
     ratio = np.linalg.norm(seen - centre, axis=1)[inside] / unit / radius[inside]
     powers = np.linalg.lstsq(np.vander(radius[inside], 5, increasing=True), ratio)[0]
     fitted = centre + offset * np.polynomial.polynomial.polyval(radius, powers)[:, None]
     worst = float(np.abs(fitted - seen).max())
     if not worst < FIT_LIMIT:
-        raise CameraError(f"lensfun's map is not radial: {worst:.2g} px are left; calibrate the lens from chessboards")
+        raise CameraError(f"lensfun's map is not radial: residual {worst:.2g} px; calibrate the lens from chessboards")
     return powers
 
 

@@ -1,6 +1,6 @@
 """Photographs as light: reading the file, undoing its gamma curve, and taking values between pixels.
 
-A shadow's edge lies where half of the lamp is seen, which is half of the light and not half of the stored number: in a
+A shadow's edge lies where half of the lamp is visible, which is half of the light and not half of the stored number: in a
 JPEG the two differ by a good part of the penumbra's width. So the stored numbers go through sRGB's curve first
 (IEC 61966-2-1), at the pixels that are looked at only.
 """
@@ -26,7 +26,7 @@ from softmodels.common.errors import reason
 from softmodels.common.files import check_file
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a file is by its first bytes, so that one that is no photograph is refused by its true name and with what to do.
+# Recognise files that are not photographs by their first bytes, and say how to fix it.
 #
 # Pillow opens many raw files as TIFF and then reads the small preview in them: their kind has to be known before.
 
@@ -39,7 +39,7 @@ RAW_ENDINGS = frozenset(
     3fr arw cr2 cr3 crw dcr dng erf fff iiq k25 kdc mef mos mrw nef nrw orf pef raf raw rw2 rwl sr2 srf srw x3f
     """)}
 )  # fmt: skip
-"""Endings of cameras' raw files; most of them are TIFF inside, so that their first bytes do not tell them."""
+"""Endings of cameras' raw files; most of them are TIFF inside, so that their first bytes do not identify them."""
 
 RAW = "it is a camera's raw file; develop it to a 16-bit TIFF, without lens correction, cropping or turning, and list that"
 
@@ -47,7 +47,7 @@ VIDEO = "it is a video; save single pictures of it as PNG, at the measured press
 
 _SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
     (0, b"%PDF", "it is a PDF document; save the photograph in it as a picture (pdfimages does), and list that"),
-    (0, b"%!PS", "it is a PostScript document, no photograph"),
+    (0, b"%!PS", "it is a PostScript document, not a photograph"),
     (0, b"FUJIFILMCCD-RAW", RAW),
     (0, b"IIRO", RAW),
     (0, b"IIRS", RAW),
@@ -67,7 +67,7 @@ _SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
     (0, b"PK\3\4", "it is a ZIP archive or an office document; take the photograph out of it, and list that"),
     (0, b"\xff\x0a", "it is a JPEG XL picture, which cannot be read; save it as PNG or TIFF"),
     (4, b"JXL ", "it is a JPEG XL picture, which cannot be read; save it as PNG or TIFF"),
-    (0, b"version https://git-lfs", "it is Git LFS's pointer in place of the picture; fetch it with git lfs pull"),
+    (0, b"version https://git-lfs", "it is a Git LFS pointer instead of the picture; fetch it with git lfs pull"),
 )
 """Offset, bytes and what such a file is, as the reason for its refusal."""
 
@@ -76,7 +76,7 @@ _STILLS = frozenset(b"heic heix heim heis hevc hevx mif1 msf1 miaf avif avis jp2
 
 
 def foreign_kind(path: Path) -> str | None:
-    """Why a file is no photograph that can be read, as far as its first bytes and its ending tell; None if they do not.
+    """Return why a file is no photograph that can be read, as far as its first bytes and its ending tell; None if they do not.
 
     Raises:
         OSError: The file cannot be opened.
@@ -84,7 +84,7 @@ def foreign_kind(path: Path) -> str | None:
     with path.open("rb") as file:
         head = file.read(512)
     if not head:
-        return f"the file is no picture, it is empty; {READABLE} is needed"
+        return f"the file is empty; use {READABLE}"
     if path.suffix.lower() in RAW_ENDINGS:
         return RAW
     for offset, mark, what in _SIGNATURES:
@@ -94,9 +94,9 @@ def foreign_kind(path: Path) -> str | None:
         return VIDEO
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()
     if text.startswith((b"<!doctype html", b"<html")):
-        return "it is a web page, maybe what a server answered in place of the picture; fetch the picture again"
+        return "it is a web page instead of a picture; download the picture again"
     if text.startswith((b"<svg", b"<?xml")):
-        return f"it is a drawing or another XML file, no photograph; {READABLE} is needed"
+        return f"it is a drawing or another XML file, not a photograph; use {READABLE}"
     return None
 
 
@@ -104,7 +104,7 @@ def foreign_kind(path: Path) -> str | None:
 # Pixels of a picture file, whatever its format and depth: unturned, and on one scale from 0 to 255.
 #
 # The lens and the screen were measured in the sensor's own pixels, so nothing turns a picture here: the orientation that EXIF
-# asks viewers for is left alone, and the turn that HEIC's decoder makes by itself is taken back.
+# asks viewers for is kept, and the turn that HEIC's decoder makes by itself is taken back.
 
 
 Pixels = npt.NDArray[np.uint8]
@@ -128,7 +128,7 @@ FORMATS = ("JPEG", "PNG", "TIFF", "HEIF", "WEBP", "AVIF", "JPEG2000", "BMP", "GI
 """Formats that are read (MPO as JPEG). Pillow knows more, and lets other programs run some of them, such as PostScript."""
 
 _UNUSABLE = {
-    "1": "black or white and nothing between, where an edge has lost its shades",
+    "1": "black or white only, without the grey levels of an edge",
     "F": "decimal numbers, whose scale is not known",
     "LAB": "in the colours of CIELAB",
     "HSV": "in the colours of HSV",
@@ -148,12 +148,12 @@ _UNTURNED = {
 
 
 class PictureError(ValueError):
-    """A file that gives no pixels; the message is the reason, a sentence for the user."""
+    """An unreadable picture; the message is the reason, for the user."""
 
 
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[Image.Image]:
-    """A picture file, opened but not decoded; no size is too large here, `read_pixels` looks at the memory.
+    """Provide a picture file, opened but not decoded; no size is too large here, `read_pixels` looks at the memory.
 
     Raises:
         PictureError: No file, no picture, or one of a kind that cannot be read.
@@ -177,13 +177,13 @@ def opened(path: Path) -> Iterator[Image.Image]:
             with Image.open(path, formats=FORMATS) as picture:
                 yield picture
         except UnidentifiedImageError:
-            raise PictureError(f"the file is no picture, or one that cannot be read; {READABLE} is needed") from None
+            raise PictureError(f"the file is not a readable picture; use {READABLE}") from None
         finally:
             Image.MAX_IMAGE_PIXELS = most
 
 
 def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
-    """Pixels of a picture file.
+    """Return the pixels of a picture file.
 
     More than 8 bits are brought to 8: counted from the greatest number that the depth allows, which is the least of 8, 10,
     12, 14 and 16 bits that holds the picture's greatest value. Rounding to 1/255 of the light moves an edge by some
@@ -205,7 +205,7 @@ def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
             orientation = _turned_by_reader(picture)
             wide, high = picture.size if orientation not in (5, 6, 7, 8) else picture.size[::-1]
             if size is not None and (wide, high) != size:
-                raise PictureError(f"it has {wide} x {high} pixels where the setup has {size[0]} x {size[1]}")
+                raise PictureError(f"it has {wide} x {high} pixels, but the setup has {size[0]} x {size[1]}")
             _check_memory(wide, high, MEMORY_PER_DEEP_PIXEL if _is_deep(picture) else MEMORY_PER_PIXEL)
             _check_pages(picture)
             pixels = _decoded(path, picture)
@@ -222,7 +222,7 @@ def _decoded(path: Path, picture: Image.Image) -> Pixels:
     deep = _is_deep(picture)
     picture.load()  # tells a damaged file, also before OpenCV takes what there is of it
     if deep:
-        # Of 16-bit colour Pillow keeps the upper 8 bits alone; OpenCV gives what the file holds.
+        # Of 16-bit colour Pillow keeps only the upper 8 bits; OpenCV gives what the file holds.
         whole = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
         if whole is not None and whole.dtype == np.uint16 and whole.shape[1::-1] == picture.size:
             return _colours(whole)
@@ -240,7 +240,8 @@ def _decoded(path: Path, picture: Image.Image) -> Pixels:
 
 
 def _is_deep(picture: Image.Image) -> bool:
-    """Whether a PNG or TIFF, not yet decoded, holds 16 bits per channel: its first tile names the numbers it is made of."""
+    """Return whether a PNG or TIFF, not yet decoded, holds 16 bits per channel: its first tile names the numbers it is made
+    of."""
     tiles = getattr(picture, "tile", None)
     if picture.format not in DEEP or not tiles:
         return False
@@ -249,7 +250,8 @@ def _is_deep(picture: Image.Image) -> bool:
 
 
 def _colours(deep: npt.NDArray[np.uint16]) -> Pixels:
-    """Numbers of more than 8 bits, grey (h, w) or blue, green, red and maybe opacity (h, w, 3 or 4), as 8-bit colours."""
+    """Return the numbers of more than 8 bits, grey (h, w) or blue, green, red and maybe opacity (h, w, 3 or 4), as 8-bit
+    colours."""
     if deep.ndim == 3 and deep.shape[2] == 4 and deep[..., 3].min() < deep[..., 3].max():
         raise PictureError(_CUT_OUT)
     light = deep if deep.ndim == 2 else deep[..., 2::-1]
@@ -268,7 +270,7 @@ def _whole_numbers(values: npt.NDArray[np.generic]) -> npt.NDArray[np.uint16]:
 
 
 def _from_ink(picture: Image.Image) -> Image.Image:
-    """Printers' inks as colours: by the file's own profile, or by the plain rule where it has none."""
+    """Return Printers' inks as colours: by the file's own profile, or by the plain rule where it has none."""
     profile = picture.info.get("icc_profile")
     if profile:
         with contextlib.suppress(ImageCms.PyCMSError, OSError):
@@ -279,7 +281,7 @@ def _from_ink(picture: Image.Image) -> Image.Image:
     return picture.convert("RGB")
 
 
-_CUT_OUT = "parts of it are transparent: it has been cut out or drawn on; list the photograph itself"
+_CUT_OUT = "parts of it are transparent, so it was edited; list the original photograph"
 
 
 def _opaque(picture: Image.Image) -> Pixels:
@@ -290,7 +292,7 @@ def _opaque(picture: Image.Image) -> Pixels:
 
 
 def _check_pages(picture: Image.Image) -> None:
-    """Refuse several pictures in one file; a reduced copy beside the picture, as some programs write it, is none."""
+    """Reject several pictures in one file; a reduced copy beside the picture, as some programs write it, is none."""
     count = getattr(picture, "n_frames", 1)
     if count < 2 or picture.format not in WITH_PAGES:
         return
@@ -300,24 +302,23 @@ def _check_pages(picture: Image.Image) -> None:
         pages += picture.size == size
     picture.seek(0)
     if pages > 1:
-        raise PictureError(
-            f"it holds {count} pictures (pages or an animation); save the one that is meant as its own file"
-        )
+        raise PictureError(f"it holds {count} pictures (pages or an animation); save the right one as a separate file")
 
 
 def _check_memory(width: int, height: int, per_pixel: int) -> None:
     if width < 1 or height < 1:
-        raise PictureError(f"it has {width} x {height} pixels: there is nothing in it")
+        raise PictureError(f"it has {width} x {height} pixels; use a larger picture")
     need, free = per_pixel * width * height, free_memory()
     if free is not None and need > MOST_MEMORY * free:
         raise PictureError(
-            f"it has {width} x {height} pixels; reading it takes about {need / 1e9:.1f} GB of memory and {free / 1e9:.1f} GB "
-            "are free: measure fewer at a time (--jobs 1), or make all photographs and the setup's smaller by the same factor"
+            f"it has {width} x {height} pixels; reading it takes about {need / 1e9:.1f} GB of memory, but {free / 1e9:.1f} "
+            f"GB are free: measure fewer at a time (--jobs 1), or make all photographs and the setup's smaller by the same "
+            f"factor"
         )
 
 
 def free_memory() -> float | None:
-    """Bytes that can be had without swapping; None where the system does not tell."""
+    """Return the bytes that can be had without swapping; None where the system does not tell."""
     with contextlib.suppress(OSError, ValueError, IndexError):
         for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
             if line.startswith("MemAvailable:"):
@@ -328,7 +329,7 @@ def free_memory() -> float | None:
 
 
 def _turned_by_reader(picture: Image.Image) -> int:
-    """The EXIF orientation that a reader has turned the picture by already; HEIC's does."""
+    """Return the EXIF orientation that a reader has turned the picture by already; HEIC's does."""
     if picture.format != "HEIF":
         return 1
     return int(picture.info.get("original_orientation") or 1)
@@ -353,7 +354,7 @@ TONES: dict[str, npt.NDArray[np.float32]] = {"srgb": LIGHT, "linear": _STORED.as
 
 
 class Unmeasurable(ValueError):
-    """A photograph that must not be measured; the message is the reason, a sentence for the user."""
+    """A photograph that must not be measured; the message is the reason, for the user."""
 
 
 def read_photograph(path: Path, size: tuple[int, int] | None = None) -> Pixels:
@@ -376,7 +377,7 @@ def read_photograph(path: Path, size: tuple[int, int] | None = None) -> Pixels:
 
 
 def sample_light(image: Pixels, points: Array, light: npt.NDArray[np.float32] = LIGHT) -> Array:
-    """Light between pixels, bilinear.
+    """Return the light between pixels, bilinear.
 
     Args:
         image: Stored numbers, shape (h, w, 3).

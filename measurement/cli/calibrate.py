@@ -37,12 +37,12 @@ REACHED = 0.9
 @click.option("--pitch", default="25mm", show_default=True, metavar="LENGTH", help="Side of a square.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("camera.toml"), show_default=True,
               help="Camera file to write, for setup --lens.")  # fmt: skip
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: Path, quiet: bool) -> None:
     """Calibrate the camera from PHOTOGRAPHS of a flat chessboard.
 
-    Take ten or so with the focus and zoom of the measurement, the board tilted each time another way, and see to it that
-    together they fill the picture up to its corners. Photographs without the board are left out and named.
+    Take about ten photographs with the focus and zoom of the measurement, each with a different tilt of the board,
+    which together cover the picture up to its corners. Photographs without the board are skipped and listed.
 
     \b
     Exit status: 0 done; 3 some photographs refused; 2 the input cannot be used; 1 nothing measured.
@@ -73,16 +73,16 @@ def _report(made: Calibration, output: Path) -> None:
         say(f"{path}: {rms:.2f} px")
     say(
         f"Focal length fx {camera.matrix[0, 0]:.1f} px, principal point {camera.matrix[0, 2]:.1f}, "
-        f"{camera.matrix[1, 2]:.1f} px; {len(made.per_image)} photographs used, their corners miss by "
-        f"{made.residual_px:.2f} px rms"
+        f"{camera.matrix[1, 2]:.1f} px; {len(made.per_image)} photographs used, reprojection "
+        f"error {made.residual_px:.2f} px (rms)"
     )
     say(
-        f"The lens is known to {camera.error_px:.2g} px where boards were seen, {camera.errors_px[-1]:.2g} px in the "
-        f"picture's corners; written to {output}"
+        f"Standard error of the lens: {camera.error_px:.2g} px in the region of the boards, {camera.errors_px[-1]:.2g} "
+        f"px in the picture's corners; written to {output}"
     )
     if made.coverage < REACHED:
         say(
-            f"Boards reach {made.coverage:.0%} of the way from the middle to the corners; photographs with the board there "
-            "would tell the lens beyond",
+            f"Boards cover {made.coverage:.0%} of the distance from the middle to the corners; add photographs "
+            f"with the board near the corners",
             err=True,
         )

@@ -23,12 +23,12 @@ WRITTEN = ("photographs/", "setup.toml", "setup.png", "outlines/")
 
 
 @click.command()
-@click.option("-o", "--output", type=FolderType(), help="Folder for all of it.  [default: demo; demo-2 and so on where that "
-              "is taken]")  # fmt: skip
+@click.option("-o", "--output", type=FolderType(), help="Folder for all files.  [default: demo; demo-2 and so on "
+              "if that exists]")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def demo(output: Path | None, jobs: int | None, quiet: bool) -> None:
-    """Make a set of synthetic photographs, measure them, and say where the pictures are."""
+    """Make a set of synthetic photographs, and measure them."""
     with stoppable("measurement"):
         from measurement.cli.photos import photos
         from measurement.cli.setup import setup

@@ -57,7 +57,7 @@ from softmodels.common.units import WATER_DENSITY, UnitError, quantity
 
 @dataclasses.dataclass(frozen=True)
 class PhotoOptions:
-    """How the photographs are measured and shown.
+    """Settings by which the photographs are measured and shown.
 
     Attributes:
         tone: How the files store light.
@@ -77,10 +77,10 @@ class PhotoOptions:
 
     @classmethod
     def of(cls, given: dict[str, Any]) -> PhotoOptions:
-        """Those that the command's values mean.
+        """Return those that the command's values mean.
 
         Raises:
-            ColumnError, UnitError: A value that cannot be meant.
+            ColumnError, UnitError: An invalid value.
         """
         column = Column(
             quantity(given["water_density"], "kg/m^3"),
@@ -95,11 +95,11 @@ class PhotoOptions:
 @click.argument("listing", metavar="PHOTOS.csv", type=click.Path(path_type=Path))
 @click.option("--setup", "setup_file", default=Path("setup.toml"), show_default=True, type=click.Path(path_type=Path),
               help="Camera and screen, from python -m measurement setup.")  # fmt: skip
-@click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: outlines; outlines-2 and so on "
-              "where that holds others]")  # fmt: skip
+@click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: outlines; outlines-2 and so "
+              "on if that holds others]")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
 @click.option("--tone", type=click.Choice([AUTO, *TONES]), default=AUTO, show_default=True,
-              help="How the files store light: as a camera's JPEG, or in proportion; auto looks at the edge.")  # fmt: skip
+              help="Tone curve of the files: srgb (camera JPEG) or linear; auto estimates it from the edge.")  # fmt: skip
 @click.option(
     "--water-density", default=f"{WATER_DENSITY:g}kg/m^3", show_default=True, help="Density of the column's liquid."
 )
@@ -107,10 +107,10 @@ class PhotoOptions:
 @click.option("--reading-error", default=f"{READING_ERROR * 1e3:g}mm", show_default=True,
               help="Standard error of reading one level of the column.")  # fmt: skip
 @click.option("--body-width", metavar="LENGTH",
-              help="True width of the body, whose sides the photographs show: 34mm, or 34mm+-0.05mm. It tells the shadow's "
-              "magnification.")  # fmt: skip
-@click.option("--no-pictures", is_flag=True, help="Leave the pictures and the overview out.")
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+              help="True width of the body, if its sides are visible: 34mm, or 34mm+-0.05mm. It determines the "
+              "shadow's magnification.")  # fmt: skip
+@click.option("--no-pictures", is_flag=True, help="Skip the pictures and the overview.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -> None:
     """Measure the shadow's outline in every photograph of a list.
 
@@ -150,7 +150,7 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
 
 
 def _stamp(file: Path) -> tuple[int, int]:
-    """Size and time of a photograph's file; zeros where there is none."""
+    """Return the size and time of a photograph's file; zeros where there is none."""
     try:
         state = file.stat()
     except OSError:
@@ -185,12 +185,12 @@ def _report(made: Measurement, folder: Path, width: tuple[float, float] | None) 
         say(_line(result))
     say(_scale_words(made.setup, made.zero, width))
     weak = sum(not outline.trusted for outline in made.outlines)
-    remark = f", {weak} of them not trusted" if weak else ""
+    remark = f", {weak} of them untrusted" if weak else ""
     say(f"{len(made.outlines)} of {len(made.results)} measured{remark}; written to {folder}")
     for result in made.results:
         file = result.photograph.file
         if result.name != file.stem and isinstance(result.outcome, Outline):
-            say(f"{file.name}: its outline is {result.name}.csv, for its own name is taken")
+            say(f"{file.name}: its outline is {result.name}.csv, because its own name is taken")
 
 
 def _width(text: str) -> tuple[float, float]:
@@ -201,17 +201,17 @@ def _width(text: str) -> tuple[float, float]:
 
 
 def _scale_words(setup: Setup, zero: ZeroLine, width: tuple[float, float] | None) -> str:
-    """What the lengths are held against."""
+    """Return what the lengths are held against."""
     seen = (
         "" if zero.sides is None else f"; the body's sides lie {zero.sides.width * 1e3:.3f} mm apart at zero pressure"
     )
     if width is not None or setup.magnification_error > 0.0:
         error = f" +- {setup.magnification_error:.2g}" if setup.magnification_error else ""
-        return f"Lengths are the shadow's over its magnification of {setup.magnification:.5f}{error}{seen}"
+        return f"Lengths are those of the shadow divided by its magnification of {setup.magnification:.5f}{error}{seen}"
     unknown = "--body-width" if zero.sides is not None else "setup --lamp-distance and --screen-distance"
     return (
-        f"Lengths are the shadow's over a magnification of {setup.magnification:g} that nothing here checks and no error "
-        f"counts; {unknown} would tell it{seen}"
+        f"Lengths are those of the shadow divided by a magnification of {setup.magnification:g} that is not verified and has "
+        f"no error; give {unknown} to determine it{seen}"
     )
 
 
@@ -239,7 +239,7 @@ def _draw(output: Path, made: Measurement, tone: str) -> None:
             image = read_photograph(files[highest])
             draw_steps(output / "steps.png", image, made.setup, trace_image(image, made.setup, tone), highest)
         except Unmeasurable as error:  # somebody changed the file meanwhile
-            say(f"{files[highest].name}: no picture of its steps, {error}", err=True)
+            say(f"{files[highest].name}: no picture of its steps: {error}", err=True)
         by_pressure = sorted(made.results, key=lambda result: result.photograph.pressure)
         shown = [output / "edges" / f"{r.name}.png" for r in by_pressure if isinstance(r.outcome, Outline)]
         animate(output / "animation.gif", [file for file in shown if file.is_file()])

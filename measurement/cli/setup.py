@@ -56,7 +56,7 @@ class LensOptions:
     focal: str | None
 
     def camera(self, photograph: Path, width: int, height: int) -> Camera:
-        """The camera of a photograph of this size in px.
+        """Return the camera of a photograph of this size in px.
 
         Raises:
             CameraError, UnitError: There is no such camera.
@@ -93,7 +93,7 @@ def _camera_file(path: Path) -> Camera:
     except TomlError as error:
         raise CameraError(f"the camera {path} {error}") from None
     if not isinstance(table.get("camera"), dict):
-        raise CameraError(f"{path} holds no camera; make it with python -m measurement calibrate")
+        raise CameraError(f"{path} contains no camera; create it with python -m measurement calibrate")
     return Camera.from_table(table["camera"])
 
 
@@ -115,8 +115,8 @@ class PlaneOptions:
         pattern: Inner corners of the board.
         dictionary: OpenCV's name of the ChArUco markers.
         marker_share: Side of such a marker over that of a square.
-        points: Known points in place of a target.
-        scale: Pixels per length in place of a target; None without.
+        points: Known points instead of a target.
+        scale: Pixels per length instead of a target; None without.
         origin: Pixel near the origin; None for the middle.
     """
 
@@ -136,13 +136,13 @@ class PlaneOptions:
 
     @property
     def known(self) -> str | None:
-        """What the plane is fitted to, in the plural; None for a scale, which fits nothing."""
+        """Name of the points to which the plane is fitted, in the plural; None for a scale."""
         if self.scale is not None:
             return None
         return "known points" if self.points else "crossings" if self.target == "grid" else "corners"
 
     def pitch(self) -> float:
-        """The pitch in m.
+        """Return the pitch in m.
 
         Raises:
             SetupError, UnitError: It is none.
@@ -150,7 +150,7 @@ class PlaneOptions:
         return self._pitch()[0]
 
     def pitch_error(self) -> float:
-        """Standard error of the pitch as a share of it: as given, else `PITCH_ERROR`; 0 where no pitch is used.
+        """Return the standard error of the pitch as a share of it: as given, else `PITCH_ERROR`; 0 where no pitch is used.
 
         Raises:
             SetupError, UnitError: It is none.
@@ -165,13 +165,13 @@ class PlaneOptions:
         if not pitch > 0.0:
             raise SetupError(f"--grid-pitch must be a positive length, not {self.grid_pitch}")
         if pitch > LARGEST:
-            raise SetupError(f"--grid-pitch {self.grid_pitch} is no grid of this kind; write mm for millimetres")
+            raise SetupError(f"--grid-pitch {self.grid_pitch} is not a plausible grid pitch; write mm for millimetres")
         if not 0.0 <= error < pitch:
             raise SetupError(f"the error in --grid-pitch {self.grid_pitch} must not be negative, and below the pitch")
         return pitch, error
 
     def plane(self, picture: NDArray[np.uint8], camera: Camera) -> Plane:
-        """The plane in a photograph (h, w, 3).
+        """Return the plane in a photograph (h, w, 3).
 
         Raises:
             GridError, PlaneError, SetupError, UnitError: It is not to be found, or not asked for as it can be.
@@ -200,10 +200,10 @@ class PlaneOptions:
 @click.command()
 @click.argument("photograph", type=click.Path(path_type=Path))
 @click.option("--target", type=click.Choice(["grid", "chessboard", "charuco"]), default="grid", show_default=True,
-              help="What lies in the screen's plane.")  # fmt: skip
+              help="Object in the screen's plane.")  # fmt: skip
 @click.option("--grid-pitch", default="9mm", show_default=True, metavar="LENGTH",
-              help="Distance of the grid's lines, or side of a board's square; 9mm+-0.01mm gives its error, which is 0.2 % "
-              "else.")  # fmt: skip
+              help="Distance of the grid's lines, or side of a board's square; 9mm+-0.01mm gives its error; default "
+              "0.2 %.")  # fmt: skip
 @click.option("--pattern", default="9x6", show_default=True, metavar="NxM",
               help="Inner corners of the chessboard or ChArUco board in a row and in a column.")  # fmt: skip
 @click.option("--dictionary", default="DICT_4X4_50", show_default=True, help="OpenCV's name of the ChArUco markers.")
@@ -215,24 +215,24 @@ class PlaneOptions:
     help="Side of a ChArUco marker over that of a square.",
 )
 @click.option("--point", "points", multiple=True, metavar="x,y=X,Z",
-              help="In place of the grid: a known point, pixel and place (100,200=9mm,18mm); four or more.")  # fmt: skip
+              help="Instead of the grid: a known point, pixel and place (100,200=9mm,18mm); four or more.")  # fmt: skip
 @click.option("--scale", metavar="N px/m",
-              help="In place of the grid: pixels per length of a camera that looks straight on; 75px/mm+-1px/mm.")  # fmt: skip
+              help="Instead of the grid: pixels per length of a camera that looks straight on; 75px/mm+-1px/mm.")  # fmt: skip
 @click.option("--lens", default="auto", show_default=True, metavar="auto|none|NAME|CAMERA.toml|PROFILE.xml",
               help="Lens correction: lensfun's for what EXIF names, none, lensfun's for a name, the file of calibrate, or a "
               "file in lensfun's format.")  # fmt: skip
-@click.option("--camera", "body", help="Name of the camera where EXIF does not tell it, such as 'Canon EOS 550D'.")
-@click.option("--focal", metavar="LENGTH", help="Focal length where EXIF does not tell it, such as 35mm.")
+@click.option("--camera", "body", help="Name of the camera if missing in EXIF, such as 'Canon EOS 550D'.")
+@click.option("--focal", metavar="LENGTH", help="Focal length if missing in EXIF, such as 35mm.")
 @click.option("--origin", metavar="x,y", help="Pixel near the crossing that becomes X = Z = 0.  [default: the middle]")
 @click.option("--lamp-distance", metavar="LENGTH",
               help="From the lamp to the object, if the light is not parallel; 2m+-5cm gives an error.")  # fmt: skip
 @click.option("--screen-distance", metavar="LENGTH", help="From the object to the screen; 3cm+-1mm gives an error.")
-@click.option("--roi", metavar="x0,y0,x1,y1", help="Region of interest in px; the shadow is sought in it alone.")
+@click.option("--roi", metavar="x0,y0,x1,y1", help="Region of interest in px; the shadow is searched only there.")
 @click.option("--zero", metavar="x,y=x,y", help="Two pixels on the undeformed surface.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("setup.toml"), show_default=True,
               help="Setup file to write, for photos --setup.")  # fmt: skip
 @click.option("--overlay", type=click.Path(path_type=Path),
-              help="Picture of what was found.  [default: OUTPUT with the ending .png, or -overlay.png where that "
+              help="Picture of the result.  [default: OUTPUT with the ending .png, or -overlay.png where that "
               "is taken]")  # fmt: skip
 def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) -> None:
     """Find the screen's plane in a PHOTOGRAPH of its grid, of a board, or of known points.
@@ -284,7 +284,7 @@ class LightOptions:
     zero: str | None
 
     def setup(self, camera: Camera, plane: Plane, grid_pitch: float | None) -> Setup:
-        """The setup with this camera, plane and pitch of the grid in m.
+        """Return the setup with this camera, plane and pitch of the grid in m.
 
         Raises:
             SetupError, UnitError: A text that is not what it should be.
@@ -303,7 +303,7 @@ def _of[Options](kind: type[Options], given: dict[str, Any]) -> Options:
 
 
 def _check_given(given: dict[str, Any]) -> None:
-    """Refuse options that something else given makes meaningless.
+    """Reject options that something else given makes meaningless.
 
     Raises:
         SetupError: The first of them.
@@ -324,11 +324,11 @@ def _check_given(given: dict[str, Any]) -> None:
         for name in names:
             if name in told:
                 flag = {"body": "camera"}.get(name, name.replace("_", "-"))
-                raise SetupError(f"--{flag} says nothing beside {cause}; leave one of them out")
+                raise SetupError(f"--{flag} has no effect with {cause}; leave one of them out")
 
 
 def _places(photograph: Path, output: Path, overlay: Path | None, lens: str) -> Path:
-    """Where the overlay goes: beside the setup, under another name where that is the photograph's or somebody else's.
+    """Return where the overlay goes: beside the setup, under another name where that is the photograph's or somebody else's.
 
     Raises:
         OwnFolderError: The setup or the overlay would replace what is not the program's.
@@ -351,15 +351,15 @@ def _report(made: Setup, kind: str | None, written: str) -> None:
     raw = raw[np.isfinite(made.to_metres(raw)).all(axis=1)]
     span = float(np.sqrt(abs(np.linalg.det(made.jacobian([[camera.width / 2, camera.height / 2]])[0]))))
     error = float(np.sqrt(np.mean(made.error(raw, 0.0) ** 2)))
-    say(f"Lens: {camera.source}, known to {camera.error_px:.2g} px; focal length {camera.matrix[0, 0]:.0f} px")
+    say(f"Lens: {camera.source}, standard error {camera.error_px:.2g} px; focal length {camera.matrix[0, 0]:.0f} px")
     size = f"{made.magnification:.4f}" + (f" +- {made.magnification_error:.1g}" if made.magnification_error else "")
     say(f"In the picture's middle one pixel spans {span * 1e6:.2f} um of the object; magnification {size}")
     if made.pitch_error:
         say(
-            f"The pitch is taken as known to {made.pitch_error:.2%}, and so are all lengths; --grid-pitch takes an error"
+            f"The pitch, and so all lengths, have an assumed error of {made.pitch_error:.2%}; give another with --grid-pitch"
         )
     if kind is None:
-        say("The plane is the scale that was given, seen straight on; nothing in the picture checks it")
+        say("The plane follows from the given scale and a perpendicular view; the picture does not verify it")
     else:
-        say(f"{len(plane.points)} {kind} miss the plane by {plane.residual * 1e6:.2f} um rms")
-    say(f"Places in the picture are known to {error * 1e6:.2g} um rms; {written}")
+        say(f"{len(plane.points)} {kind}, residual to the plane {plane.residual * 1e6:.2f} um (rms)")
+    say(f"Standard error of positions in the picture: {error * 1e6:.2g} um (rms); {written}")

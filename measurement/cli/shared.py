@@ -63,28 +63,29 @@ def write_text(path: Path, text: str) -> None:
 
 
 def magnification(lamp: str | None, screen: str | None) -> tuple[float, float]:
-    """Magnification of the shadow and its standard error, from the texts of both distances."""
+    """Return the magnification of the shadow and its standard error, from the texts of both distances."""
     if lamp is None and screen is None:
         return 1.0, 0.0
     if lamp is None or screen is None:
-        raise SetupError("give both --lamp-distance and --screen-distance, or none of them")
+        raise SetupError("give both --lamp-distance and --screen-distance, or neither")
     (far, far_error), (near, near_error) = (with_error(text, length) for text in (lamp, screen))
     return factor_of(far, near, far_error, near_error)
 
 
 def with_error(text: str, read: Callable[[str], float]) -> tuple[float, float]:
-    """A value and its standard error from a text like "2m+-5cm", each read by itself; the error is 0 where none is given."""
+    """Return a value and its standard error from a text like "2m+-5cm", each read by itself; the error is 0 where none is
+    given."""
     value, _, error = text.replace("±", "+-").partition("+-")
     return read(value), read(error) if error else 0.0
 
 
 def known_point(text: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """A pixel and its place in m, from "100,200=9mm,18mm"."""
+    """Return a pixel and its place in m, from "100,200=9mm,18mm"."""
     pixel, _, place = text.partition("=")
     parts = place.split(",")
     if len(parts) != 2:
-        more = "; commas part the numbers, and decimals have a point" if len(parts) > 2 else ""
-        raise SetupError(f"{brief(text)} is no known point; write it like 100,200=9mm,18mm{more}")
+        more = "; separate numbers by commas, and write decimals with a point" if len(parts) > 2 else ""
+        raise SetupError(f"{brief(text)} is not a known point; write it like 100,200=9mm,18mm{more}")
     return numbers(pixel, 2, "--point"), tuple(length(part) for part in parts)
 
 
@@ -95,26 +96,26 @@ def numbers(text: str, count: int, option: str) -> tuple[float, ...]:
     except UnitError:
         values = ()
     if len(values) != count or not all(abs(value) < 1e9 for value in values):
-        more = "; decimals have a point" if len(values) > count else ""
+        more = "; write decimals with a point" if len(values) > count else ""
         raise SetupError(f"{option} needs {count} numbers between commas, not {brief(text)}{more}")
     return values
 
 
 def pattern(text: str) -> tuple[int, int]:
-    """Inner corners in a row and in a column, from "9x6"."""
+    """Return the inner corners in a row and in a column, from "9x6"."""
     found = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text.strip())
     if not found:
-        raise SetupError(f"{brief(text)} is no pattern; write the inner corners like 9x6")
+        raise SetupError(f"{brief(text)} is not a pattern; write the inner corners like 9x6")
     return int(found[1]), int(found[2])
 
 
 def length(text: str) -> float:
-    """A length in m."""
+    """Return a length in m."""
     return quantity(text, "m")
 
 
 def per_metre(text: str) -> float:
-    """Pixels per metre from "75px/mm"."""
+    """Return the pixels per metre from "75px/mm"."""
     # A pixel is a count here; Pint's own pixel is a unit of its own.
     found = len(text) <= LONGEST and re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text)
     try:
@@ -122,7 +123,7 @@ def per_metre(text: str) -> float:
     except UnitError as error:
         why = f" ({error})" if "decimal comma" in str(error) else ""
         raise SetupError(
-            f"{brief(text.strip())} is no scale{why}; write pixels per length like 75px/mm or 75000px/m"
+            f"{brief(text.strip())} is not a scale{why}; write pixels per length like 75px/mm or 75000px/m"
         ) from None
 
 

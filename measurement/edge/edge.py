@@ -3,8 +3,8 @@
 Across the edge the light falls from the lit screen's through the penumbra to the shadow's. At many stations along a coarse
 contour a profile across it, averaged over the station's length, gets a step by least squares: middle, width, both levels and
 the fall of the lit screen's light. The step is an error function first, and then has the shape that all profiles of the
-photograph have in common (`edge_shape`). Its middle is where half of the lamp is seen. Levels that belong to each profile make
-uneven light harmless, and the light is divided by what the grid's ink lets through before.
+photograph have in common (`edge_shape`). Its middle is where half of the lamp is visible. Levels that belong to each profile
+make uneven light harmless, and the light is divided by what the grid's ink lets through before.
 
 Photographs are not warped or resampled for this; only the profiles' few samples lie between pixels.
 """
@@ -80,7 +80,7 @@ class Edge:
 
 
 def coarse_contour(mask: npt.NDArray[np.bool_], share: Array, factor: float, origin: tuple[int, int]) -> Array:
-    """The longest contour at half light of a shadow in a small photograph, in px of the large one.
+    """Return the longest contour at half light of a shadow in a small photograph, in px of the large one.
 
     Args:
         mask: The one shadow, shape (h, w).
@@ -120,9 +120,7 @@ def refine_edge(shading: Shading, contour: Array, factor: float) -> Edge:
             break
         reach = 2.0 * reach
     if len(edge.px) < 10:
-        raise Unmeasurable(
-            "its edge is nowhere clear enough to be found; photograph it again in focus, with more light and contrast"
-        )
+        raise Unmeasurable("its edge is not clear enough; photograph it again in focus, with more light and contrast")
     # The second look follows the first one's edge, so that its profiles need no room for the contour's error.
     spacing = max(3.0, float(np.linalg.norm(np.diff(edge.px, axis=0), axis=1).sum()) / MOST_STATIONS)
     reach = float(np.clip(4.5 * width + 2.0, 5.0, 250.0))
@@ -130,18 +128,18 @@ def refine_edge(shading: Shading, contour: Array, factor: float) -> Edge:
 
 
 def _light_beside(shading: Shading, path: Array, reach: float) -> Array:
-    """The path in the direction whose normals, as `stations` draws them, point to the light."""
+    """Return the path in the direction whose normals, as `stations` draws them, point to the light."""
     place, normal = stations(path, reach)
     ahead, behind = (shading.level(place + sign * reach * normal) for sign in (1.0, -1.0))
     return path if np.nanmedian(ahead - behind) > 0.0 else path[::-1]
 
 
 def _edge_in(profiles: Profiles, shading: Shading | None = None) -> Edge:
-    """The edge that profiles show, without the stations where it is not clear or something lies on it.
+    """Return the edge that profiles show, without the stations where it is not clear or something lies on it.
 
     Args:
         profiles: Light across the edge.
-        shading: The photograph, for the shape of its edge and for what ink draws; None for an error function alone.
+        shading: The photograph, for the shape of its edge and for what ink draws; None for only an error function.
     """
     shape, value = gaussian(), profiles.value
     fit, drawn = fit_profiles(profiles.offsets, value, profiles.weight), np.zeros(len(value))
@@ -174,7 +172,7 @@ def _contrast(fit: ProfileFit) -> Array:
 
 
 def _clear(profiles: Profiles, fit: ProfileFit, error: Array) -> npt.NDArray[np.bool_]:
-    """Stations (n,) at which the edge is clear, by the standard errors (n,) of their middles."""
+    """Return the stations (n,) at which the edge is clear, by the standard errors (n,) of their middles."""
     reach = profiles.offsets[-1]
     return np.asarray(
         np.isfinite(error) & (fit.rise > 0.0) & (np.abs(fit.centre) < 0.8 * reach) & (profiles.weight.min(axis=1) > 0.0)
@@ -189,7 +187,8 @@ def _stored(shading: Shading, fit: ProfileFit, good: npt.NDArray[np.bool_]) -> S
 
 
 def _spoilt(variance: Array, width: Array, good: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Stations (n,) at which something lies on the edge: dust spoils the curve's shape before it moves its middle much."""
+    """Return the stations (n,) at which something lies on the edge: dust spoils the curve's shape before it moves its middle
+    much."""
     usual = np.median(variance[good]) if good.any() else np.inf
     found = (variance > LARGEST_RESIDUAL_RATIO**2 * usual) | (np.abs(np.log(width / _local_median(width))) > 0.35)
     # It reaches into the stations beside those in which it is plain.
@@ -240,7 +239,7 @@ class Smoothed:
 
 
 def robust_loess(place: Array, value: Array, span: int = SPAN) -> Smoothed:
-    """Smooth values along a line by robust local quadratics.
+    """Return the smooth values along a line by robust local quadratics.
 
     Args:
         place: Rising places, shape (n,); at least 4 different ones in every span.
@@ -349,7 +348,7 @@ class BridgedLine:
 
 
 def smoothed(edge: Edge, longest: float) -> BridgedLine:
-    """The edge as robust loess sees it, gaps bridged.
+    """Return the edge as robust loess sees it, gaps bridged.
 
     Args:
         edge: The edge as it was found.
@@ -372,7 +371,7 @@ def smoothed(edge: Edge, longest: float) -> BridgedLine:
 
 
 def _stretches(step: Array, usual: float) -> list[slice]:
-    """The pieces without a gap; one that is too short to be smoothed belongs to the gap."""
+    """Return the pieces without a gap; one that is too short to be smoothed belongs to the gap."""
     breaks = np.flatnonzero(step > MISSING * usual) + 1
     firsts, lasts = np.r_[0, breaks], np.r_[breaks, len(step) + 1]
     parts = [
@@ -411,7 +410,7 @@ def _stretch(edge: Edge, part: slice) -> BridgedLine:
 
 
 def _bent(px: Array, normal: Array, width: Array) -> Array:
-    """How far (n,) in px towards the light the edge lies from where half of the light is.
+    """Return how far (n,) in px towards the light the edge lies from where half of the light is.
 
     A photograph is the silhouette under a blur, by the lamp's own shape and by the lens. On an edge of the curvature k a blur
     of the standard deviation s shifts half of the light by k s^2 / 2 towards the centre of curvature: more than half of the
@@ -429,7 +428,7 @@ def _bent(px: Array, normal: Array, width: Array) -> Array:
 
 
 def _curvature(lines: list[BridgedLine]) -> float:
-    """The greatest curvature of the smoothed edge in 1/px, but for single corners."""
+    """Return the greatest curvature of the smoothed edge in 1/px, but for single corners."""
     found = [np.zeros(1)]
     for line in lines:
         if len(line.px) > 4 * SPAN:
@@ -443,7 +442,7 @@ def _curvature(lines: list[BridgedLine]) -> float:
 
 
 def _bridge(before: BridgedLine, after: BridgedLine, usual: float, bend: float, longest: float) -> BridgedLine | None:
-    """A cubic over the gap between two stretches; None where it would be a guess."""
+    """Return a cubic over the gap between two stretches; None where it would be a guess."""
     start, end = before.px[-1], after.px[0]
     gap = float(np.linalg.norm(end - start))
     count = round(gap / usual) - 1
@@ -467,7 +466,7 @@ def _bridge(before: BridgedLine, after: BridgedLine, usual: float, bend: float, 
 
 
 def _direction(px: Array) -> Array:
-    """Unit vector (2,) along a stretch at its first point, from a quadratic through a span of points."""
+    """Return the unit vector (2,) along a stretch at its first point, from a quadratic through a span of points."""
     part = px[:SPAN]
     at = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(part, axis=0), axis=1))]
     slope = np.polynomial.polynomial.polyfit(at, part, 2)[1]
@@ -477,8 +476,8 @@ def _direction(px: Array) -> Array:
 # ----------------------------------------------------------------------------------------------------------------------
 # A patch of the edge that is more blurred than the rest: a drop of water or fat on the lens.
 #
-# Such a drop is a lens of its own. It moves the edge that is seen through it by up to some tenths of a millimetre, smoothly, so
-# that no corner or bump shows it at a low bulge. But what is seen through it is out of focus. The width of the edge by itself
+# Such a drop is a lens of its own. It moves the edge visible through it by up to some tenths of a millimetre, smoothly, so
+# that no corner or bump shows it at a low bulge. But the image through it is out of focus. The width of the edge by itself
 # changes only slowly: with the place (a lens' focus, the body's distance) and with the edge's direction (a lamp that is not
 # round).
 
@@ -491,7 +490,7 @@ LEAST, NOISES = 0.12, 8.0
 
 
 def check_blur(edge: Edge, scale: float) -> str | None:
-    """What speaks for a drop or fat on the lens before a part of the edge.
+    """Return what speaks for a drop or fat on the lens before a part of the edge.
 
     Args:
         edge: The edge as it was found.
@@ -501,13 +500,14 @@ def check_blur(edge: Edge, scale: float) -> str | None:
     if more <= max(LEAST, NOISES * scatter):
         return None
     return (
-        f"a part of the edge is {np.expm1(more):.0%} more blurred than the rest: a drop or fat on the lens, which moves it as "
-        "well, or something else than the body throws the shadow there"
+        f"a part of the edge is {np.expm1(more):.0%} more blurred than the rest: a drop or grease on the lens, which "
+        f"also shifts the edge, or a second object casts the shadow there"
     )
 
 
 def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
-    """Logarithm of the most blurred patch's width over what the rest of the edge leads one to expect, and its scatter."""
+    """Return the logarithm of the most blurred patch's width over what the rest of the edge leads one to expect, and its
+    scatter."""
     if len(edge.px) < 6 * MIN_WINDOW_POINTS:
         return 0.0, 0.0
     place = (edge.px - edge.px.mean(axis=0)) / np.ptp(edge.px, axis=0).max()
@@ -527,7 +527,7 @@ def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Is the edge one lamp's penumbra? Not if it is wide, if the screen beside it is white, or if the light falls in steps.
+# Check that the edge is the penumbra of a single lamp: not too wide, not saturated, without steps.
 
 
 WIDEST_EDGE = 300e-6
@@ -545,7 +545,7 @@ so many points at least."""
 
 
 def check_light(edge: Edge, view: View) -> None:
-    """Refuse an edge that is blurred, or beside which the screen is white.
+    """Reject an edge that is blurred, or beside which the screen is white.
 
     Raises:
         Unmeasurable: With the reason.
@@ -556,19 +556,19 @@ def check_light(edge: Edge, view: View) -> None:
     if wide > WIDEST_EDGE:
         raise Unmeasurable(
             f"the edge is blurred over {wide * 1e6:.0f} um (standard deviation), more than {WIDEST_EDGE * 1e6:.0f} um; "
-            "focus on the screen, take a smaller lamp, or move it away and the body nearer to the screen"
+            "focus on the screen, use a smaller lamp, or move the lamp away and the body closer to the screen"
         )
     beside = view.sample(edge.px + 3.0 * edge.width[:, None] * edge.normal)
     blank = float(np.mean((beside > BLANK).any(axis=1)))
     if blank > MOST_BLANK:
         raise Unmeasurable(
-            f"it is overexposed: beside {blank:.0%} of the edge the screen is saturated, which moves the edge; expose "
-            "it for less time"
+            f"it is overexposed: beside {blank:.0%} of the edge the screen is saturated, which shifts the edge; "
+            "reduce the exposure"
         )
 
 
 def check_steps(edge: Edge, colour: ShadowColour) -> tuple[str, ...]:
-    """Doubts about an edge over which the light does not fall all the way from the screen's to the shadow's.
+    """Return the doubts about an edge over which the light does not fall all the way from the screen's to the shadow's.
 
     Raises:
         Unmeasurable: The shadow has several edges.
@@ -578,8 +578,8 @@ def check_steps(edge: Edge, colour: ShadowColour) -> tuple[str, ...]:
     if np.median(part) < PART:
         raise Unmeasurable(
             f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has several "
-            "edges, from a second lamp, a reflection or a double exposure; leave one lamp on, cover what reflects, and "
-            "photograph it again"
+            "edges, from a second lamp, a reflection or a double exposure; use only one lamp, cover reflecting "
+            "surfaces, and photograph it again"
         )
     count = max(MIN_POINTS_PER_PIECE, len(part) // PIECES)
     level = np.convolve(part, np.ones(count) / count, "valid")

@@ -56,7 +56,7 @@ class Ink:
 
     @classmethod
     def of(cls, look: GridLook, setup: Setup, roi: tuple[int, int, int, int]) -> Ink:
-        """The ink of a photograph; the map to the screen is taken straight within each cell of a table."""
+        """Return the ink of a photograph; the map to the screen is taken straight within each cell of a table."""
         x0, y0, x1, y1 = roi
         columns, rows = np.linspace(x0, x1 - 1, CELLS + 1), np.linspace(y0, y1 - 1, CELLS + 1)
         lattice = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
@@ -68,7 +68,7 @@ class Ink:
         return self.look.transmission(self.places(points))
 
     def places(self, points: Array) -> Array:
-        """Places (..., 2) on the screen in m that pixels (..., 2) show."""
+        """Return the places (..., 2) on the screen in m that pixels (..., 2) show."""
         x0, y0, x1, y1 = self.roi
         flat = points.reshape(-1, 2)
         return _bilinear(self.table, (flat - [x0, y0]) / [x1 - 1 - x0, y1 - 1 - y0] * float(CELLS)).reshape(
@@ -76,7 +76,7 @@ class Ink:
         )
 
     def drawn(self, points: Array, z: Array, width: Array) -> Array:
-        """What the ink leaves in profiles across an edge after the light was divided by what it lets through.
+        """Return what the ink leaves in profiles across an edge after the light was divided by what it lets through.
 
         Args:
             points: Pixels (n, k, 2) of n profiles, from shadow to light.
@@ -130,7 +130,7 @@ INK_TRUST = 0.05
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Shading:
-    """How much of the lamp each place of a photograph sees, the grid's ink taken out.
+    """Visible share of the lamp at each place of a photograph, corrected for the grid's ink.
 
     Attributes:
         image: The photograph, shape (h, w, 3).
@@ -147,7 +147,8 @@ class Shading:
     light: npt.NDArray[np.float32] = dataclasses.field(default_factory=lambda: LIGHT)
 
     def level(self, points: Array) -> Array:
-        """Light (...) at pixels (..., 2), its channels mixed as the shadow's colour asks for; NaN outside of the picture."""
+        """Return the light (...) at pixels (..., 2), its channels mixed as the shadow's colour asks for; NaN outside of the
+        picture."""
         return sample_light(self.image, points, self.light) @ self.colour.direction
 
 
@@ -173,7 +174,8 @@ class Profiles:
 
     @classmethod
     def across(cls, shading: Shading, path: Array, spacing: float, reach: float) -> Profiles:
-        """Profiles from ``reach`` px in the shadow to ``reach`` px in the light, every ``spacing`` px of a path (m, 2)."""
+        """Return the profiles from ``reach`` px in the shadow to ``reach`` px in the light, every ``spacing`` px of a path (m,
+        2)."""
         place, normal = stations(path, spacing)
         offsets = np.linspace(-reach, reach, 2 * HALF + 1)
         tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
@@ -196,13 +198,13 @@ class Profiles:
         return cls(place, normal, offsets, mean, total / count, points[:, :: max(1, (count - 1) // 2)])
 
     def drawn(self, drawn: Drawn, z: Array, width: Array) -> Array:
-        """What ink leaves in the profiles (n, k), averaged over the stations' lengths; see `Drawn`."""
+        """Return what ink leaves in the profiles (n, k), averaged over the stations' lengths; see `Drawn`."""
         parts = range(self.points.shape[1])
         return np.asarray(np.mean([drawn(self.points[:, part], z, width) for part in parts], axis=0))
 
 
 def stations(path: Array, spacing: float) -> tuple[Array, Array]:
-    """Places (n, 2) at equal distances along a path, and its unit normals (n, 2): to the left of the way along it.
+    """Return the places (n, 2) at equal distances along a path, and its unit normals (n, 2): to the left of the way along it.
 
     Raises:
         Unmeasurable: The path is too short.
@@ -211,7 +213,7 @@ def stations(path: Array, spacing: float) -> tuple[Array, Array]:
     keep = np.r_[True, step > 1e-9]
     path, arc = path[keep], np.r_[0.0, np.cumsum(step[step > 1e-9])]
     if len(path) < 5 or arc[-1] < 5.0 * spacing:
-        raise Unmeasurable("the shadow is too small to be measured; bring the camera nearer")
+        raise Unmeasurable("the shadow is too small to be measured; move the camera closer")
     s = np.arange(0.5 * spacing, arc[-1], spacing)
 
     def at(along: Array) -> Array:
@@ -225,14 +227,14 @@ def stations(path: Array, spacing: float) -> tuple[Array, Array]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The shape that all light profiles across an edge have in common, and where in it half of the lamp is seen.
+# The shape that all light profiles across an edge have in common, and where in it half of the lamp is visible.
 #
-# A lamp's penumbra is symmetric about the place where half of the lamp is seen: the integral over the chords of a disc, a ramp
-# or trapezoid of a square, an error function of a frosted bulb, each blurred by the lens. What the camera does to the numbers
-# is not: a tone curve other than the assumed one, and sharpening of the stored numbers, draw the half light to one side. The
-# mean of hundreds of profiles shows all of it, so one model is fitted to it: a lamp under a Gaussian blur, x + e x (1 - x) in
-# place of the light x between shadow and screen, and an unsharp mask of the stored numbers. The lamp's shape moves the edge
-# nowhere; e and the mask do, and by how much is known as well as they are.
+# A lamp's penumbra is symmetric about the place where half of the lamp is visible: the integral over the chords of a disc, a
+# ramp or trapezoid of a square, an error function of a frosted bulb, each blurred by the lens. What the camera does to the
+# numbers is not: a tone curve other than the assumed one, and sharpening of the stored numbers, draw the half light to one
+# side. The mean of hundreds of profiles shows all of it, so one model is fitted to it: a lamp under a Gaussian blur, x + e x
+# (1 - x) in place of the light x between shadow and screen, and an unsharp mask of the stored numbers. The lamp's shape moves
+# the edge nowhere; e and the mask do, and by how much is known as well as they are.
 #
 # The lamp's light over the distance t from its middle is (1 - t^2/R^2)^m: m = 1/2 is a uniform disc (the length of its
 # chords), m = 0 a square along its side, m = 3/2 stands for a turned square and for softer lamps.
@@ -267,10 +269,10 @@ UNKNOWN = 0.03
 """Error of the half light's place in widths where the profiles do not show the edge's shape."""
 
 LEAST = 0.006
-"""Error of the half light's place in widths that no photograph's noise tells: edges of one camera differ by that much."""
+"""Error of the half light's place in widths beyond a photograph's noise: edges of one camera differ by that much."""
 
 CAMERA, CAMERA_TONE = 0.012, 0.4
-"""Error of the half light's place in widths that the model leaves, as it is no camera's, and how it grows with e."""
+"""Error of the half light's place in widths that remains because the model is not the camera's, and its growth with e."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -301,7 +303,7 @@ class EdgeShape:
         return np.asarray(np.interp(z, nodes(), self.values))
 
     def slope(self, z: Array) -> Array:
-        """Its derivative there."""
+        """Return its derivative there."""
         return np.asarray(np.interp(z, nodes(), self._slopes))
 
     @functools.cached_property
@@ -311,18 +313,18 @@ class EdgeShape:
 
 @functools.cache
 def nodes() -> Array:
-    """Distances from the edge in widths at which shapes are tabulated."""
+    """Return the distances from the edge in widths at which shapes are tabulated."""
     return np.arange(-FAR, FAR + 0.5 * STEP, STEP)
 
 
 def gaussian(shift_error: float = 0.0) -> EdgeShape:
-    """An error function."""
+    """Return an error function."""
     return EdgeShape(ndtr(nodes()), shift_error, CAMERA)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StoredLight:
-    """How light became numbers at an edge.
+    """Relation of light to stored numbers at an edge.
 
     Attributes:
         light: Light of every stored number by the assumed tone curve, shape (256,).
@@ -337,7 +339,8 @@ class StoredLight:
     width: float
 
     def seen(self, share: Array, amount: float, radius: float) -> Array:
-        """The light (n,) over light and shadow that a share (n,) of the lamp at `nodes` is taken for after sharpening."""
+        """Return the light (n,) over light and shadow that a share (n,) of the lamp at `nodes` is taken for after
+        sharpening."""
         numbers = np.linspace(0.0, 1.0, len(self.light))
         stored = np.interp(self.low + (self.high - self.low) * share, self.light, numbers)
         sharp = stored + amount * (stored - _blurred(stored, radius / self.width))
@@ -348,7 +351,7 @@ class StoredLight:
 
 
 def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight) -> EdgeShape:
-    """The shape that profiles have in common, from what error functions leave of them.
+    """Return the shape that profiles have in common, from what error functions leave of them.
 
     Args:
         z: Distance of the samples from the middle of each profile's error function in its widths, shape (n, k).
@@ -382,7 +385,7 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight) ->
 
 
 def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array, Array]:
-    """Places (m,) in widths, the median profile there and its standard error."""
+    """Return the places (m,) in widths, the median profile there and its standard error."""
     bins = np.floor((z + PROFILE_REACH) / (2.0 * PROFILE_REACH) * BINS).astype(np.int64)
     found = []
     for number in range(BINS):
@@ -418,7 +421,7 @@ def _fitted(place: Array, value: Array, spread: Array, lamp: float, stored: Stor
 
 
 def _shape(p: Array, lamp: float, stored: StoredLight) -> Array:
-    """The step at `nodes` for parameters of `_fitted`, its half light at 0."""
+    """Return the step at `nodes` for parameters of `_fitted`, its half light at 0."""
     width, share = float(np.exp(p[1])), float(p[2])
     bare = np.interp(nodes() / (width * np.sqrt(share) + 1e-3), *_lamp(lamp))
     step = _blurred(bare, width * np.sqrt(1.0 - share))
@@ -427,7 +430,7 @@ def _shape(p: Array, lamp: float, stored: StoredLight) -> Array:
 
 @functools.cache
 def _lamp(exponent: float) -> tuple[Array, Array]:
-    """Nodes and the share of a lamp of unit variance that lies beyond them."""
+    """Return the nodes and the share of a lamp of unit variance that lies beyond them."""
     at = np.linspace(-1.0, 1.0, 801)
     light = np.maximum(1.0 - at * at, 0.0) ** exponent
     share = np.r_[0.0, np.cumsum(0.5 * (light[1:] + light[:-1]))]
@@ -435,7 +438,7 @@ def _lamp(exponent: float) -> tuple[Array, Array]:
 
 
 def _blurred(values: Array, width: float) -> Array:
-    """Values at `nodes` under a Gaussian blur of a standard deviation in widths."""
+    """Return the values at `nodes` under a Gaussian blur of a standard deviation in widths."""
     if width < 0.2 * STEP:
         return values
     reach = min(int(np.ceil(4.5 * width / STEP)), len(values) - 1)
@@ -490,11 +493,11 @@ class ProfileFit:
         return (self.weight * self.residual**2).sum(axis=1) / freedom
 
     def centre_error(self, variance: Array) -> Array:
-        """Standard errors (n,) of the middles in px for samples of these variances (n,)."""
+        """Return the standard errors (n,) of the middles in px for samples of these variances (n,)."""
         return np.sqrt(np.maximum(np.linalg.inv(self.matrix)[:, 3, 3], 0.0) * variance)
 
     def centre_shift(self, added: Array) -> Array:
-        """How far in px light (n, k) that is added to the profiles moves their middles, to first order, shape (n,)."""
+        """Return how far in px light (n, k) that is added to the profiles moves their middles, to first order, shape (n,)."""
         pull = np.einsum("nki,nk->ni", self.terms, added)
         return np.linalg.solve(self.matrix, pull[..., None])[:, 3, 0]
 
@@ -542,7 +545,7 @@ def _first_guess(offsets: Array, profile: Array) -> tuple[Array, ...]:
 
 
 def _stepped(parameters: tuple[Array, ...], step: Array, reach: float) -> tuple[Array, ...]:
-    """The parameters after a step (n, 5), which is cut where it would leave the profile."""
+    """Return the parameters after a step (n, 5), which is cut where it would leave the profile."""
     low, rise, slope, centre, width = parameters
     return (
         low + step[:, 0],

@@ -1,6 +1,6 @@
 """Which pixels are shadow: the Mahalanobis distance to the shadow's colour.
 
-The thesis marked a piece of shadow by hand and took as shadow what lay within a Mahalanobis distance of 90 in the units of
+The thesis marked a piece of shadow manually and took as shadow what lay within a Mahalanobis distance of 90 in the units of
 its own code: a number that changes with camera and light. The square of the distance of shadow pixels follows chi-square
 with as many degrees of freedom as there are channels, so `chi_square_limit` needs no tuning to say "this is the shadow's
 colour". It is no place for an edge, though: in a penumbra the colour leaves the shadow's scatter long before half of the
@@ -43,7 +43,7 @@ SMALLEST_CONTRAST = 0.3
 
 
 def chi_square_limit() -> float:
-    """Square of the Mahalanobis distance that `CONFIDENCE` of the shadow's pixels stay below, in three channels."""
+    """Return the square of the Mahalanobis distance that `CONFIDENCE` of the shadow's pixels stay below, in three channels."""
     return float(chi2.ppf(CONFIDENCE, 3))
 
 
@@ -74,17 +74,17 @@ class ShadowColour:
         return float(1.0 - self.shadow.sum() / self.lit.sum())
 
     def distance(self, light: Array) -> Array:
-        """Mahalanobis distance to the shadow's colour of light (..., 3)."""
+        """Return Mahalanobis distance to the shadow's colour of light (..., 3)."""
         offset = light - self.shadow
         return np.sqrt(np.einsum("...i,ij,...j->...", offset, np.linalg.inv(self.covariance), offset))
 
     def share(self, light: Array) -> Array:
-        """0 for the shadow's colour, 1 for the lit screen's, of light (..., 3)."""
+        """Return 0 for the shadow's colour, 1 for the lit screen's, of light (..., 3)."""
         return (light - self.shadow) @ self.direction
 
 
 def learn_colour(shadow: Array, lit: Array) -> ShadowColour:
-    """Colours from samples of the shadow and of the lit screen in light, shapes (n, 3) and (m, 3).
+    """Return the colours from samples of the shadow and of the lit screen in light, shapes (n, 3) and (m, 3).
 
     Raises:
         Unmeasurable: The lit screen's colour lies within the shadow's scatter.
@@ -96,7 +96,7 @@ def learn_colour(shadow: Array, lit: Array) -> ShadowColour:
     if colour.contrast < SMALLEST_CONTRAST:
         raise Unmeasurable(
             f"the contrast is too low: the shadow takes away {max(0.0, colour.contrast):.0%} of the screen's light, "
-            f"at least {SMALLEST_CONTRAST:.0%} are needed: darken the room, or bring the body nearer to the screen"
+            f"but at least {SMALLEST_CONTRAST:.0%} is needed: darken the room, or move the body closer to the screen"
         )
     if (colour.distance(colour.lit) / 2.0) ** 2 < chi_square_limit():
         raise Unmeasurable(
@@ -107,7 +107,7 @@ def learn_colour(shadow: Array, lit: Array) -> ShadowColour:
 
 
 def robust_covariance(samples: Array, kept: float = 0.75) -> tuple[Array, Array]:
-    """Mean and covariance (3,), (3, 3) of the densest share of samples (n, 3), by concentration steps.
+    """Return the mean and covariance (3,), (3, 3) of the densest share of samples (n, 3), by concentration steps.
 
     Grid lines and dust in the shadow are a small part of it, so starting from median and MAD suffices; the covariance is
     scaled to be right for normally distributed samples.
@@ -193,7 +193,7 @@ def _only_shadow(dark: Mask) -> Mask:
     if len(order) > 1 and areas[order[1]] > max(0.04 * areas[order[0]], 60):
         raise Unmeasurable(
             f"there are several shadows: the second one has {areas[order[1]] / areas[order[0]]:.0%} of the first one's area; "
-            "give setup --roi a region around the shadow that is meant"
+            "select the right one with setup --roi"
         )
     mask = labels == order[0] + 1
     outside = cv2.connectedComponents(np.pad(~mask, 1, constant_values=True).astype(np.uint8), connectivity=4)[1]
@@ -211,12 +211,12 @@ def _close_lines(light: npt.NDArray[np.float32], line_px: float) -> npt.NDArray[
 
 
 def closing_size(line_px: float) -> int:
-    """Side in px of the square that `find_shadow` closes dark lines with."""
+    """Return the side in px of the square that `find_shadow` closes dark lines with."""
     return 2 * int(np.ceil(0.5 * line_px)) + 3
 
 
 def check_exposure(light: npt.NDArray[np.float32]) -> None:
-    """Refuse a photograph (h, w, 3) in light that is too dark, or white where it should tell shades apart.
+    """Reject a photograph (h, w, 3) in light that is too dark, or white where it should tell shades apart.
 
     Raises:
         Unmeasurable: It is under- or overexposed.
@@ -224,19 +224,18 @@ def check_exposure(light: npt.NDArray[np.float32]) -> None:
     bright = float(np.percentile(light.mean(axis=2), 90))
     if bright < 0.015:
         raise Unmeasurable(
-            f"it is underexposed: the screen has {bright:.1%} of the light that the camera can record; "
-            "expose it for longer"
+            f"it is underexposed: the screen has {bright:.1%} of the camera's range; increase the exposure"
         )
     share = float((light.min(axis=2) > 0.985).mean())
     if share > 0.2:
         raise Unmeasurable(
-            f"it is overexposed: {share:.0%} of the picture is blank white, and there the edge would move; expose it for less "
-            "time"
+            f"it is overexposed: {share:.0%} of the picture is saturated, which would shift the edge; reduce "
+            "the exposure"
         )
 
 
 def _smooth_light(brightness: Array, lit: Mask) -> Array:
-    """A quadratic surface through the logarithm of the lit screen's light, relative to its median."""
+    """Return a quadratic surface through the logarithm of the lit screen's light, relative to its median."""
     rows, columns = np.mgrid[0 : lit.shape[0], 0 : lit.shape[1]]
     u, v = 2.0 * columns / lit.shape[1] - 1.0, 2.0 * rows / lit.shape[0] - 1.0
     terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
@@ -268,7 +267,7 @@ DARK_INK = 0.6
 """Share of light through the grid's ink below which a dark place may be ink as well as a thing in the light."""
 
 THING, FEWEST_PX = 0.45e-3, 5.0
-"""Length in m, and in px of the small version, that a thing must stand out of the shadow to be told from dust."""
+"""Length in m, and in px of the small version, that a thing must stand out of the shadow to be distinguished from dust."""
 
 SQUARE = np.ones((3, 3), np.uint8)
 
@@ -276,7 +275,7 @@ SQUARE = np.ones((3, 3), np.uint8)
 def touched_by_thread(
     light: npt.NDArray[np.float32], coarse: CoarseShadow, ink: npt.NDArray[np.float64], line_px: float, scale: float
 ) -> bool:
-    """Whether something thin and dark stands out of the shadow.
+    """Return whether something thin and dark stands out of the shadow.
 
     Args:
         light: Light of the small version, shape (h, w, 3).

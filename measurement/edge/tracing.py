@@ -46,7 +46,7 @@ COARSE = 640
 """Longer side in px of the small version in which the shadow is found."""
 
 WIDEST_LINE = 0.1
-"""Greatest width of a grid line in pitches that is told from shadow."""
+"""Greatest width of a grid line in pitches that is distinguished from a shadow."""
 
 NOISIEST = 50e-6
 """Greatest median standard error in m of the points of an edge."""
@@ -127,7 +127,7 @@ def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "") -> Trace
 
 
 def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "") -> Traced:
-    """`trace` of a picture (h, w, 3) that has been read already; ``likely`` is the tone of the run's other photographs.
+    """Return `trace` of a picture (h, w, 3) that has been read already; ``likely`` is the tone of the run's other photographs.
 
     A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then,
     by up to half of the penumbra's width. A shape with a free departure from the tone curve follows even a wrong one to some
@@ -245,12 +245,12 @@ def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
 
 
 def _well_inside(part: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """A part (h, w) of the small version without its rim."""
+    """Return a part (h, w) of the small version without its rim."""
     return np.asarray(cv2.erode(part.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)
 
 
 def _on_screen(line: BridgedLine, setup: Setup) -> tuple[Array, Array]:
-    """Points (n, 2) of a smoothed edge in m, and unit vectors (n, 2) across it on the screen.
+    """Return the points (n, 2) of a smoothed edge in m, and unit vectors (n, 2) across it on the screen.
 
     Raises:
         Unmeasurable: It lies where the lens is not known, or is too noisy.
@@ -274,7 +274,7 @@ def _on_screen(line: BridgedLine, setup: Setup) -> tuple[Array, Array]:
 
 
 def _rim(mask: npt.NDArray[np.bool_], view: View) -> Array:
-    """Places in m of the region's rim that lie in the shadow."""
+    """Return the places in m of the region's rim that lie in the shadow."""
     rim = np.zeros_like(mask)
     rim[[0, -1], :] = mask[[0, -1], :]
     rim[:, [0, -1]] = mask[:, [0, -1]]

@@ -1,4 +1,4 @@
-"""Is this edge the outline of one inflated surface that stands where the zero plane was taken?
+"""Check that an edge is the outline of a single inflated surface on the zero plane.
 
 An edge can be found to a hundredth of a pixel and still be something else's: a hair on the membrane, a finger before the
 lamp, a drop, a glint that eats into the shadow, or the right actuator in another place. What tells them apart is known of
@@ -54,11 +54,11 @@ BLURRED = 5.0
 """Standard error of the highest place over the outline's usual one from which something must be wrong there."""
 
 NARROWEST = 0.08
-"""Least width at half height of what stands on the surface, as a share of the surface that is seen."""
+"""Least width at half height of what stands on the surface, as a share of the surface that is visible."""
 
 
 def check_top(placed: Array, above: Mask, upwards: Array, error: Array) -> None:
-    """Refuse an outline whose highest place is none of a surface seen from the side.
+    """Reject an outline whose highest place is none of a surface seen from the side.
 
     Args:
         placed: Edge as x along the surface and z above it in m, in order along the edge, shape (n, 2).
@@ -74,8 +74,8 @@ def check_top(placed: Array, above: Mask, upwards: Array, error: Array) -> None:
     standing = placed[top, 1] > max(10.0 * error[top], 3.0 * ON_SURFACE)
     if standing and upwards[max(0, top - 3) : top + 4].mean() < 0.5:
         raise Unmeasurable(
-            "the shadow's highest place is no rounded top: it hangs from above, or something is in the light; clear it "
-            "away, turn the picture upright before setup and photos, or leave it out with setup --roi"
+            "the shadow's highest point is not a rounded top: it hangs from above, or an object is in the light; "
+            "remove it, turn the picture upright before setup and photos, or exclude it with setup --roi"
         )
     if standing and min(top - kept[0], kept[-1] - top) < 5:
         raise Unmeasurable(
@@ -84,18 +84,18 @@ def check_top(placed: Array, above: Mask, upwards: Array, error: Array) -> None:
         )
     if not standing and np.median(upwards[above]) < 0.5:
         raise Unmeasurable(
-            "what lies on the surface's line is no level edge: the actuator has moved or is not in the picture; "
+            "the edge on the surface's line is not level: the actuator has moved or is not in the picture; "
             "photograph it at zero pressure again and list that"
         )
     if placed[above, 1].max() - placed[above, 1].min() > 2.0 * np.ptp(placed[above, 0]):
         raise Unmeasurable(
-            "the shadow stands more than twice as high as it is wide: this is no inflated surface; leave out what else "
-            "throws a shadow with setup --roi"
+            "the shadow stands more than twice as high as it is wide, so it is not an inflated surface; "
+            "exclude other shadows with setup --roi"
         )
 
 
 def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> tuple[float, float, str | None]:
-    """How far the surface beside the bulge lies from the zero plane.
+    """Return how far the surface beside the bulge lies from the zero plane.
 
     A soft body that bulges takes the rubber beside the bulge inwards, so that its surface may sink there by a share of the
     height. That much is no mistake as long as the other photographs of the run agree (`settling.py`).
@@ -112,12 +112,12 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
         what speaks against the outline, if anything does.
 
     Raises:
-        Unmeasurable: It lies so far off that heights mean nothing.
+        Unmeasurable: It is so far off that heights have no meaning.
     """
     seen = (placed[:, 0] >= zero.extent[0]) & (placed[:, 0] <= zero.extent[1])
     if not seen.any():
         raise Unmeasurable(
-            "the shadow lies beside the surface at zero pressure: the actuator has moved, or the zero is wrong; "
+            "the shadow is beside the surface at zero pressure: the actuator has moved, or the zero is wrong; "
             "photograph it at zero pressure again and list that"
         )
     low, high = placed[seen, 0].min(), placed[seen, 0].max()
@@ -155,7 +155,7 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
 
 
 def _aslant(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> float:
-    """Half of what one end of the surface lies lower than the other in m; 0 where that cannot be told from none.
+    """Return half of what one end of the surface lies lower than the other in m; 0 where that cannot be told from none.
 
     A body sinks alike at both of its sides, and by any depth, so that only their difference shows one that was tilted. About
     which of its points is not known, and so by how much its middle was lifted: by no more than its ends.
@@ -164,7 +164,7 @@ def _aslant(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> floa
         placed: Edge as in `check_top`, as far as the zero was seen.
         upwards: As in `check_top`.
         error: Standard errors in m, shape (n,).
-        zero: The zero plane; without the body's sides nothing tells where its middle is.
+        zero: The zero plane; without the body's sides it is unknown where its middle is.
     """
     if zero.sides is None:
         return 0.0
@@ -184,7 +184,7 @@ def _aslant(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> floa
 
 
 def check_corners(placed: Array) -> str | None:
-    """What speaks for a second thing in the shadow's edge, by the edge's turns.
+    """Return what speaks for a second thing in the shadow's edge, by the edge's turns.
 
     Args:
         placed: Edge as x along the surface and z above it in m, as found and not smoothed, in order, shape (n, 2).
@@ -207,7 +207,7 @@ def check_corners(placed: Array) -> str | None:
 
 
 def check_width(placed: Array, error: Array, zero: ZeroLine) -> str | None:
-    """What speaks against a bulge much narrower than the surface it stands on: dust, a drop, a blister.
+    """Return what speaks against a bulge much narrower than the surface it stands on: dust, a drop, a blister.
 
     Args:
         placed: Edge as x along the surface and z above it in m, shape (n, 2).
@@ -221,11 +221,11 @@ def check_width(placed: Array, error: Array, zero: ZeroLine) -> str | None:
     seen = min(zero.extent[1] - zero.extent[0], float(np.ptp(placed[:, 0])))
     if width >= NARROWEST * seen:
         return None
-    return f"what stands on the surface is only {width * 1e3:.1f} mm wide at half its height: dust, a drop or another thing"
+    return f"the object on the surface is only {width * 1e3:.1f} mm wide at half its height: dust, a drop or another object"
 
 
 def check_clear(placed: Array, error: Array) -> str | None:
-    """What speaks against a highest place that is much less clear than the rest of the outline.
+    """Return what speaks against a highest place that is much less clear than the rest of the outline.
 
     Args:
         placed: Edge as x along the surface and z above it in m, shape (n, 2).
@@ -238,7 +238,7 @@ def check_clear(placed: Array, error: Array) -> str | None:
 
 
 def sharpest_turn(placed: Array) -> tuple[int, float]:
-    """Where the edge turns most beyond its neighbourhood, and by how many degrees; 0 where no turn stands out.
+    """Return where the edge turns most beyond its neighbourhood, and by how many degrees; 0 where no turn stands out.
 
     Only turns above the surface count: where a membrane is clamped it may leave the surface at any angle.
     """
@@ -272,7 +272,7 @@ def sharpest_turn(placed: Array) -> tuple[int, float]:
 
 
 def _turns(placed: Array, arc: Array, window: float) -> Array:
-    """Angle (n,) in rad between straight lines through the edge within a window behind and before each place."""
+    """Return the angle (n,) in rad between straight lines through the edge within a window behind and before each place."""
     # Counted in points and not in length: where an edge is unclear its points are missing, and it may turn just there.
     count = round(window / float(np.median(np.diff(arc)))) + 1
     here = np.arange(len(arc))
@@ -290,7 +290,7 @@ def _turns(placed: Array, arc: Array, window: float) -> Array:
 
 
 def _near(arc: Array, chosen: Mask, reach: float) -> Mask:
-    """Places (n,) along the edge within reach of a chosen one."""
+    """Return the places (n,) along the edge within reach of a chosen one."""
     at = arc[chosen]
     if not len(at):
         return np.zeros(len(arc), dtype=bool)
@@ -314,7 +314,7 @@ FAR_SHARE = 0.22
 """The latter as a share of the bulge's width, if that is less."""
 
 MIN_RIPPLE, NOISES = 15e-6, 8.0
-"""Distance in m between the two, and the same in its own scatter, from which something else than a membrane is seen."""
+"""Distance in m between the two, and the same in its own scatter, from which the outline is not that of a membrane."""
 
 STATED = 4.5
 """Such a distance in its own scatter from which the stated error has to carry it: the largest of good outlines reach 4."""
@@ -324,7 +324,7 @@ SHORT_AVERAGE_POINTS = 7
 
 
 def check_ripples(placed: Array) -> str | None:
-    """What speaks for a second thing on the outline by its bumps.
+    """Return what speaks for a second thing on the outline by its bumps.
 
     Args:
         placed: Edge as x along the surface and z above it in m, as found and not smoothed, in order, shape (n, 2).
@@ -334,13 +334,14 @@ def check_ripples(placed: Array) -> str | None:
         return None
     return (
         f"{placed[place, 1] * 1e3:.1f} mm above the surface the outline has a {'bump' if height > 0.0 else 'hollow'} of "
-        f"{abs(height) * 1e6:.0f} um that is narrower than a membrane bends: a fibre, a grain or a drop lies on it or on the "
-        "lens, or the screen is not flat"
+        f"{abs(height) * 1e6:.0f} um that is narrower than a membrane can bend: a fibre, a grain or a drop on it or "
+        "on the lens, or the screen is not flat"
     )
 
 
 def unsure(placed: Array) -> float:
-    """Error in m that a bump too low for `check_ripples` leaves: a thing of that height may lie on any length of the outline.
+    """Return the error in m that a bump too low for `check_ripples` leaves: a thing of that height may lie on any length of the
+    outline.
 
     Args:
         placed: Edge as in `check_ripples`.
@@ -350,7 +351,8 @@ def unsure(placed: Array) -> float:
 
 
 def highest_ripple(placed: Array) -> tuple[int, float, float]:
-    """Index of the point where the edge lies farthest off its neighbourhood, how far in m, and the usual distance in m.
+    """Return the index of the point where the edge lies farthest off its neighbourhood, how far in m, and the usual distance in
+    m.
 
     Only what rises counts: where a membrane is clamped, or a body ends, the edge may turn at any angle.
     """
@@ -386,7 +388,7 @@ def _odd(count: float) -> int:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Has the surface beside the bulge sunk because the body is soft, or because it was moved?
+# Distinguish sinking of the surface beside the bulge from motion of the body.
 #
 # Under pressure a soft body draws in the rubber beside its bulge. How far grows smoothly with the height and vanishes with it,
 # from one photograph of a run to the next. A body that was moved after the zero photograph lies off by the same distance at
@@ -410,7 +412,8 @@ SHARE = 0.2
 
 
 def settling_doubts(outlines: list[Outline]) -> list[str | None]:
-    """What speaks against each outline of a run by how far the surface beside its bulge has sunk; None where nothing does.
+    """Return what speaks against each outline of a run by how far the surface beside its bulge has sunk; None where nothing
+    does.
 
     Args:
         outlines: All outlines above one zero plane, in any order.
@@ -421,8 +424,8 @@ def settling_doubts(outlines: list[Outline]) -> list[str | None]:
         return [None] * len(outlines)
     if raised.sum() < MIN_RAISED_OUTLINES:
         few = (
-            "; with fewer than four photographs of the raised part nothing tells whether that is the soft body's own or "
-            "whether it was moved since the zero was taken"
+            "; with fewer than four photographs of the raised part, a soft body cannot be "
+            "distinguished from one moved since the zero was taken"
         )
         return [_sentence(depth) + few if depth > ON_SURFACE else None for depth in sunk]
     common = course(heights[raised], sunk[raised], 0.2 * ON_SURFACE)
@@ -437,15 +440,15 @@ def settling_doubts(outlines: list[Outline]) -> list[str | None]:
     for height, depth, up in zip(heights, sunk, raised, strict=True):
         off = depth - float(common(height))
         own = (
-            f", {_length(off)} {'more' if off > 0.0 else 'less'} than the other photographs lead one to expect: the "
-            "part was moved for this one"
+            f", {_length(off)} {'more' if off > 0.0 else 'less'} than expected from the other photographs: "
+            f"the part was moved for this one"
         )
         found.append(_sentence(depth) + own if up and abs(off) > max(tells, SHARE * abs(depth)) else None)
     return found
 
 
 def unknown(outlines: list[Outline]) -> list[float]:
-    """How far in m each outline may lie off because too few photographs tell a soft body from one that was moved."""
+    """Return how far in m each outline may lie off because too few photographs tell a soft body from one that was moved."""
     raised = [outline.height > MIN_HEIGHT_RATIO * ON_SURFACE for outline in outlines]
     few = sum(raised) < MIN_RAISED_OUTLINES
     return [outline.sunk if few and up else 0.0 for outline, up in zip(outlines, raised, strict=True)]
@@ -461,7 +464,8 @@ def _length(value: float) -> str:
 
 
 def course(heights: Array, values: Array, usual: float) -> np.polynomial.Polynomial:
-    """Values (n,) over height (n,): a line, or a parabola where there are points enough, that none of them draws away.
+    """Return the values (n,) over height (n,): a line, or a parabola where there are points enough, that none of them draws
+    away.
 
     Args:
         heights: Heights in m.
@@ -480,7 +484,7 @@ def course(heights: Array, values: Array, usual: float) -> np.polynomial.Polynom
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Has the body moved along the light between the photographs of a run?
+# Detect motion of the body along the light between the photographs of a run.
 #
 # Its shadow is then larger or smaller as a whole: its sides, which no pressure moves, lie farther apart or nearer than at zero
 # pressure (`sides.py`). A soft body's sides may give way with the pressure, smoothly and in proportion; one that was moved
@@ -498,7 +502,7 @@ CONTRADICTS = 4.0
 
 
 def scaling_doubts(outlines: list[Outline]) -> list[str | None]:
-    """What speaks against each outline of a run by the width of the body; None where nothing does.
+    """Return what speaks against each outline of a run by the width of the body; None where nothing does.
 
     Args:
         outlines: All outlines above one zero plane, in any order.
@@ -518,7 +522,7 @@ def scaling_doubts(outlines: list[Outline]) -> list[str | None]:
         )
         if common is None:
             if abs(own) * high > BOUND:
-                found[number] = f"{sentence}: it was moved along the light, or its sides give way"
+                found[number] = f"{sentence}: it was moved along the light, or its sides deform"
             continue
         off = own - float(common(high))
         if abs(start) * float(heights.max()) > BOUND and abs(start) > 0.1 * float(np.abs(larger[told]).max()):
@@ -534,7 +538,7 @@ def scaling_doubts(outlines: list[Outline]) -> list[str | None]:
 
 
 def with_known_body(setup: Setup, zero: ZeroLine, width: float, error: float = 0.0) -> Setup:
-    """The setup with the magnification that gives the body at zero pressure its known width.
+    """Return the setup with the magnification that gives the body at zero pressure its known width.
 
     Args:
         setup: Camera and screen.
@@ -547,13 +551,13 @@ def with_known_body(setup: Setup, zero: ZeroLine, width: float, error: float = 0
     """
     if zero.sides is None:
         raise SetupError(
-            "the photograph at zero pressure does not show both sides of the body below its surface, so that its width tells "
-            "nothing; leave --body-width out, or give the setup --lamp-distance and --screen-distance"
+            "the photograph at zero pressure does not show both sides of the body below its surface, so its width is "
+            "unknown; leave out --body-width, or give the setup --lamp-distance and --screen-distance"
         )
     scale = zero.sides.width / width
     if abs(scale - 1.0) > OTHER_BODY:
         raise SetupError(
-            f"the body seems {zero.sides.width * 1e3:.4g} mm wide where --body-width has {width * 1e3:.4g} mm: this is another "
+            f"the body seems {zero.sides.width * 1e3:.4g} mm wide, but --body-width is {width * 1e3:.4g} mm: this is another "
             "body or another unit, or the setup's magnification is far off"
         )
     # The model of the edge's shape moves both sides outwards, or both inwards.

@@ -24,7 +24,7 @@ SHARED = 10e-6
 
 
 class OutlineError(ValueError):
-    """Points that make no outline, or a file that holds none; the message is a sentence for the user."""
+    """Invalid points or file of an outline; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class Outline:
         if not all(math.isfinite(value) and value >= 0.0 for value in (self.scale_error, self.level_error)):
             raise OutlineError(f"{self.source}: an error of the scale or the level is not finite, or negative")
         if self.trusted == bool(self.reasons):
-            raise OutlineError(f"{self.source}: an outline has reasons exactly where it is not trusted")
+            raise OutlineError(f"{self.source}: an outline must have reasons if and only if it is untrusted")
 
     @property
     def apex(self) -> int:
@@ -101,7 +101,7 @@ class Outline:
 
     @functools.cached_property
     def _top(self) -> slice:
-        """The points next to the highest one that lie in the top 2 % of the height, or no lower than their errors.
+        """The points next to the highest one that lie in the top 2 % of the height, or within their errors of it.
 
         Errors beyond `SHARED` move all points alike (a moved camera, a sunk actuator), and tell of no neighbours.
         """
@@ -136,7 +136,7 @@ class Outline:
         return math.hypot(self.height_error, self.scale_error * self.height, self.level_error)
 
     def measured(self) -> Outline:
-        """The outline without the points that were not measured; itself if there are none."""
+        """Return the outline without the points that were not measured; itself if there are none."""
         if not self.bridged.any():
             return self
         kept = ~self.bridged
@@ -198,7 +198,7 @@ class Outline:
         points = np.array(rows, dtype=np.float64).reshape(-1, 4)
         trusted = notes.get("trusted", "no") == "yes"
         if not trusted and not reasons:
-            reasons = ["its file does not say that it can be trusted"]
+            reasons = ["its file does not mark it as trusted"]
         return cls(
             points[:, 0],
             points[:, 1],

@@ -54,12 +54,12 @@ class Sides:
     error: float
 
     def width_at(self, depth: float) -> float:
-        """Width in m at another depth nearby."""
+        """Return the width in m at another depth nearby."""
         return self.width + self.lean * (depth - self.depth)
 
 
 def sides_of(placed: Array, upwards: Array, error: Array) -> Sides | None:
-    """The body's sides in one photograph; None where it does not show both.
+    """Return the body's sides in one photograph; None where it does not show both.
 
     Args:
         placed: Measured edge as x along the surface and z above it in m, shape (n, 2).
@@ -117,8 +117,8 @@ BOWED, FINEST = 20e-6, 1e-6
 """Bow in m of the surface from which the lamp or the body is not level, and the least error of a bow."""
 
 HIDDEN, LEVEL = 2.0, 0.1
-"""Where the body's sides are not in the picture: the true bow over the one that is seen, and the standard error in degrees by
-which the lamp may have been moved, for the body's radius that is seen at least."""
+"""Where the body's sides are not in the picture: the true bow over the visible one, and the standard error in degrees by
+which the lamp may have been moved, for the body's radius of which at least this much is visible."""
 
 CORRELATED_SURFACE_POINTS = 10.0
 """Neighbouring points that err together (dust, ripples of the skin), for the error of the line."""
@@ -161,7 +161,7 @@ class ZeroLine:
 
     @classmethod
     def through(cls, points: Array) -> ZeroLine:
-        """The line through two points (2, 2) in m, in any order, taken as exact."""
+        """Return the line through two points (2, 2) in m, in any order, taken as exact."""
         first, second = sorted(np.asarray(points, dtype=np.float64).tolist())
         way = np.array(second) - np.array(first)
         if not np.linalg.norm(way) > 0.0:
@@ -172,7 +172,7 @@ class ZeroLine:
 
     @classmethod
     def fit(cls, points: Array, normals: Array, errors: Array) -> ZeroLine:
-        """The straight upper edge of a shadow.
+        """Return the straight upper edge of a shadow.
 
         Args:
             points: Edge in m (X, Z), shape (n, 2).
@@ -186,7 +186,7 @@ class ZeroLine:
         upper = _surface(points, normals, level)
         if upper.sum() < MIN_SURFACE_POINTS:
             raise Unmeasurable(
-                "the shadow has no level upper side from which heights could be counted; photograph the undeformed body "
+                "the shadow has no level upper side as zero of heights; photograph the undeformed body "
                 "upright, or give two points of its surface to setup --zero"
             )
         points, errors = points[upper], errors[upper]
@@ -205,9 +205,9 @@ class ZeroLine:
         straight = np.abs(rest) < STRAIGHT
         if straight.mean() < 0.8 or scatter > 0.5 * STRAIGHT:
             raise Unmeasurable(
-                "the surface is not straight, so that it cannot be the undeformed one: "
-                f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT * 1e6:.0f} um from a line; let the pressure "
-                "off, level body and lamp, leave out what else throws a shadow with setup --roi, or give two points "
+                "the surface is not straight, so it is not the undeformed one: "
+                f"{1.0 - straight.mean():.0%} of its edge lies more than {STRAIGHT * 1e6:.0f} um from a line; release "
+                f"the pressure, level body and lamp, exclude other shadows with setup --roi, or give two points "
                 "of the surface to setup --zero"
             )
         if abs(direction[1]) > np.sin(np.radians(STEEPEST)):
@@ -223,17 +223,17 @@ class ZeroLine:
         return cls(origin, direction, float(along.mean()), error, slope, (float(along.min()), float(along.max())))
 
     def place(self, points: Array) -> Array:
-        """Points (n, 2) of the screen as x along the surface and z above it, shape (n, 2)."""
+        """Return the points (n, 2) of the screen as x along the surface and z above it, shape (n, 2)."""
         offset = points - self.origin
         return np.column_stack([offset @ self.direction, offset @ self.normal])
 
     def error_at(self, x: Array) -> Array:
-        """Standard error in m of the surface's height at x (n,)."""
+        """Return the standard error in m of the surface's height at x (n,)."""
         return np.hypot(self.error, self.slope_error * (x - self.centre))
 
 
 def checked_level(line: ZeroLine, placed: Array, upwards: Array) -> ZeroLine:
-    """The line with what the edge's bow has against it, and with the error of the level that the bow leaves.
+    """Return the line with what the edge's bow has against it, and with the error of the level that the bow leaves.
 
     Light that does not run along the surface of a round body throws the shadow of its rim: the half of an ellipse, whose
     height is the body's radius times the angle between the two. The bulge in the middle is then measured from the rim in place
@@ -273,15 +273,15 @@ def checked_level(line: ZeroLine, placed: Array, upwards: Array) -> ZeroLine:
         angle = np.degrees(bow / radius)
         doubts = (
             *doubts,
-            f"the undeformed surface bows up by {bow * 1e6:.0f} um towards its middle, as the rim of a round body does where "
-            f"the lamp or the body is {angle:.1f} degrees or more off the level: heights come out too small by that much or "
-            "more; bring the lamp to the height of the surface, level the body and photograph all again",
+            f"the undeformed surface bows up by {bow * 1e6:.0f} um towards its middle, as the rim of a round body does if the "
+            f"lamp or the body is at least {angle:.1f} degrees off level: heights are too small by at least that much; "
+            f"move the lamp to the height of the surface, level the body and repeat all photographs",
         )
     return dataclasses.replace(line, doubts=doubts, level_error=level)
 
 
 def _surface(points: Array, normals: Array, level: Mask) -> Mask:
-    """Which level points (n,) are the body's surface and not what it stands on.
+    """Return which level points (n,) are the body's surface and not what it stands on.
 
     A body on a table has the table's edge on both sides of it, lower, with the body's sides between. So the edge is cut where
     it runs down a side, and the highest piece of some length is the surface, with those that lie on its line.
@@ -310,7 +310,7 @@ def _surface(points: Array, normals: Array, level: Mask) -> Mask:
 
 
 def _best_pair(points: Array) -> tuple[Array, Array]:
-    """Direction and a point of the line through two of the points that most others lie close to."""
+    """Return the direction and a point of the line through two of the points that most others lie close to."""
     rng = np.random.default_rng(0)  # the same line for the same photograph, always
     pairs = rng.integers(0, len(points), (300, 2))
     way = points[pairs[:, 1]] - points[pairs[:, 0]]

@@ -50,7 +50,7 @@ SETTLED = 1e-3
 
 
 def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camera, reach: int) -> Points:
-    """Corners (n, 2) in px of the photograph, measured along edges that the lens does not bend.
+    """Return the corners (n, 2) in px of the photograph, measured along edges that the lens does not bend.
 
     Args:
         gray: Photograph (h, w).
@@ -179,7 +179,7 @@ def find_chessboard(image: ArrayLike, pattern: tuple[int, int] = (9, 6), camera:
 
 
 def _searched(gray: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.float64] | None:
-    """Corners (n, 2) of the board in px, right to about a pixel; None if it is not there.
+    """Return the corners (n, 2) of the board in px, right to about a pixel; None if it is not there.
 
     The search begins with reduced pictures: its time grows faster than their pixels.
     """
@@ -231,7 +231,7 @@ def find_charuco(
 
 
 def corner_reach(corners: NDArray[np.float64]) -> int:
-    """Half width in px of the window in which a corner of the board at these places (n, 2) is measured."""
+    """Return half width in px of the window in which a corner of the board at these places (n, 2) is measured."""
     gaps = np.linalg.norm(corners[:, None] - corners[None], axis=2)
     return max(2, int(REACH * float(np.min(gaps[gaps > 0.0]))))
 
@@ -242,7 +242,7 @@ def _points(px: NDArray[np.float64], indices: NDArray[np.int64], camera: Camera 
     try:
         plane = Plane.fit(camera.undistort(px), indices.astype(float))
     except PlaneError as error:
-        raise GridError(f"the board's corners fix no plane: {error}") from None
+        raise GridError(f"the board's corners do not determine a plane: {error}") from None
     return checked(px, indices, np.full(len(px), CORNER_ERROR), plane)
 
 
@@ -273,7 +273,7 @@ class BoardView:
 def seen_boards(
     paths: Iterable[str], pattern: tuple[int, int], each: Callable[[], object] = lambda: None
 ) -> tuple[list[BoardView], dict[str, str]]:
-    """The photographs that show the board, all of one size, and why the others do not count, by path.
+    """Return the photographs that show the board, all of one size, and why the others do not count, by path.
 
     Args:
         paths: The photographs.
@@ -295,14 +295,14 @@ def seen_boards(
             # One view that counts twice looks like a camera that is known better.
             same = first.setdefault(hashlib.sha256(gray.tobytes()).digest(), path)
             if same != path or any(path == other for other, _, _ in searches):
-                refused[path] = f"it is the same picture as {same}, and counts once"
+                refused[path] = f"it is the same picture as {same}, so it counts once"
                 each()
                 continue
             searches.append((path, gray, pool.submit(find_chessboard, gray, pattern)))
         for path, gray, search in searches:
             if views and gray.shape != views[0].gray.shape:
                 width, height = views[0].size
-                refused[path] = f"it has {gray.shape[1]} x {gray.shape[0]} pixels, the others {width} x {height}"
+                refused[path] = f"it has {gray.shape[1]} x {gray.shape[0]} pixels, but the others {width} x {height}"
                 search.cancel()
             else:
                 try:
@@ -379,14 +379,14 @@ def calibrate(
     if len(views) < MIN_VIEWS:
         reasons = "; ".join(f"{path}: {reason}" for path, reason in refused.items())
         raise CameraError(
-            f"a calibration needs {MIN_VIEWS} or more photographs of the board, not {len(views)} ({reasons})"
+            f"a calibration needs {MIN_VIEWS} or more usable photographs of the board, but has {len(views)} ({reasons})"
         )
     board, size = _board(pattern, pitch), views[0].size
     corners = [view.corners for view in views]
     solution = _solve(corners, board, size)
     if not solution.residual < WORST:
         raise CameraError(
-            f"the boards' corners miss the best camera by {solution.residual:.2g} px; check the pattern and that the boards "
+            f"the reprojection error of the best camera is {solution.residual:.2g} px; check the pattern and that the boards "
             "are flat"
         )
     for _ in range(ROUNDS):
@@ -409,7 +409,7 @@ def _straightened(camera: Camera, view: BoardView, corners: Points) -> Points:
 
 
 def calibrated_from(views: list[Points], board: Points, size: tuple[int, int]) -> Camera:
-    """The camera and its errors from a board's corners.
+    """Return the camera and its errors from a board's corners.
 
     Args:
         views: The corners (n, 2) in px of each photograph, three photographs or more.
@@ -428,14 +428,14 @@ def calibrated_from(views: list[Points], board: Points, size: tuple[int, int]) -
 
 
 def reached(views: list[Points], size: tuple[int, int]) -> Points:
-    """Distances (n,) of all corners from the frame's middle, as shares of the way to its corners."""
+    """Return the distances (n,) of all corners from the frame's middle, as shares of the way to its corners."""
     middle = (np.array(size) - 1.0) / 2.0
     return np.asarray(np.linalg.norm(np.vstack(views) - middle, axis=1) / np.linalg.norm(middle))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Solution:
-    """What OpenCV's solver gives: residual (px), matrix (3, 3), coefficients (5,), poses (n, 3) each, residuals (n,)."""
+    """Return OpenCV's results: residual (px), matrix (3, 3), coefficients (5,), poses (n, 3) each, residuals (n,)."""
 
     residual: float
     matrix: Points
@@ -474,7 +474,7 @@ def _solve(views: list[Points], board: Points, size: tuple[int, int], use_k3: bo
 
 
 def _covariance(solution: _Solution, views: list[Points], board: Points) -> Points:
-    """Covariance of one focal length, the principal point and the lens' coefficients, from what the fit leaves."""
+    """Return the covariance of one focal length, the principal point and the lens' coefficients, from what the fit leaves."""
     own = 3 + COEFFICIENTS
     information: Points = np.zeros((own, own))
     squares = 0.0
@@ -483,7 +483,7 @@ def _covariance(solution: _Solution, views: list[Points], board: Points) -> Poin
         squares += float(np.sum((seen.reshape(-1, 2) - view) ** 2))
         pose, lens = slope[:, :6], slope[:, 6 : 10 + COEFFICIENTS]
         lens = np.column_stack([lens[:, 0] + lens[:, 1], lens[:, 2:]])
-        # What the board's own pose can take up says nothing about the camera.
+        # Changes that the board's pose can absorb do not depend on the camera.
         lens = lens - pose @ np.linalg.lstsq(pose, lens, rcond=None)[0]
         information = information + lens.T @ lens
     spare = 2 * len(views) * len(board) - own - 6 * len(views)
@@ -495,7 +495,8 @@ def _covariance(solution: _Solution, views: list[Points], board: Points) -> Poin
 def _errors(
     camera: Camera, covariance: Points, views: list[Points], board: Points, use_k3: bool, coverage: float
 ) -> Points:
-    """Standard error in px of an undistorted point per axis, (RINGS,) at equal steps from the frame's middle to a corner.
+    """Return the standard error in px of an undistorted point per axis, (RINGS,) at equal steps from the frame's middle to a
+    corner.
 
     The covariance does not know that corners in one photograph share their board's bends and blur; leaving out one
     photograph at a time (the jackknife) does, but is itself uncertain with few of them. The larger one counts.
@@ -520,7 +521,8 @@ def _errors(
 
 
 def _moved(camera: Camera, other: Camera, coverage: float) -> Points:
-    """How far another camera puts points on rings about the middle (RINGS, k) in px, all axes and places laid end to end.
+    """Return how far another camera puts points on rings about the middle (RINGS, k) in px, all axes and places laid end to
+    end.
 
     A homography, which the screen's grid determines anyway, has taken its share where boards were seen.
     """

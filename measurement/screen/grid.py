@@ -29,7 +29,7 @@ MIN_LINES = 6
 
 
 class GridError(ValueError):
-    """A picture in which no grid or board can be trusted; the message is a sentence for the user."""
+    """A picture in which no grid or board can be trusted; the message is for the user."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -106,7 +106,7 @@ def find_lines(gray: NDArray[np.uint8], camera: Camera) -> list[Line]:
 
 
 def reduced(gray: NDArray[np.uint8], factor: int) -> NDArray[np.float32]:
-    """Means over squares of ``factor`` px; rows and columns that fill no square are left out."""
+    """Return the means over squares of ``factor`` px; rows and columns that fill no square are left out."""
     height, width = (side // factor for side in gray.shape)
     whole = gray[: height * factor, : width * factor]
     if factor == 1:
@@ -115,7 +115,7 @@ def reduced(gray: NDArray[np.uint8], factor: int) -> NDArray[np.float32]:
 
 
 def _valleys(light: NDArray[np.float32], width: float) -> tuple[Points, Points, Points]:
-    """Points (n, 2) on the floors of dark lines, the directions (n, 2) across them, and their depths (n,)."""
+    """Return the points (n, 2) on the floors of dark lines, the directions (n, 2) across them, and their depths (n,)."""
     smooth = cv2.GaussianBlur(light, (0, 0), width)
     along_x = cv2.Sobel(smooth, cv2.CV_32F, 2, 0, ksize=3) / 4
     along_y = cv2.Sobel(smooth, cv2.CV_32F, 0, 2, ksize=3) / 4
@@ -143,7 +143,7 @@ def _valleys(light: NDArray[np.float32], width: float) -> tuple[Points, Points, 
 
 
 def _local_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Standard deviation of the noise around each pixel: in a shadow the logarithm makes it many times larger."""
+    """Return the standard deviation of the noise around each pixel: in a shadow the logarithm makes it many times larger."""
     height, width = depth.shape
     blocks = np.abs(depth[: height // BLOCK * BLOCK, : width // BLOCK * BLOCK]).reshape(
         height // BLOCK, BLOCK, width // BLOCK, BLOCK
@@ -220,7 +220,7 @@ class Arms:
 
     @classmethod
     def of(cls, plane: Plane, node: NDArray[np.int64], axis: int) -> Arms:
-        """Those of a crossing of the lattice."""
+        """Return those of a crossing of the lattice."""
         half = 0.5 * np.eye(2)[axis]
         centre, ahead, behind = plane.to_pixels(np.array([node, node + half, node - half], dtype=float))
         unit = (ahead - behind) / np.linalg.norm(ahead - behind)
@@ -228,7 +228,7 @@ class Arms:
         return cls(centre, unit, np.array([-unit[1], unit[0]]), cells)
 
     def along(self, shares: Points) -> Points:
-        """Distances (n,) in px from the crossing for shares (n,) of the cells, negative behind it."""
+        """Return the distances (n,) in px from the crossing for shares (n,) of the cells, negative behind it."""
         return np.where(shares > 0, *self.cells) * shares
 
 
@@ -248,11 +248,11 @@ class LineLight:
 
     @classmethod
     def of(cls, gray: NDArray[np.uint8], factor: int, camera: Camera) -> LineLight:
-        """That of gray values (h, w)."""
+        """Return the instance for gray values (h, w)."""
         return cls(np.log(reduced(gray, factor) + 4.0), factor, camera)
 
     def cuts(self, arms: Arms, along: Points, across: Points) -> Points:
-        """Light (rows, columns) at distances (rows,) along and (columns,) across arms in ideal px; NaN outside."""
+        """Return the light (rows, columns) at distances (rows,) along and (columns,) across arms in ideal px; NaN outside."""
         places = arms.centre + along[:, None, None] * arms.unit + across[None, :, None] * arms.normal
         raw = (self.camera.distort(places.reshape(-1, 2)).reshape(places.shape) + 0.5) / self.factor - 0.5
         height, width = self.value.shape
@@ -262,7 +262,7 @@ class LineLight:
 
 
 def fit_line(shown: Points, across: Points, along: Points, depth: float) -> tuple[float, float, float] | None:
-    """The straight line through the darkest places of cuts across it.
+    """Return the straight line through the darkest places of cuts across it.
 
     Args:
         shown: The cuts, shape (n, k).
@@ -304,7 +304,8 @@ def fit_line(shown: Points, across: Points, along: Points, depth: float) -> tupl
 
 
 def _shaded(difference: Points, depth: float) -> NDArray[np.bool_]:
-    """Cuts whose sides differ in brightness because an edge of the shadow or dust is near, and the cuts beside them."""
+    """Return the cuts whose sides differ in brightness because an edge of the shadow or dust is near, and the cuts beside
+    them."""
     known = np.isfinite(difference)
     if not known.any():
         return ~known
@@ -369,7 +370,7 @@ def measure_crossings(
 
 
 def _nodes(camera: Camera, plane: Plane) -> NDArray[np.int64]:
-    """Whole numbers (n, 2) of the crossings that may be seen in the picture, `ENOUGH` of them at most."""
+    """Return the whole numbers (n, 2) of the crossings that may be seen in the picture, `ENOUGH` of them at most."""
     x, y = np.linspace(0, camera.width - 1, 12), np.linspace(0, camera.height - 1, 12)
     rim = np.array([*((u, v) for u in x for v in (y[0], y[-1])), *((u, v) for v in y for u in (x[0], x[-1]))])
     ideal = camera.undistort(rim)
@@ -388,14 +389,14 @@ def _nodes(camera: Camera, plane: Plane) -> NDArray[np.int64]:
 
 
 def _pitch_px(plane: Plane, node: NDArray[np.int64]) -> Points:
-    """Distance in px (2,) between the lines that run along the first and the second axis, measured across them."""
+    """Return the distance in px (2,) between the lines that run along the first and the second axis, measured across them."""
     axes = np.linalg.inv(plane.jacobian(plane.to_pixels(node.astype(float)))[0])
     area = abs(np.linalg.det(axes))
     return area / np.linalg.norm(axes, axis=0)
 
 
 def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: Plane) -> tuple[float, float]:
-    """Half width of the window a line needs, as a share of the pitch, and the line's depth in the logarithm of light."""
+    """Return half width of the window a line needs, as a share of the pitch, and the line's depth in the logarithm of light."""
     nodes = _nodes(camera, lattice)
     if len(nodes) < MIN_LINES:
         raise GridError(f"only {len(nodes)} crossings of the grid are in the picture; at least {MIN_LINES} are needed")
@@ -430,7 +431,7 @@ def _line_width(gray: NDArray[np.uint8], camera: Camera, lattice: Plane) -> tupl
         else 1.0
     )
     if width > 0.3:
-        raise GridError("the grid's lines are too wide or too blurred to be told from the screen between them")
+        raise GridError("the grid's lines are too wide or too blurred to be distinguished from the screen between them")
     return float(np.clip(1.3 * width, 0.03, WIDEST)), depth
 
 
@@ -441,7 +442,7 @@ def _typical(cuts: list[Points]) -> Points:
 
 
 def _check_between(mean: Points, shares: Points) -> None:
-    """Refuse a lattice with lines half way between its lines: every second one was missed."""
+    """Reject a lattice with lines half way between its lines: every second one was missed."""
     own = np.nanmin(mean[np.abs(shares) < 0.05])
     screen = np.nanmedian(mean[(np.abs(shares) > 0.2) & (np.abs(shares) < 0.4)])
     half_way = mean[np.abs(np.abs(shares) - 0.5) < 0.06]
@@ -453,7 +454,7 @@ def _check_between(mean: Points, shares: Points) -> None:
 
 
 def _centred(cut: Points, shares: Points) -> Points:
-    """The cut moved so that its darkest place within reach of the rough lattice lies in the middle."""
+    """Return the cut moved so that its darkest place within reach of the rough lattice lies in the middle."""
     smooth = np.convolve(np.where(np.isfinite(cut), cut, np.inf), np.ones(7) / 7, mode="same")
     reach = np.abs(shares) < 0.15
     moved = int(np.flatnonzero(reach)[np.argmin(smooth[reach])] - len(shares) // 2)
@@ -496,7 +497,7 @@ def _measure(
 
 
 def _cross(fits: list[tuple[Arms, float, float, float]]) -> tuple[Points, float]:
-    """Where the two fitted lines of a crossing meet (ideal px), and its standard error per axis."""
+    """Return where the two fitted lines of a crossing meet (ideal px), and its standard error per axis."""
     rows = np.array([arms.normal - arms.unit * slope for arms, _, slope, _ in fits])
     right = [row @ arms.centre + offset for row, (arms, offset, _, _) in zip(rows, fits, strict=True)]
     back = np.linalg.inv(rows)
@@ -515,7 +516,7 @@ OFF_BEAT = 0.15
 
 
 def count_lines(lines: list[Line], camera: Camera) -> Plane:
-    """The lattice that the lines form, as a plane whose metres are whole numbers of lines.
+    """Return the lattice that the lines form, as a plane whose metres are whole numbers of lines.
 
     Raises:
         GridError: No two pencils of lines that cross, or lines that are not equally spaced.
@@ -555,7 +556,7 @@ def count_lines(lines: list[Line], camera: Camera) -> Plane:
 
 
 def _along(rows: Points, weights: Points) -> Points:
-    """The mean direction of lines, whose normals may point either way."""
+    """Return the mean direction of lines, whose normals may point either way."""
     _, _, axes = np.linalg.svd(rows[:, :2] * weights[:, None])
     return np.array([-axes[0, 1], axes[0, 0]])
 
@@ -563,7 +564,7 @@ def _along(rows: Points, weights: Points) -> Points:
 def _pencil(
     rows: Points, middles: Points, weights: Points, free: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], Points]:
-    """The heaviest set of free lines with a common vanishing point, and that point (homogeneous, norm 1)."""
+    """Return the heaviest set of free lines with a common vanishing point, and that point (homogeneous, norm 1)."""
     best, chosen = 0.0, np.zeros(len(rows), dtype=bool)
     candidates = np.flatnonzero(free)[:40]
     for i, j in itertools.combinations(candidates, 2):
@@ -593,7 +594,7 @@ def _aimed(rows: Points, middles: Points, point: Points) -> NDArray[np.bool_]:
 
 
 def _count(at: Points, weights: Points) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
-    """Whole numbers for lines at equally spaced places, and which of the lines they belong to."""
+    """Return the whole numbers for lines at equally spaced places, and which of the lines they belong to."""
     order = np.argsort(at)
     place, weight = at[order], weights[order]
     span = place[-1] - place[0]
@@ -630,7 +631,7 @@ def _numbers(place: Points, step: float, start: float) -> tuple[NDArray[np.int64
 
 
 def _score(place: Points, weight: Points, step: float, start: float, typical: float) -> float:
-    """Weight of the lines on the beat, less half a line for every beat without one."""
+    """Return the weight of the lines on the beat, less half a line for every beat without one."""
     numbers, near = _numbers(place, step, start)
     beats = np.unique(numbers[near])
     if len(beats) < 2:
@@ -671,7 +672,7 @@ class GridPoints:
     pitch: float | None = None
 
     def plane(self, camera: Camera, pitch: float | None = None) -> Plane:
-        """The screen's plane through these points, its error taken from what the fit leaves.
+        """Return the screen's plane through these points, its error taken from what the fit leaves.
 
         Args:
             camera: The camera that saw the points.
@@ -726,7 +727,7 @@ def find_grid(
             "photograph both with the same settings and do not crop"
         )
     if np.ptp(np.percentile(gray, (0.5, 99.5))) < 4.0:
-        raise GridError("the picture is blank; no grid can be seen in it")
+        raise GridError("the picture is blank; it shows no grid")
     lattice = count_lines(find_lines(gray, seen_by), seen_by)
     px, indices, sigma = measure_crossings(gray, seen_by, lattice)
     px, indices, sigma, plane = _without_outliers(px, indices, sigma, seen_by)
@@ -738,7 +739,7 @@ def find_grid(
 def counted_from(
     found: GridPoints, camera: Camera, pitch: float, origin: tuple[float, float] | None = None
 ) -> GridPoints:
-    """The same points counted from the crossing nearest to a pixel, the picture's middle unless given."""
+    """Return the same points counted from the crossing nearest to a pixel, the picture's middle unless given."""
     middle = ((camera.width - 1) / 2, (camera.height - 1) / 2) if origin is None else origin
     # The origin need not be measured itself: dust on it must not move it to its neighbour.
     first = np.rint(found.plane(camera, 1.0).to_metres(camera.undistort(middle))[0]).astype(int)
@@ -746,7 +747,7 @@ def counted_from(
 
 
 def gray_bytes(image: ArrayLike) -> NDArray[np.uint8]:
-    """A photograph (h, w) or (h, w, 3) as 8-bit gray values (h, w).
+    """Return a photograph (h, w) or (h, w, 3) as 8-bit gray values (h, w).
 
     Raises:
         GridError: It is no picture.
@@ -765,7 +766,8 @@ def gray_bytes(image: ArrayLike) -> NDArray[np.uint8]:
 
 
 def checked(px: Points, indices: NDArray[np.int64], sigma: Points, plane: Plane) -> GridPoints:
-    """Points turned so that the first index counts to the right and the second upwards, once their fit is good enough.
+    """Return the points turned so that the first index counts to the right and the second upwards, once their fit is good
+    enough.
 
     Args:
         px: Points (n, 2) in raw px.
@@ -784,7 +786,7 @@ def checked(px: Points, indices: NDArray[np.int64], sigma: Points, plane: Plane)
     spacing = float(np.sqrt(abs(np.linalg.det(axes))))
     if residual > max(WORST_PX, WORST_SHARE * spacing):
         raise GridError(
-            f"the crossings miss a regular grid by {residual:.2g} px ({residual / spacing:.2%} of the pitch); "
+            f"the residual of the crossings to a regular grid is {residual:.2g} px ({residual / spacing:.2%} of the pitch); "
             "correct the lens, or flatten the screen"
         )
     units = axes / np.linalg.norm(axes, axis=0)
@@ -813,7 +815,7 @@ def _without_outliers(
         try:
             plane = weighted_plane(ideal[keep], indices[keep].astype(float), sigma[keep])
         except PlaneError as error:
-            raise GridError(f"the grid's crossings fix no plane: {error}") from None
+            raise GridError(f"the grid's crossings do not determine a plane: {error}") from None
         missed = np.linalg.norm(plane.to_pixels(indices.astype(float)) - ideal, axis=1)
         # Judged by its own error; but less than a tenth of a pixel is never an outlier.
         relative = np.hypot(sigma, FLOOR)

@@ -1,9 +1,9 @@
 """The printed grid as one photograph shows it: is the camera where it was, and how much light do the lines take.
 
-The setup says where every line should be. Short profiles across the lines, outside the shadow, say where it is in this
-photograph: the difference tells a moved camera, and the mean profile tells how much light the ink takes at each distance
-from a line's middle. Dividing by that lets an edge be found where it runs across or along a line, which would pull it to
-itself otherwise. A camera moved by exactly one whole pitch looks unmoved; nothing in the picture can tell.
+The setup gives the expected position of every line. Short profiles across the lines, outside the shadow, give its position in
+this photograph: the difference tells a moved camera, and the mean profile tells how much light the ink takes at each distance
+from a line's middle. Dividing by that lets an edge be found where it runs across or along a line, which would pull it to itself
+otherwise. A camera moved by exactly one whole pitch looks unmoved; nothing in the picture can tell.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class LineShape:
 
     @classmethod
     def fitted(cls, distance: Array, inks: Array) -> tuple[LineShape | None, LineShape | None]:
-        """The lines of both directions, of one ink and one blur; None where there is no line to be seen.
+        """Return the lines of both directions, of one ink and one blur; None where there is no line to be seen.
 
         Args:
             distance: Distances (k,) in m from a line's middle, from 0 to the profiles' end.
@@ -115,12 +115,12 @@ class LineShape:
         return lines(min(fits, key=lambda fit: float(fit.cost)).x)
 
     def through(self, off: Array) -> Array:
-        """Share of light that the blurred line lets through at signed distances from its middle in m."""
+        """Return the share of light that the blurred line lets through at signed distances from its middle in m."""
         upper, lower = (off + 0.5 * self.width) / self.blur, (off - 0.5 * self.width) / self.blur
         return np.asarray(1.0 - self.depth * (ndtr(upper) - ndtr(lower)))
 
     def covariance(self, off: Array, z: Array, correlation: Array) -> Array:
-        """What blurred shadow times blurred line lacks to the blurred product, per unit of the edge's rise.
+        """Return the difference between the blurred product and blurred shadow times blurred line, per unit of the edge's rise.
 
         Args:
             off: Signed distances (...) in m from the line's middle.
@@ -151,7 +151,7 @@ VIEW_NODES = 33
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class View:
-    """What is looked at of a photograph.
+    """Evaluated region of a photograph.
 
     Attributes:
         image: The photograph, shape (h, w, 3).
@@ -177,11 +177,11 @@ class View:
         return float(np.sqrt(np.abs(np.linalg.det(self.setup.jacobian(middle)[0]))))
 
     def sample(self, points: Array) -> Array:
-        """Light (..., 3) at pixels (..., 2); NaN outside of the picture."""
+        """Return the light (..., 3) at pixels (..., 2); NaN outside of the picture."""
         return sample_light(self.image, points, self.light)
 
     def extent(self) -> tuple[Array, Array]:
-        """Least and greatest X and Z in m on the screen that the region shows, shapes (2,)."""
+        """Return the least and greatest X and Z in m on the screen that the region shows, shapes (2,)."""
         x0, y0, x1, y1 = self.roi
         columns, rows = np.meshgrid(np.linspace(x0, x1 - 1, VIEW_NODES), np.linspace(y0, y1 - 1, VIEW_NODES))
         places = self.setup.to_metres(np.column_stack([columns.ravel(), rows.ravel()])) * self.setup.magnification
@@ -189,17 +189,18 @@ class View:
         return places.min(axis=0), places.max(axis=0)
 
     def inside(self, points: Array, margin: float = 0.0) -> npt.NDArray[np.bool_]:
-        """Which pixels (..., 2) lie in the region, and so far in px from its rim; shape (...)."""
+        """Return which pixels (..., 2) lie in the region, and so far in px from its rim; shape (...)."""
         low, high = np.array(self.roi[:2]) + margin, np.array(self.roi[2:]) - 1.0 - margin
         return np.asarray(((points >= low) & (points <= high)).all(axis=-1))
 
     def reduced(self, points: Array, shape: tuple[int, ...]) -> Array:
-        """Pixels (..., 2) of the photograph in those of the region made smaller to a picture of this shape (h, w)."""
+        """Return the pixels (..., 2) of the photograph in those of the region made smaller to a picture of this shape (h,
+        w)."""
         scale = np.array(shape[::-1]) / self.size
         return np.asarray((points - self.roi[:2] + 0.5) * scale - 0.5)
 
     def enlarged(self, points: Array, shape: tuple[int, ...]) -> Array:
-        """The inverse of `reduced`."""
+        """Return the inverse of `reduced`."""
         scale = self.size / np.array(shape[::-1])
         return np.asarray((points + 0.5) * scale - 0.5 + self.roi[:2])
 
@@ -222,7 +223,7 @@ SEEN_DEPTH = 0.06
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class GridLook:
-    """What one photograph shows of the printed grid.
+    """The printed grid in one photograph.
 
     Attributes:
         pitch: Distance of the lines in m.
@@ -246,7 +247,7 @@ class GridLook:
     offsets: tuple[dict[int, float], dict[int, float]]
 
     def affine_terms(self, chosen: npt.NDArray[np.bool_]) -> Array:
-        """Terms (m, 3) of an affine function over those places where a line was seen, in pitches."""
+        """Return the terms (m, 3) of an affine function over those places where a line was seen, in pitches."""
         return np.column_stack([np.ones(int(chosen.sum())), self.place[chosen] / self.pitch])
 
     @property
@@ -261,12 +262,12 @@ class GridLook:
         return LineShape.fitted(self.distance, self.ink)
 
     def off_line(self, place: Array, axis: int) -> Array:
-        """Signed distances (...) in m from the nearest line at places (...) along X or Z in m."""
+        """Return the signed distances (...) in m from the nearest line at places (...) along X or Z in m."""
         line = np.rint(place / self.pitch).astype(np.int64)
         return np.asarray(place - line * self.pitch - _look_up(self.offsets[axis], line))
 
     def transmission(self, places: Array) -> Array:
-        """Share of light that the ink lets through at places (..., 2) in m on the screen."""
+        """Return the share of light that the ink lets through at places (..., 2) in m on the screen."""
         cover = []
         # Of sharp ink, which alone covers all or nothing; a blurred line covers a part of each place.
         sharp = [line.depth for line in self.lines if line is not None]
@@ -279,7 +280,7 @@ class GridLook:
 
 
 def look_at_grid(view: View, pitch: float, is_lit: npt.NDArray[np.bool_], reach: float = REACH) -> GridLook:
-    """Look at the grid lines where they should be: at whole multiples of the pitch on the screen.
+    """Return the look at the grid lines where they should be: at whole multiples of the pitch on the screen.
 
     Args:
         view: The photograph.
@@ -310,7 +311,7 @@ def look_at_grid(view: View, pitch: float, is_lit: npt.NDArray[np.bool_], reach:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Family:
-    """What is seen of the lines of one direction.
+    """Visible part of the lines of one direction.
 
     Attributes:
         expected: Number of places where a line could be seen.
@@ -328,7 +329,7 @@ class _Family:
 
 
 def _family(view: View, number: Array, target: Array, points: Array, across: Array) -> _Family:
-    """The lines with these numbers (n,) at places (n, 2), seen in profiles of pixels (n, SAMPLES, 2) across them."""
+    """Return the lines with these numbers (n,) at places (n, 2), seen in profiles of pixels (n, SAMPLES, 2) across them."""
     if not len(points):
         return _Family(0, np.zeros((0, 2)), np.zeros(0), np.ones(SAMPLES), {})
     centre, ink, clear = _lines_in(view.sample(points).mean(axis=2), across)
@@ -338,7 +339,8 @@ def _family(view: View, number: Array, target: Array, points: Array, across: Arr
 
 
 def _places_on_lines(view: View, pitch: float, reach: float, axis: int) -> tuple[Array, Array]:
-    """Numbers (n,) of the lines of one direction and places (n, 2) along them in m, wherever the region may show them."""
+    """Return the numbers (n,) of the lines of one direction and places (n, 2) along them in m, wherever the region may show
+    them."""
     low, high = (end / pitch for end in view.extent())
     along = (np.arange(STATIONS) + 0.5) / STATIONS
     along = along[np.abs(along - 0.5) < 0.5 - 0.6 * reach]
@@ -353,7 +355,8 @@ def _places_on_lines(view: View, pitch: float, reach: float, axis: int) -> tuple
 def _profiles_across(
     view: View, number: Array, target: Array, across: Array, is_lit: npt.NDArray[np.bool_], axis: int
 ) -> tuple[Array, Array, Array]:
-    """Those of the lines and places whose profiles lie in what is looked at, and the profiles' pixels (n, SAMPLES, 2)."""
+    """Return those of the lines and places whose profiles lie in what is looked at, and the profiles' pixels (n, SAMPLES,
+    2)."""
     pixel = view.setup.to_pixels(target / view.setup.magnification)
     keep = np.isfinite(pixel).all(axis=1) & view.inside(pixel)
     number, target, pixel = number[keep], target[keep], pixel[keep]
@@ -369,7 +372,7 @@ def _profiles_across(
 
 
 def _lines_in(value: Array, across: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """Middle of the dark line in each profile (n, k), the mean profile (k,) about it, and where a line is clear."""
+    """Return the middle of the dark line in each profile (n, k), the mean profile (k,) about it, and where a line is clear."""
     size = value.shape[1]
     ends = np.r_[0 : size // 6, size - size // 6 : size]
     # A straight base line through both ends takes uneven light and vignetting out.
@@ -409,7 +412,7 @@ def _look_up(offsets: dict[int, float], line: npt.NDArray[np.int64]) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Is the screen, near the outline, where the setup has it?
+# Check the screen's flatness near the outline.
 #
 # `movement.py` asks whether the picture of the whole screen has moved. A screen that bulges, or hot air before it, moves only a
 # part of it, and the shadow's edge with it. So each printed line is looked at piece by piece, in the light and inside of the
@@ -451,7 +454,7 @@ class Pieces:
 
 
 def pieces_of(looks: list[GridLook]) -> Pieces:
-    """The pieces of all lines that any of the looks has seen; the first look tells the whole screen's movement."""
+    """Return the pieces of all lines that any of the looks has seen; the first look tells the whole screen's movement."""
     pitch = looks[0].pitch
     places, offs, errors = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)]
     whole = [_affine(looks[0], axis) for axis in (0, 1)]
@@ -476,7 +479,8 @@ def pieces_of(looks: list[GridLook]) -> Pieces:
 
 
 def _medians(look: GridLook, axis: int, shift: Array) -> tuple[Array, Array, Array]:
-    """Middles (n, 2) of pieces of the lines of one axis, their medians (n,), and how far their values lie from these (n, k)."""
+    """Return the middles (n, 2) of pieces of the lines of one axis, their medians (n,), and how far their values lie from these
+    (n, k)."""
     places, medians, rests = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros((0, PIECE))]
     number = np.where(look.axis == axis, np.rint(look.place[:, axis] / look.pitch), np.nan)
     for line in np.unique(number[np.isfinite(number)]):
@@ -495,7 +499,7 @@ def _medians(look: GridLook, axis: int, shift: Array) -> tuple[Array, Array, Arr
 
 
 def flatness(pieces: Pieces, points: Array) -> tuple[Array, str | None]:
-    """What the screen's own shape makes uncertain of an edge, and what speaks against trusting it.
+    """Return what the screen's own shape makes uncertain of an edge, and what speaks against trusting it.
 
     Args:
         pieces: The pieces of the printed lines.
@@ -522,13 +526,14 @@ def flatness(pieces: Pieces, points: Array) -> tuple[Array, str | None]:
     if not doubted[worst]:
         return error, None
     return error, (
-        f"{near[worst] * 1e3:.1f} mm beside the edge the printed grid lies {beyond[worst] * 1e6:.0f} um off: the screen bulges "
+        f"{near[worst] * 1e3:.1f} mm beside the edge the printed grid is {beyond[worst] * 1e6:.0f} um off: the screen bulges "
         "or slides there, hot air or a drop on the lens bends the light, or the lens' correction is wrong"
     )
 
 
 def _affine(look: GridLook, axis: int) -> Array | None:
-    """Movement (3,) of the whole screen along one axis: a constant and its growth along X and Z; None if too little is seen."""
+    """Return the movement (3,) of the whole screen along one axis: a constant and its growth along X and Z; None if too little
+    is visible."""
     mine = look.axis == axis
     if mine.sum() < 4 * PIECE:
         return None
@@ -536,7 +541,7 @@ def _affine(look: GridLook, axis: int) -> Array | None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Has the camera or the screen moved since the setup?
+# Detect movements of the camera or the screen since the setup.
 #
 # The printed grid tells: an affine movement of its lines is the camera's or the screen's, and what it leaves of their shifts is
 # noise, dust, or another setup.
@@ -557,7 +562,7 @@ GRID_REST_PX = 1.5
 
 
 def movement(look: GridLook) -> tuple[float, float]:
-    """How far the picture of the screen has moved since the setup, and what of the shifts that leaves, both in m.
+    """Return how far the picture of the screen has moved since the setup, and what of the shifts that leaves, both in m.
 
     Returns:
         Root mean square of the affine movement that fits the shifts best, over the places where lines were seen, and
@@ -575,7 +580,7 @@ def movement(look: GridLook) -> tuple[float, float]:
 
 
 def check_movement(look: GridLook, magnification: float, pixel: float) -> float:
-    """Refuse a photograph whose grid is not where the setup has it.
+    """Reject a photograph whose grid is not where the setup has it.
 
     Args:
         look: What it shows of the grid.
@@ -591,23 +596,23 @@ def check_movement(look: GridLook, magnification: float, pixel: float) -> float:
     if look.seen < GRID_SEEN or len(look.shift) < FEWEST:
         raise Unmeasurable(
             f"the grid is not where the setup has it ({look.seen:.0%} of its lines are seen): the camera or the screen has "
-            "moved, the picture is turned or mirrored, or the grid cannot be seen; photograph the grid again and run setup anew"
+            "moved, the picture is turned or mirrored, or the grid cannot be seen; photograph the grid again and rerun setup"
         )
     moved, rest = (value / magnification for value in movement(look))
     if not np.isfinite(moved):
         raise Unmeasurable(
             "too few of the grid's lines are seen beside the shadow, along one of their two directions, to check whether the "
-            "camera has moved; show more of the grid, or take one with a smaller pitch"
+            "camera has moved; show more of the grid, or use one with a smaller pitch"
         )
     if not moved <= max(MOVED, MOVED_PX * pixel):
         raise Unmeasurable(
             f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
-            "picture is turned, mirrored, cropped or too noisy; photograph the grid again from where the camera stands "
-            "now and run setup anew"
+            "picture is turned, mirrored, cropped or too noisy; photograph the grid again from the current "
+            "camera position and rerun setup"
         )
     if not rest <= max(GRID_REST, GRID_REST_PX * pixel):
         raise Unmeasurable(
-            f"the grid's lines lie {rest * 1e6:.0f} um off: the picture is too noisy, too much compressed or too dusty to "
+            f"the grid's lines are {rest * 1e6:.0f} um off: the picture is too noisy, too much compressed or too dusty to "
             "see them, the screen has bent, or this is another setup; clean and flatten the screen, and photograph "
             "grid and body again"
         )

@@ -25,7 +25,7 @@ FEWEST_NEIGHBOURS = 12
 
 
 class PlaneError(ValueError):
-    """Known points that fix no plane; the message is a sentence for the user."""
+    """Known points that do not determine a plane; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -68,13 +68,13 @@ class Plane:
         weights = 1.0 / np.broadcast_to(sigma, (len(seen),))
         first, _ = cv2.findHomography(start, end, 0)
         if first is None or not np.isfinite(first).all() or abs(first[2, 2]) < 1e-9:
-            raise PlaneError("the known points fix no plane; give points that do not lie on a line")
+            raise PlaneError("the known points do not determine a plane; give points that do not lie on a line")
         inverse = first / first[2, 2]
         for _ in range(30):
             design, left = _linearised(inverse, start, end, weights)
             step, _, rank, singular = np.linalg.lstsq(design, left, rcond=None)
             if rank < 8 or singular[-1] < 1e-7 * singular[0]:
-                raise PlaneError("the known points fix no plane; give points that do not lie on a line")
+                raise PlaneError("the known points do not determine a plane; give points that do not lie on a line")
             inverse = inverse + np.append(step, 0.0).reshape(3, 3)
             if np.abs(step).max() < 1e-13:
                 break
@@ -88,7 +88,7 @@ class Plane:
 
     @functools.cached_property
     def systematic(self) -> float:
-        """Standard error in m, per axis, of what neighbouring points miss in common: a wrong lens, a screen that is not flat.
+        """Standard error in m, per axis, of the error common to neighbouring points: a wrong lens, a screen that is not flat.
 
         Noise differs from point to point, and many points take it out; this they do not. It is the root of the mean product
         of what each point misses with what its nearest neighbour misses, 0 where that is negative or the points are few.
@@ -100,15 +100,15 @@ class Plane:
         return float(np.sqrt(max(0.0, np.mean(np.sum(missed * missed[nearest], axis=1)) / 2.0)))
 
     def to_metres(self, ideal_px: ArrayLike) -> Points:
-        """Points (n, 2) on the screen in m for ideal pixels (n, 2)."""
+        """Return the points (n, 2) on the screen in m for ideal pixels (n, 2)."""
         return _apply(self.homography, as_points(ideal_px))
 
     def to_pixels(self, metres: ArrayLike) -> Points:
-        """Ideal pixels (n, 2) for points (n, 2) on the screen in m."""
+        """Return the ideal pixels (n, 2) for points (n, 2) on the screen in m."""
         return _apply(np.linalg.inv(self.homography), as_points(metres))
 
     def jacobian(self, ideal_px: ArrayLike) -> Points:
-        """Derivative (n, 2, 2) of `to_metres` in m per px; the last index is the pixel's."""
+        """Return the derivative (n, 2, 2) of `to_metres` in m per px; the last index is the pixel's."""
         px = as_points(ideal_px)
         below = _homogeneous(px) @ self.homography[2]
         metres = self.to_metres(px)
@@ -116,7 +116,7 @@ class Plane:
         return top / below[:, None, None]
 
     def covariances(self, ideal_px: ArrayLike) -> Points:
-        """Covariance (n, 2, 2) in m2 that the fit's uncertainty gives a point at these pixels."""
+        """Return the covariance (n, 2, 2) in m2 that the fit's uncertainty gives a point at these pixels."""
         px = as_points(ideal_px)
         homogeneous = _homogeneous(px)
         ray = homogeneous / (homogeneous @ self.homography[2])[:, None]
@@ -149,7 +149,7 @@ def _apply(matrix: Points, points: Points) -> Points:
 
 
 def _scaling(points: Points) -> Points:
-    """The similarity (3, 3) that brings the points' centre to 0 and their mean distance from it to about 1."""
+    """Return the similarity (3, 3) that brings the points' centre to 0 and their mean distance from it to about 1."""
     centre = points.mean(axis=0)
     spread = np.linalg.norm(points - centre, axis=1).mean()
     if not spread > 0.0:
@@ -158,7 +158,8 @@ def _scaling(points: Points) -> Points:
 
 
 def _linearised(matrix: Points, start: Points, end: Points, weights: Points) -> tuple[Points, Points]:
-    """Weighted design (2n, 8) and what is left (2n,) for the first eight entries of a homography whose last is fixed."""
+    """Return the weighted design (2n, 8) and what is left (2n,) for the first eight entries of a homography whose last is
+    fixed."""
     homogeneous = _homogeneous(start)
     mapped = homogeneous @ matrix.T
     image = mapped[:, :2] / mapped[:, 2:]
@@ -171,7 +172,7 @@ def _linearised(matrix: Points, start: Points, end: Points, weights: Points) -> 
 
 
 def _inverted(inverse: Points, covariance: Points, from_metres: Points, from_px: Points) -> tuple[Points, Points]:
-    """The homography of norm 1 from px to m with its covariance (9, 9), from the scaled one the other way (8, 8)."""
+    """Return the homography of norm 1 from px to m with its covariance (9, 9), from the scaled one the other way (8, 8)."""
     wide = np.zeros((9, 9))
     wide[:8, :8] = covariance
     forward = np.linalg.inv(inverse)
@@ -186,7 +187,7 @@ def _inverted(inverse: Points, covariance: Points, from_metres: Points, from_px:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The screen's plane from what a user knows of a photograph without a grid: places of some points, or the scale alone.
+# The screen's plane from a user's data of a photograph without a grid: positions of some points, or only the scale.
 
 
 CLICKED = 1.0
@@ -212,10 +213,12 @@ def plane_of_points(camera: Camera, px: Points, metres: Points) -> Plane:
     """
     seen, known = as_points(px), as_points(metres)
     if len(seen) < 4:
-        raise PlaneError(f"{len(seen)} known points fix no plane; give at least 4, and 6 to see how well they fit")
+        raise PlaneError(
+            f"{len(seen)} known points do not determine a plane; give at least 4, and 6 to see how well they fit"
+        )
     outside = ~np.all((seen >= -0.5) & (seen <= [camera.width - 0.5, camera.height - 0.5]), axis=1)
     if outside.any():
-        raise PlaneError(f"the known point at {_name(seen[outside][0])} lies outside of the picture")
+        raise PlaneError(f"the known point at {_name(seen[outside][0])} is outside the picture")
     for first in range(len(seen)):
         for second in range(first):
             if np.linalg.norm(seen[first] - seen[second]) < 1.0 or np.allclose(known[first], known[second], atol=1e-9):
@@ -228,14 +231,16 @@ def plane_of_points(camera: Camera, px: Points, metres: Points) -> Plane:
     try:
         plane = Plane.fit(ideal, known, CLICKED if len(seen) == 4 else None)
     except PlaneError:  # they lie on no line, as was seen above
-        raise PlaneError("the known points fit no plane; check for points that were exchanged or mistyped") from None
+        raise PlaneError(
+            "the known points do not fit a plane; check for points that were exchanged or mistyped"
+        ) from None
     below = np.column_stack([ideal, np.ones(len(ideal))]) @ plane.homography[2]
     missed = np.linalg.norm(plane.to_pixels(known) - ideal, axis=1)
     if np.ptp(np.sign(below)) > 0 or missed.max() > max(WORST_PX, WORST_SHARE * float(np.ptp(seen, axis=0).max())):
         worst = int(np.argmax(missed))
         raise PlaneError(
-            f"the known points fit no plane: the one at {_name(seen[worst])} misses by {missed[worst]:.0f} px; check for "
-            "points that were exchanged or mistyped"
+            f"the known points do not fit a plane: the one at {_name(seen[worst])} has a residual of {missed[worst]:.0f} px; "
+            f"check for points that were exchanged or mistyped"
         )
     if np.linalg.det(plane.jacobian(ideal.mean(axis=0))[0]) > 0.0:
         raise PlaneError(
@@ -247,7 +252,7 @@ def plane_of_points(camera: Camera, px: Points, metres: Points) -> Plane:
 def plane_of_scale(
     camera: Camera, scale: float, error: float = 0.0, origin: tuple[float, float] | None = None
 ) -> Plane:
-    """The plane of a camera that looks straight at it.
+    """Return the plane of a camera that looks straight at it.
 
     Args:
         camera: The camera.
@@ -262,7 +267,7 @@ def plane_of_scale(
         raise PlaneError("the scale must be a positive number of pixels per metre, larger than its error")
     width, height = camera.width, camera.height
     x, y = camera.undistort(((width - 1) / 2, (height - 1) / 2) if origin is None else origin)[0]
-    # Times the scale, so that only the last entry knows it.
+    # Times the scale, so that only the last entry depends on it.
     matrix = np.array([[1.0, 0.0, -x], [0.0, -1.0, y], [0.0, 0.0, scale]])
     norm = np.linalg.norm(matrix)
     unit = matrix.ravel() / norm
@@ -282,7 +287,7 @@ def _check_spread(points: Points) -> None:
             length = float(np.linalg.norm(along))
             offset = (points - points[second]) @ np.array([-along[1], along[0]]) / max(length, 1e-12)
             if np.sum(np.abs(offset) > FLATTEST * extent) < 2:
-                raise PlaneError("the known points lie on one line, all or all but one; add points beside it")
+                raise PlaneError("at most one of the known points is off a common line; add points beside it")
 
 
 def _name(pixel: Points) -> str:

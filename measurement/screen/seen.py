@@ -31,7 +31,7 @@ LINE, POINT = (220, 40, 40), (20, 90, 230)
 
 
 def read_picture(path: Path | str) -> NDArray[np.uint8]:
-    """A photograph (h, w, 3), red, green, blue, in the sensor's own orientation.
+    """Return a photograph (h, w, 3), red, green, blue, in the sensor's own orientation.
 
     Raises:
         CameraError: The file is not there or no picture.

@@ -38,7 +38,7 @@ HEADER = "# Setup of a run of photographs, lengths in m and pixels as (x, y); ma
 
 
 class SetupError(ValueError):
-    """A setup that cannot be used; the message is a sentence for the user."""
+    """An unusable setup; the message is for the user."""
 
 
 PITCH_ERROR = 0.002
@@ -47,7 +47,7 @@ PITCH_ERROR = 0.002
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Setup:
-    """How pixels become metres.
+    """Mapping from pixels to metres.
 
     Light that comes from a lamp at the distance a before the object throws a shadow (a + b) / a times as large as the
     object on a screen at the distance b behind it; lengths on the screen are divided by this magnification.
@@ -79,8 +79,8 @@ class Setup:
             raise SetupError("the magnification must be positive and its error must not be negative")
         if self.magnification_error >= self.magnification:
             raise SetupError(
-                f"the magnification {self.magnification:g} +- {self.magnification_error:g} tells no size; its error must be "
-                "smaller than itself"
+                f"the magnification {self.magnification:g} +- {self.magnification_error:g} is undetermined; its error "
+                "must be smaller than the value"
             )
         if not 0.0 <= self.pitch_error < 1.0:
             raise SetupError(f"the pitch's error must be a share from 0 to 1 of the pitch, not {self.pitch_error:g}")
@@ -100,7 +100,7 @@ class Setup:
                 )
 
     def _check_pitch(self, pitch: float) -> None:
-        """Refuse a pitch whose lines the picture cannot show: looking for them would take all memory, or for ever."""
+        """Reject a pitch whose lines the picture cannot show: looking for them would take all memory, or for ever."""
         if not 0.0 < pitch < math.inf:
             raise SetupError("the grid's pitch must be a positive length in m")
         width, height = self.camera.width, self.camera.height
@@ -112,7 +112,7 @@ class Setup:
         seen = float(np.ptp(places, axis=0).max())
         if not FINEST_PITCH * seen / max(width, height) <= pitch <= seen:
             raise SetupError(
-                f"the grid's pitch of {pitch * 1e3:g} mm does not go with a picture that shows {seen * 1e3:.3g} mm of the "
+                f"the grid's pitch of {pitch * 1e3:g} mm does not match a picture that shows {seen * 1e3:.3g} mm of the "
                 f"screen in {max(width, height)} px; the setup is in m"
             )
 
@@ -127,15 +127,15 @@ class Setup:
         return dataclasses.replace(self, magnification_error=0.0, pitch_error=0.0)
 
     def to_metres(self, raw_px: ArrayLike) -> Points:
-        """Points (n, 2) of the object's plane in m for pixels (n, 2) of the photograph."""
+        """Return the points (n, 2) of the object's plane in m for pixels (n, 2) of the photograph."""
         return self.plane.to_metres(self.camera.undistort(raw_px)) / self.magnification
 
     def to_pixels(self, metres: ArrayLike) -> Points:
-        """Pixels (n, 2) of the photograph for points (n, 2) of the object's plane in m."""
+        """Return the pixels (n, 2) of the photograph for points (n, 2) of the object's plane in m."""
         return self.camera.distort(self.plane.to_pixels(as_points(metres) * self.magnification))
 
     def jacobian(self, raw_px: ArrayLike) -> Points:
-        """Derivative (n, 2, 2) of `to_metres` in m per px; the last index is the pixel's."""
+        """Return the derivative (n, 2, 2) of `to_metres` in m per px; the last index is the pixel's."""
         raw, step = as_points(raw_px), 0.5
         lens = np.empty((len(raw), 2, 2))
         for axis in (0, 1):
@@ -150,7 +150,7 @@ class Setup:
         normal: ArrayLike | None = None,
         about: ArrayLike | None = None,
     ) -> Points:
-        """Standard error (n,) in m of points on an edge: edge, lens, grid fit and scale together.
+        """Return the standard error (n,) in m of points on an edge: edge, lens, grid fit and scale together.
 
         Args:
             raw_px: Points (n, 2) in px of the photograph.
@@ -180,7 +180,7 @@ class Setup:
         return np.sqrt(np.einsum("ni,nij,nj->n", across, spread, across))
 
     def to_toml(self) -> str:
-        """The setup as TOML; `from_toml` gives exactly the same numbers back."""
+        """Return the setup as TOML; `from_toml` gives exactly the same numbers back."""
         table: dict[str, Any] = {
             "version": VERSION,
             "magnification": float(self.magnification),
@@ -215,7 +215,7 @@ class Setup:
         try:
             return cls._from_table(table)
         except KeyError as error:
-            raise SetupError(f"the setup has no field {error}; make it anew with python -m measurement setup") from None
+            raise SetupError(f"the setup has no field {error}; recreate it with python -m measurement setup") from None
         except CameraError as error:
             raise SetupError(f"the setup's camera cannot be used: {error}") from None
         except SetupError:
@@ -227,8 +227,8 @@ class Setup:
     def _from_table(cls, table: Mapping[str, Any]) -> Setup:
         if table.get("version", VERSION) != VERSION:
             raise SetupError(
-                f"the setup is of version {brief(table['version'])}, this program reads version {VERSION}; make it anew with "
-                "python -m measurement setup"
+                f"the setup is of version {brief(table['version'])}, this program reads version {VERSION}; recreate it "
+                "with python -m measurement setup"
             )
         known = {"version"} | {field.name for field in dataclasses.fields(cls)}
         for name in table:
@@ -265,7 +265,7 @@ class Setup:
 
 
 def _float(value: Any) -> float:
-    """A number of any kind; whether it is finite is asked by its name."""
+    """Return a number of any kind; whether it is finite is asked by its name."""
     return value if isinstance(value, float) else number(value)
 
 
@@ -283,7 +283,7 @@ def _plane(table: Mapping[str, Any]) -> Plane:
 def magnification(
     lamp: float, screen: float, lamp_error: float = 0.0, screen_error: float = 0.0
 ) -> tuple[float, float]:
-    """Magnification of a shadow and its standard error from the lamp's and the screen's distances.
+    """Return the magnification of a shadow and its standard error from the lamp's and the screen's distances.
 
     Args:
         lamp: Distance in m from the lamp to the object.

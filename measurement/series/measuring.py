@@ -30,7 +30,7 @@ from measurement.series.photo_list import Column, Photograph, read_photos
 from softmodels.common.files import file_digest
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Is one photograph a copy of another, saved anew, brightened or resized? Found by its noise.
+# Detect copies of photographs (saved again, brightened or resized) by their noise.
 #
 # Two exposures have each its own noise, however alike what they show; a copy has its original's, weakened by compression but
 # not gone. What all photographs of a run share (the grid, the screen's grain, the sensor's own pattern) is no sign of a copy:
@@ -68,7 +68,7 @@ NEAR = 60e-6
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sample:
-    """What is kept of a photograph to compare it.
+    """Data of a photograph by which copies are recognised.
 
     Attributes:
         fine: What is left without the smooth part, without its outliers, shape (n,).
@@ -80,7 +80,7 @@ class Sample:
 
 
 def cut_out(image: GreyPixels) -> GreyPixels:
-    """Patches (patches, side, side) of a picture (h, w, 3) in grey, spread over its frame."""
+    """Return the patches (patches, side, side) of a picture (h, w, 3) in grey, spread over its frame."""
     height, width = image.shape[:2]
     side = min(SIDE, height // ROWS, width // COLUMNS)
     tops = np.linspace(0, height - side, ROWS).astype(int)
@@ -90,7 +90,7 @@ def cut_out(image: GreyPixels) -> GreyPixels:
 
 
 def prepared(patches: GreyPixels) -> Sample:
-    """The patches of `cut_out`, parted into what is smooth and what is fine."""
+    """Return the patches of `cut_out`, parted into what is smooth and what is fine."""
     light = patches.astype(np.float32)
     smooth = np.stack([cv2.GaussianBlur(patch, (0, 0), FINE) for patch in light])
     fine = (light - smooth).ravel()
@@ -100,7 +100,7 @@ def prepared(patches: GreyPixels) -> Sample:
 
 
 def likeness(first: Sample, second: Sample, others: Sequence[Sample]) -> float:
-    """Correlation of what two photographs do not share with others; NaN where nothing tells.
+    """Return the correlation of what two photographs do not share with others; NaN where it is unknown.
 
     Args:
         first: One of the two.
@@ -130,7 +130,7 @@ def likeness(first: Sample, second: Sample, others: Sequence[Sample]) -> float:
 
 
 def is_copy(first: Sample, second: Sample, others: Sequence[Sample]) -> bool:
-    """Whether one of two photographs is the other's copy, told by up to `MOST_OTHERS` others of the run."""
+    """Return whether one of two photographs is the other's copy, judged by up to `MOST_OTHERS` others of the run."""
     others = list(others)[:MOST_OTHERS]
     alike = likeness(first, second, others)
     if len(others) < 2:
@@ -148,7 +148,7 @@ def is_copy(first: Sample, second: Sample, others: Sequence[Sample]) -> bool:
 
 
 def copies(outlines: Sequence[Outline | None], samples: Sequence[GreyPixels | None]) -> dict[int, str]:
-    """Which photographs of a run are copies of each other, by their noise.
+    """Return which photographs of a run are copies of each other, by their noise.
 
     Args:
         outlines: Their outlines in the list's order; None where there is none.
@@ -178,7 +178,7 @@ def copies(outlines: Sequence[Outline | None], samples: Sequence[GreyPixels | No
                 found.setdefault(i, _two_pressures(second.source))
                 found.setdefault(j, _two_pressures(first.source))
             else:
-                found.setdefault(j, f"it is a copy of {first.source}, saved anew: {SAME_NOISE}, and it counts once")
+                found.setdefault(j, f"it is a copy of {first.source}, saved again: {SAME_NOISE}, so it counts once")
     return found
 
 
@@ -186,10 +186,7 @@ SAME_NOISE = "it has the same noise, which two exposures never have"
 
 
 def _two_pressures(other: str) -> str:
-    return (
-        f"it and {other} are copies of one photograph: {SAME_NOISE}; they are listed at different pressures, of which "
-        "one is wrong"
-    )
+    return f"it and {other} are copies of one photograph: {SAME_NOISE}; one of their different pressures is wrong"
 
 
 def _same_outline(one: Outline, two: Outline) -> bool:
@@ -203,7 +200,7 @@ def _same_outline(one: Outline, two: Outline) -> bool:
 
 
 def _still(samples: Sequence[Sample]) -> npt.NDArray[np.bool_]:
-    """Places (n,) that look alike in all: no shadow's edge passes over them."""
+    """Return the places (n,) that look alike in all: no shadow's edge passes over them."""
     middle = np.median([sample.smooth for sample in samples[2:]], axis=0)
     thin = middle.ravel()[::37]
     moving = np.zeros(middle.shape, dtype=bool)
@@ -225,12 +222,12 @@ MOST_ASKED = 4
 
 
 class NoZero(ValueError):
-    """No photograph gives a zero plane; the message is a sentence for the user."""
+    """No photograph gives a zero plane; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Result:
-    """What became of one photograph.
+    """Result of one photograph.
 
     Attributes:
         photograph: Its row of the list.
@@ -246,7 +243,7 @@ class Result:
 
 
 def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO) -> ZeroLine:
-    """The undeformed surface: the setup's two points, or else the photograph whose pressure is nearest to zero.
+    """Return the undeformed surface: the setup's two points, or else the photograph whose pressure is nearest to zero.
 
     Raises:
         NoZero: Neither the setup nor the photographs have one, with the reason.
@@ -256,7 +253,7 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
     candidates = sorted((photo for photo in photographs if photo.is_zero), key=lambda photo: abs(photo.pressure))
     if not candidates:
         raise NoZero(
-            "nothing tells the undeformed surface: list a photograph at zero pressure, or give two points of it to the setup "
+            "the undeformed surface is unknown: list a photograph at zero pressure, or give two points of it to the setup "
             "(--zero)"
         )
     reasons, doubted = [], []
@@ -279,7 +276,8 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
 
 
 def clear_tone(photographs: Sequence[Photograph], setup: Setup) -> str:
-    """How the camera stores light by the first of the highest photographs whose edge tells it; ``"auto"`` if none does."""
+    """Return how the camera stores light by the first of the highest photographs whose edge shows it; ``"auto"`` if none
+    does."""
     for photo in sorted(photographs, key=lambda photo: photo.pressure, reverse=True)[:MOST_ASKED]:
         with contextlib.suppress(Unmeasurable):
             traced = trace(photo.file, setup)
@@ -340,7 +338,7 @@ def measure_all(
 
 
 def _compared(results: list[Result], setup: Setup, zero: ZeroLine, tone: str, pictures: Path | None) -> list[Result]:
-    """`judged`, and the pictures of what has lost its trust by it."""
+    """Return `judged`, and the pictures of what has lost its trust by it."""
     compared = judged(results)
     for before, after in zip(results, compared, strict=True):
         if pictures is not None and after is not before:
@@ -349,7 +347,7 @@ def _compared(results: list[Result], setup: Setup, zero: ZeroLine, tone: str, pi
 
 
 def judged(results: list[Result]) -> list[Result]:
-    """Refuse or distrust what looks good by itself and is contradicted by the run's other photographs."""
+    """Reject or distrust what looks good by itself and is contradicted by the run's other photographs."""
     compared = list(results)
     whole = [result.outcome if isinstance(result.outcome, Outline) else None for result in results]
     for k, why in copies(whole, [result.sample for result in results]).items():
@@ -390,7 +388,7 @@ def _unforeseen(error: Exception) -> str:
 
 
 def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
-    """Why files of the same bytes must not be measured: at two pressures one is wrong, at one pressure they count once.
+    """Return why files of the same bytes must not be measured: at two pressures one is wrong, at one pressure they count once.
 
     Returns:
         A sentence for each file whose bytes another file of the list repeats; at the same pressure for all but the first.
@@ -400,7 +398,7 @@ def same_pictures(photographs: Sequence[Photograph]) -> dict[Path, str]:
         try:
             alike.setdefault(file_digest(photo.file), []).append(photo)
         except (OSError, ValueError):
-            continue  # a file that cannot be read is refused with its own reason
+            continue  # a file that cannot be read is rejected with its own reason
     found: dict[Path, str] = {}
     for group in alike.values():
         one_pressure = len({photo.pressure for photo in group}) == 1
@@ -442,7 +440,7 @@ RESERVED = ("heights", "profiles", "steps", "animation", "overview")
 
 
 def _names(photographs: Sequence[Photograph]) -> list[str]:
-    """A stem per photograph; the whole file name where two would share one, also where capitals do not count."""
+    """Return a stem per photograph; the whole file name where two would share one, also where capitals do not count."""
     stems = [photo.file.stem.casefold() for photo in photographs]
     names: list[str] = []
     for photo, stem in zip(photographs, stems, strict=True):
@@ -463,11 +461,11 @@ HEIGHTS = ("file", "pressure_Pa", "pressure_error_Pa", "height_m", "height_error
 
 
 class MeasuringOptions(TypedDict, total=False):
-    """How a list is measured.
+    """Settings of a measurement.
 
     Attributes:
         tone: How the files store light: ``"auto"``, ``"srgb"`` as a camera's JPEG, or ``"linear"``.
-        width: True width of the body in m and its standard error, where the photographs show its sides: it tells the
+        width: True width of the body in m and its standard error, where the photographs show its sides: it gives the
             shadow's magnification.
         jobs: Processes at a time; more than one start Python anew, so a script needs its ``if __name__ == "__main__":``.
         edges: Folder for a picture of each photograph with its edge; none without it.
@@ -483,11 +481,11 @@ class MeasuringOptions(TypedDict, total=False):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Measurement:
-    """What a list of photographs gave.
+    """Results of a list of photographs.
 
     Attributes:
         results: One for each photograph, in the list's order.
-        setup: The setup as it was used: with the magnification that the body's width tells.
+        setup: The setup as used: with the magnification from the body's width.
         zero: The undeformed surface.
     """
 
@@ -502,7 +500,7 @@ class Measurement:
 
     @property
     def refused(self) -> dict[str, str]:
-        """Photographs that gave none, and why."""
+        """Photographs without an outline, and the reasons."""
         return {
             result.photograph.file.name: result.outcome.reason
             for result in self.results
@@ -526,7 +524,7 @@ class Measurement:
 
 
 def _row(result: Result) -> tuple[str, ...]:
-    """A photograph's line of ``heights.csv``."""
+    """Return a photograph's line of ``heights.csv``."""
     photo, outcome = result.photograph, result.outcome
     first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
     if isinstance(outcome, Refusal):
@@ -556,7 +554,8 @@ def measure(photographs: Sequence[Photograph], setup: Setup, **how: Unpack[Measu
 def with_zero(
     photographs: Sequence[Photograph], setup: Setup, tone: str, width: tuple[float, float] | None
 ) -> tuple[Setup, ZeroLine]:
-    """The setup, with the magnification that a body's width tells, and the undeformed surface. Errors as of `measure`."""
+    """Return the setup, with the magnification from a body's width, and the undeformed surface. Errors as of
+    `measure`."""
     zero = zero_line(photographs, setup, tone)
     if width is None:
         return setup, zero
@@ -570,7 +569,7 @@ def outlines(
     column: Column | None = None,
     **how: Unpack[MeasuringOptions],
 ) -> Measurement:
-    """Outlines of a body's shadow in a list of photographs.
+    """Return the outlines of a body's shadow in a list of photographs.
 
     Args:
         photos: The list, ``photos.csv``, or its rows.
@@ -579,7 +578,7 @@ def outlines(
         how: See `How`.
 
     Returns:
-        The outlines, and why others were refused.
+        The outlines, and the reasons for rejected photographs.
 
     Raises:
         PhotoListError: The list cannot be read.

@@ -53,13 +53,13 @@ def draw_profiles(path: Path, outlines: Sequence[Outline]) -> None:
             outline.x * 1e3, (outline.z - 2 * outline.error) * 1e3, (outline.z + 2 * outline.error) * 1e3,
             color=colour, alpha=0.3, linewidth=0.0,
         )  # fmt: skip
-        # A gap stays open; its band alone shows how far the outline may lie off there.
+        # A gap stays open; only its band shows how far the outline may lie off there.
         seen = np.where(outline.bridged, np.nan, outline.z) * 1e3
         axes.plot(outline.x * 1e3, seen, color=colour, linewidth=1.6, linestyle="-" if outline.trusted else ":")
     axes.set_aspect("equal")
     axes.set_xlabel("along the surface in mm")
     axes.set_ylabel("above the surface in mm")
-    weak = "" if all(outline.trusted for outline in outlines) else "; dotted: not trusted"
+    weak = "" if all(outline.trusted for outline in outlines) else "; dotted: untrusted"
     axes.set_title(f"Outlines at {len(outlines)} pressures{weak}")
     axes.grid(alpha=0.3)
     figure.colorbar(ScalarMappable(norm, colours), ax=axes, label="pressure in kPa")
@@ -80,7 +80,7 @@ def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
         band = axes.fill_betweenx(
             heights * 1e3, (expected - 2 * spread) / 1e3, (expected + 2 * spread) / 1e3, color="#d9e2ec", linewidth=0.0
         )
-        band.set_label("course of the trusted ones")
+        band.set_label("smooth curve through the trusted ones")
     for trusted, marker, label in ((True, "o", "measured"), (False, "x", "not trusted")):
         chosen = [outline for outline in outlines if outline.trusted == trusted]
         if chosen:
@@ -129,7 +129,7 @@ def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
     good = sum(isinstance(result.outcome, Outline) for result in results)
     weak = sum(isinstance(result.outcome, Outline) and not result.outcome.trusted for result in results)
     parts = [f"{good} of {len(results)} photographs measured"]
-    parts += [f"{weak} of them not trusted"] if weak else []
+    parts += [f"{weak} of them untrusted"] if weak else []
     parts += [f"{len(results) - good} refused"] if good < len(results) else []
     summary = ", ".join(parts) + "."
     titles = (
@@ -147,7 +147,7 @@ def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
 
 
 def _row(result: Result) -> dict[str, str]:
-    """A photograph's row of the table."""
+    """Return a photograph's row of the table."""
     photo, outcome = result.photograph, result.outcome
     row = {"name": photo.file.name, "pressure": f"{photo.pressure:.1f} ± {photo.pressure_error:.1f}"}
     if isinstance(outcome, Refusal):

@@ -1,4 +1,4 @@
-"""One photograph in, one outline or one reason out.
+"""Measure one photograph: an outline, or the reason for rejecting it.
 
 A wrong answer that is called good is the worst that can happen here, so everything that would make an edge mean something
 else than the actuator's surface ends in a `Refusal`, and what merely weakens it makes the outline untrusted.
@@ -76,7 +76,7 @@ class Refusal:
 
 
 def find_zero(file: Path, setup: Setup, tone: str = AUTO) -> ZeroLine:
-    """The undeformed surface from the photograph at zero pressure.
+    """Return the undeformed surface from the photograph at zero pressure.
 
     Raises:
         Unmeasurable: The photograph cannot be measured, or shows no straight surface.
@@ -85,7 +85,7 @@ def find_zero(file: Path, setup: Setup, tone: str = AUTO) -> ZeroLine:
 
 
 def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
-    """`find_zero` of an edge that has been traced already."""
+    """Return `find_zero` of an edge that has been traced already."""
     errors = np.hypot(setup.exact_scale.error(traced.px, traced.error_px, traced.normals), traced.screen_error)
     seen = ~traced.bridged
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
@@ -105,10 +105,10 @@ def zero_of(traced: Traced, setup: Setup) -> ZeroLine:
 def outline_of(
     traced: Traced, setup: Setup, zero: ZeroLine, pressure: float, pressure_error: float, source: str
 ) -> Outline:
-    """The outline above the surface.
+    """Return the outline above the surface.
 
     Raises:
-        Unmeasurable: What is seen is no outline of an actuator on this surface.
+        Unmeasurable: The visible outline is not that of an actuator on this surface.
     """
     placed, upwards = zero.place(traced.points), traced.normals @ zero.normal
     error = _placing_error(traced, setup, zero, placed, upwards)
@@ -116,7 +116,7 @@ def outline_of(
     above = placed[:, 1] > -np.maximum(BELOW * error, ON_SURFACE)
     if above.sum() < FEWEST_POINTS:
         raise Unmeasurable(
-            "the shadow lies below the surface at zero pressure: the actuator has moved, or the zero is wrong; photograph it "
+            "the shadow is below the surface at zero pressure: the actuator has moved, or the zero is wrong; photograph it "
             "at zero pressure again and list that"
         )
     check_top(placed, above, upwards, error)
@@ -137,7 +137,7 @@ def outline_of(
     above &= ~_rounded(placed, upwards)
     if above.sum() < FEWEST_POINTS:
         raise Unmeasurable(
-            "between the body's two sides too little of its surface is seen; bring the camera nearer, or photograph it "
+            "too little of the surface between the body's sides is visible; move the camera closer, or photograph it "
             "again with all of its surface in the light"
         )
     kept = np.flatnonzero(above)
@@ -171,7 +171,7 @@ def outline_of(
 
 
 def _placing_error(traced: Traced, setup: Setup, zero: ZeroLine, placed: Array, upwards: Array) -> Array:
-    """Standard errors (n,) in m of an edge above the surface: edge, screen, surface and a camera that has moved.
+    """Return the standard errors (n,) in m of an edge above the surface: edge, screen, surface and a camera that has moved.
 
     What all lengths and heights of a run share, the scale's error and the level's, is the outline's own.
     """
@@ -186,18 +186,18 @@ def _placing_error(traced: Traced, setup: Setup, zero: ZeroLine, placed: Array, 
 
 
 def _doubts_of_zero(traced: Traced, zero: ZeroLine) -> list[str]:
-    """What the zero plane's photograph has against an outline above it."""
+    """Return what the zero plane's photograph has against an outline above it."""
     found = [f"of the zero plane's photograph: {doubt}" for doubt in zero.doubts]
     if zero.tone and zero.tone != traced.tone:
         found.append(
-            f"it seems to store light as {traced.tone} where the zero plane's photograph has {zero.tone}; tell which it is "
-            "with --tone"
+            f"it seems to store light as {traced.tone} but the zero plane's photograph as {zero.tone}; "
+            f"choose one with --tone"
         )
     return found
 
 
 def _doubts_of_setup(setup: Setup) -> list[str]:
-    return [] if setup.grid_pitch else ["without a grid in the setup nothing tells whether the camera has moved"]
+    return [] if setup.grid_pitch else ["without a grid in the setup, camera movements cannot be detected"]
 
 
 def _check_rim(traced: Traced, zero: ZeroLine) -> None:
@@ -216,7 +216,7 @@ def _check_rim(traced: Traced, zero: ZeroLine) -> None:
 def _scale(
     placed: Array, upwards: Array, error: Array, bridged: npt.NDArray[np.bool_], zero: ZeroLine
 ) -> tuple[float, float]:
-    """The body's width over that at zero pressure, NaN where it is not seen, and the heights' relative error by it."""
+    """Return the body's width over that at zero pressure, NaN where it is not seen, and the heights' relative error by it."""
     seen = ~bridged
     sides = sides_of(placed[seen], upwards[seen], error[seen])
     if sides is None or zero.sides is None or abs(sides.depth - zero.sides.depth) > SIDE_BAND:
@@ -227,29 +227,30 @@ def _scale(
 
 
 def _rounded(placed: Array, upwards: Array) -> npt.NDArray[np.bool_]:
-    """Points (n,) of the surface so near to the body's side that smoothing has rounded the corner between the two."""
+    """Return the points (n,) of the surface so near to the body's side that smoothing has rounded the corner between the
+    two."""
     side = (upwards < SIDE).astype(np.uint8)
     near = np.convolve(side, np.ones(SPAN + 5, dtype=np.uint8), mode="same") > 0
     return near & (np.abs(placed[:, 1]) < 3.0 * ON_SURFACE)
 
 
 def _check_dents(placed: Array, sunken: npt.NDArray[np.bool_]) -> None:
-    """Refuse a surface that lies below the undeformed one between places where it does not."""
+    """Reject a surface that lies below the undeformed one between places where it does not."""
     ends = np.flatnonzero(np.diff(np.r_[False, sunken, False].astype(int)))
     for start, stop in ends.reshape(-1, 2):
         length = float(np.ptp(placed[start:stop, 0]))
         if length > GAP:
             raise Unmeasurable(
                 f"over {length * 1e3:.1f} mm the surface lies up to {-placed[start:stop, 1].min() * 1e3:.2f} mm below the "
-                "undeformed one: it is dented or drawn in; only what rises above that surface is measured: raise the pressure, "
-                "or photograph the zero again with the body as it is now"
+                "undeformed one: it is dented or drawn in; only parts above that surface are measured: raise the pressure, "
+                "or photograph the zero again with the body in its present state"
             )
 
 
 def _gaps(
     placed: Array, error: Array, above: npt.NDArray[np.bool_], bridged: npt.NDArray[np.bool_], doubts: tuple[str, ...]
 ) -> list[str]:
-    """What speaks against an outline that was not measured everywhere.
+    """Return what speaks against an outline that was not measured everywhere.
 
     Args:
         placed: Edge as x along the surface and z above it in m, in order, shape (n, 2).
@@ -266,7 +267,7 @@ def _gaps(
     lengths[~(above[seen[1:]] | above[seen[:-1]])] = 0.0
     if lengths.max(initial=0.0) > LARGEST_GAP:
         words = f"the outline has a gap of {lengths.max() * 1e3:.1f} mm where no edge is clear"
-        raise Unmeasurable("; ".join([words, *doubts, "clear away what hides it and photograph it again"]))
+        raise Unmeasurable("; ".join([words, *doubts, "remove the obstruction and photograph it again"]))
     top = int(np.argmax(placed[:, 1]))
     found = []
     for at in np.flatnonzero(lengths > TOP_GAP):
@@ -281,9 +282,13 @@ def _gaps(
 
 
 def _overhanging(placed: Array, error: Array) -> list[str]:
-    """What speaks against an outline that runs back along the surface."""
+    """Return what speaks against an outline that runs back along the surface."""
     step = np.diff(placed[:, 0])
     forward = step if np.median(step) > 0.0 else -step
     back = (forward < -2.0 * np.minimum(error[1:], error[:-1])) & (placed[1:, 1] > ON_SURFACE)
     share = float(np.mean(back))
-    return [f"{share:.0%} of the outline overhangs, which heights over x cannot show"] if share > MOST_OVERHANG else []
+    return (
+        [f"{share:.0%} of the outline overhangs, which heights over x cannot represent"]
+        if share > MOST_OVERHANG
+        else []
+    )

@@ -48,7 +48,7 @@ GAUGE_ERROR = 0.01
 
 
 class ColumnError(ValueError):
-    """A reading that is no pressure; the message is a sentence for the user."""
+    """A reading is not a pressure; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Column:
                 raise ColumnError(f"{name} of the water column is {value:g}; it must not be negative")
 
     def pressure(self, difference: float) -> tuple[float, float]:
-        """Pressure and standard error in Pa of a difference of two levels in m; each level was read once."""
+        """Return the pressure and standard error in Pa of a difference of two levels in m; each level was read once."""
         levels = self.density * STANDARD_GRAVITY * self.reading_error * math.sqrt(2.0)
         share = STANDARD_GRAVITY * difference * self.density_error
         return self.density * STANDARD_GRAVITY * difference, math.hypot(levels, share)
@@ -126,9 +126,9 @@ def _level(text: str) -> float:
 
 
 def _length_or_pressure(text: str) -> tuple[float, bool]:
-    """Value in m or Pa, and whether it is a length; a plain 0 is a length."""
+    """Return the value in m or Pa, and whether it is a length; a plain 0 is a length."""
     if not any(letter.isdigit() for letter in text):
-        raise ColumnError(f"{brief(text.strip())} is no column of water and no pressure; {FORMS}")
+        raise ColumnError(f"{brief(text.strip())} is neither a column of water nor a pressure; {FORMS}")
     try:
         value, unit = number_and_unit(text)
     except UnitError as error:
@@ -144,7 +144,7 @@ def _length_or_pressure(text: str) -> tuple[float, bool]:
         try:
             return quantity(text, "Pa"), False
         except UnitError:
-            raise ColumnError(f"{brief(text.strip())} is no column of water and no pressure; {FORMS}") from None
+            raise ColumnError(f"{brief(text.strip())} is neither a column of water nor a pressure; {FORMS}") from None
 
 
 KNOWN = ("file", "pressure", "left", "right", "error")
@@ -155,7 +155,7 @@ PICTURES = (
 
 
 class PhotoListError(ValueError):
-    """A list of photographs that cannot be used; the message is a sentence for the user naming the row."""
+    """An unusable list of photographs; the message names the row."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -218,7 +218,7 @@ def read_photos(path: Path, column: Column | None = None) -> list[Photograph]:
         same = known.setdefault(os.path.realpath(photo.file), photo.file.name)
         if same != photo.file.name or photo.file in [earlier.file for earlier in photographs]:
             also = "" if same == photo.file.name else f", also as {same}"
-            raise PhotoListError(f"{path}, line {number}: {photo.file.name} stands in the list twice{also}")
+            raise PhotoListError(f"{path}, line {number}: {photo.file.name} is in the list twice{also}")
         photographs.append(photo)
     if not photographs:
         raise PhotoListError(f"the list of photographs {path} has no rows under its header")
@@ -226,7 +226,7 @@ def read_photos(path: Path, column: Column | None = None) -> list[Photograph]:
 
 
 def _text(path: Path) -> str:
-    """The list's text: UTF-8, or the UTF-16 that spreadsheets call Unicode text."""
+    """Return the list's text: UTF-8, or the UTF-16 that spreadsheets call Unicode text."""
     try:
         data = read_file(path)
     except OSError as error:
@@ -237,10 +237,10 @@ def _text(path: Path) -> str:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise PhotoListError(
-            f"the list of photographs {path} cannot be read: line {line} is no UTF-8 text; save it as CSV UTF-8"
+            f"the list of photographs {path} cannot be read: line {line} is not UTF-8 text; save it as CSV UTF-8"
         ) from None
     if "\0" in text:
-        raise PhotoListError(f"the list of photographs {path} cannot be read: it holds NUL bytes and is no text")
+        raise PhotoListError(f"the list of photographs {path} cannot be read: it holds NUL bytes, so it is not text")
     return text
 
 
@@ -248,11 +248,11 @@ def _words(line: str, separator: str) -> list[str]:
     try:
         return [word.strip() for word in next(csv.reader([line], delimiter=separator))]
     except csv.Error as error:
-        raise PhotoListError(f"it is no row of a CSV file ({error})") from None
+        raise PhotoListError(f"it is not a row of a CSV file ({error})") from None
 
 
 def _check_comments(path: Path, comments: list[tuple[int, str]], separator: str) -> None:
-    """Refuse a line that may be meant as a comment or as the row of a photograph whose name begins with #."""
+    """Reject a line that may be meant as a comment or as the row of a photograph whose name begins with #."""
     for number, line in comments:
         name = line.strip().partition(separator)[0].strip()
         if len(name) > 1 and _there(path.parent / name):
@@ -263,7 +263,7 @@ def _check_comments(path: Path, comments: list[tuple[int, str]], separator: str)
 
 
 def _there(file: Path) -> bool:
-    """Whether there is such a file or folder; a name that no system takes is none."""
+    """Return whether there is such a file or folder; a name that no system takes is none."""
     try:
         return file.exists()
     except (OSError, ValueError):
@@ -271,7 +271,7 @@ def _there(file: Path) -> bool:
 
 
 def _pictures(folder: Path) -> list[Path]:
-    """Pictures in a folder by name; none where there is no such folder or nobody may look into it."""
+    """Return the pictures in a folder by name; none where there is no such folder or nobody may look into it."""
     try:
         return sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURES)
     except (OSError, ValueError):
@@ -281,9 +281,9 @@ def _pictures(folder: Path) -> list[Path]:
 def _check_header(path: Path, header: list[str]) -> None:
     for name in header:
         if name not in KNOWN:
-            raise PhotoListError(f"{path}: column {name!r} is not known; the columns are {', '.join(KNOWN)}")
+            raise PhotoListError(f"{path}: column {name!r} is unknown; the columns are {', '.join(KNOWN)}")
         if header.count(name) > 1:
-            raise PhotoListError(f"{path}: column {name!r} stands in the header twice")
+            raise PhotoListError(f"{path}: column {name!r} is in the header twice")
     if "file" not in header:
         raise PhotoListError(f"{path} has no column 'file' in its first line")
     if ("pressure" in header) == ("left" in header or "right" in header):
@@ -294,11 +294,11 @@ def _check_header(path: Path, header: list[str]) -> None:
 
 def _photograph(folder: Path, header: list[str], words: list[str], column: Column) -> Photograph:
     if len(words) < len(header) or any(words[len(header) :]):
-        more = "; a comma parts columns here, and decimals have a point" if len(words) > len(header) else ""
+        more = "; commas separate columns here, so write decimals with a point" if len(words) > len(header) else ""
         raise PhotoListError(f"{len(words)} values in the row, {len(header)} columns in the header{more}")
     row = dict(zip(header, words, strict=False))
     if not row["file"]:
-        raise PhotoListError("the row names no file")
+        raise PhotoListError("the row has no file name")
     error = row.get("error", "")
     if "pressure" in row:
         pressure, pressure_error = column.read(row["pressure"], error)
@@ -308,7 +308,7 @@ def _photograph(folder: Path, header: list[str], words: list[str], column: Colum
 
 
 def _find(folder: Path, name: str) -> Path:
-    """The file of this name, of this name in other letters (cameras shout), or of this number."""
+    """Return the file of this name, of this name in other letters (cameras shout), or of this number."""
     path = folder / name
     if _there(path):
         return path
@@ -317,5 +317,5 @@ def _find(folder: Path, name: str) -> Path:
     if not same and re.fullmatch(r"[0-9]+", name):
         same = [file for file in files if re.search(rf"(?<![0-9])0*{name.lstrip('0')}$", file.stem)]
     if len(same) > 1:
-        raise PhotoListError(f"{name} fits several files: {', '.join(file.name for file in same)}")
+        raise PhotoListError(f"{name} matches several files: {', '.join(file.name for file in same)}")
     return same[0] if same else path

@@ -35,7 +35,7 @@ EDGE_COLOUR, BRIDGE_COLOUR, REFUSED = "#ff2e63", "#ffd60a", "#c0392b"
 def draw_edge(
     path: Path, image: Pixels, setup: Setup, traced: Traced | None, outcome: Outline | Refusal, pressure: float
 ) -> None:
-    """Write a photograph with its edge, and with the reason if it was refused.
+    """Write a photograph with its edge, and with the reason if it was rejected.
 
     Args:
         path: PNG file to write.
@@ -117,7 +117,7 @@ def _draw_line(axes: Axes, traced: Traced, width: float) -> None:
 
 
 def _parted(points: Array, shown: npt.NDArray[np.bool_]) -> Array:
-    """Points (n, 2) with NaN in place of those that are not shown, and do not lie beside one that is."""
+    """Return the points (n, 2) with NaN instead of those that are not shown, and do not lie beside one that is."""
     beside = shown | np.r_[False, shown[:-1]] if not shown.all() else shown
     return np.where(beside[:, None], points, np.nan)
 

@@ -1,4 +1,4 @@
-"""A run's photographs as each other's witnesses: heights against pressures over the whole series.
+"""Cross-check the photographs of a run: heights against pressures over the whole series.
 
 What is wrong with a photograph cannot always be seen in it: a copy listed at another pressure, a pressure misread by a factor
 of ten, two rows swapped, an actuator that was not let down for a second photograph at zero. It stands out from the others.
@@ -35,19 +35,19 @@ ROUGHNESS = np.geomspace(0.1, 40.0, 7)
 """Sizes of the white noise, for pressure and height in units of their greatest values."""
 
 USUAL, SPREAD = 2.0, 1.2
-"""Roughness that is likeliest beforehand, and how far in natural logarithms it may well be from that."""
+"""Prior of the roughness: most probable value, and its deviation in natural logarithms."""
 
 SCATTER = np.array([0.0, 0.0025, 0.005, 0.01, 0.03])
 """Scatter of the pressures beyond their errors in units of the greatest one."""
 
 LIKELY = np.array([0.3, 0.2, 0.2, 0.2, 0.1])
-"""How likely each scatter is beforehand."""
+"""Prior probability of each scatter."""
 
 ANYWHERE = 10.0
-"""Standard deviation of the line's height and slope beforehand: nothing is known of them."""
+"""Prior standard deviation of the line's height and slope, which are unknown."""
 
 BENT, BEFORE = 3.0, 0.2
-"""Standard deviation of the parabola's coefficient beforehand, and how far before the lowest point the noise begins."""
+"""Prior standard deviation of the parabola's coefficient, and how far before the lowest point the noise starts."""
 
 TIMES = (2, 3)
 """Times that the white noise is integrated."""
@@ -69,18 +69,18 @@ class Course:
 
     @classmethod
     def through(cls, heights: Array, pressures: Array, height_errors: Array, pressure_errors: Array) -> Course:
-        """The course through points with errors in both directions, shapes (n,), in m and Pa."""
+        """Return the course through points with errors in both directions, shapes (n,), in m and Pa."""
         plain = cls(heights, pressures, np.hypot(pressure_errors, 1e-4 * np.abs(pressures).max()))
         slope = plain.slope(heights)
         return dataclasses.replace(plain, errors=np.hypot(plain.errors, slope * height_errors))
 
     @property
     def scale(self) -> tuple[float, float]:
-        """Greatest height in m and pressure in Pa, in which the course is told."""
+        """Greatest height in m and pressure in Pa, in the course."""
         return max(float(np.ptp(self.heights)), 1e-9), max(float(np.abs(self.pressures).max()), 1e-9)
 
     def left_out(self) -> tuple[Array, Array, Array]:
-        """What all the others expect of each point.
+        """Return what all the others expect of each point.
 
         Returns:
             Expected pressure in Pa, its standard error (the course's, the scatter's and the reading's own), and the
@@ -100,7 +100,7 @@ class Course:
         return expected * pressure, spread * pressure, tail
 
     def at(self, heights: Array, errors: Array | float = 0.0) -> tuple[Array, Array, Array]:
-        """Expected pressure of further points, as `left_out` for theirs; ``errors`` are their readings' in Pa.
+        """Return the expected pressure of further points, as `left_out` for theirs; ``errors`` are their readings' in Pa.
 
         Returns:
             Expected pressure and its standard error in Pa, shapes (k,), and the tails' table for `tail`.
@@ -121,12 +121,13 @@ class Course:
         return expected * pressure, spread * pressure, table
 
     def tail(self, table: Array, pressures: Array) -> Array:
-        """Probability that a good point is as far off as these pressures (k,) in Pa, by the table of `at`."""
+        """Return the probability that a good point is as far off as these pressures (k,) in Pa, by the table of `at`."""
         weight, mean, deviation = table
         return np.asarray(np.sum(weight * 2.0 * norm.sf(np.abs(pressures / self.scale[1] - mean) / deviation), axis=0))
 
     def height(self, pressure: float, near: float) -> tuple[float, float] | None:
-        """Height in m, the nearest to ``near``, at which the course has a pressure, and its standard error; None if nowhere."""
+        """Return the height in m, the nearest to ``near``, at which the course has a pressure, and its standard error; None if
+        nowhere."""
         low, high = float(self.heights.min()), float(self.heights.max())
         reach = np.linspace(low - 0.1 * (high - low), high + 0.1 * (high - low), 400)
         expected, spread, _ = self.at(reach)
@@ -145,14 +146,14 @@ class Course:
         return (self.heights - self.heights.min()) / length, self.pressures / pressure, self.errors / pressure
 
     def slope(self, heights: Array) -> Array:
-        """Slope of the course in Pa/m at heights (k,)."""
+        """Return the slope of the course in Pa/m at heights (k,)."""
         step = 1e-3 * self.scale[0]
         above, below = self.at(heights + step)[0], self.at(heights - step)[0]
         return np.abs(above - below) / (2.0 * step)
 
 
 def _models(u: Array, q: Array, noise: Array) -> tuple[Array, Array, Array]:
-    """Inverse roots L^-1 of the covariances L L^T (m, n, n), logarithms of the evidence (m,), and scatters (m,).
+    """Return the inverse roots L^-1 of the covariances L L^T (m, n, n), logarithms of the evidence (m,), and scatters (m,).
 
     Roots, because the line's wide prior leaves inverses of the covariances themselves with few digits.
     """
@@ -171,7 +172,7 @@ def _models(u: Array, q: Array, noise: Array) -> tuple[Array, Array, Array]:
 
 
 def _prior(v: Array, u: Array, diagonal: bool = False) -> Array:
-    """Covariances (m, k, n) of the course at v (k,) and u (n,), or its variances (m, k) at v; one per model."""
+    """Return the covariances (m, k, n) of the course at v (k,) and u (n,), or its variances (m, k) at v; one per model."""
     product = v * v if diagonal else v[:, None] * u
     first, second = (v, v) if diagonal else (v[:, None], u[None, :])
     found = []
@@ -184,7 +185,7 @@ def _prior(v: Array, u: Array, diagonal: bool = False) -> Array:
 
 
 def _integrated(v: Array, u: Array, times: int) -> Array:
-    """Covariance of white noise integrated two or three times from a place before all points."""
+    """Return the covariance of white noise integrated two or three times from a place before all points."""
     v, u = np.maximum(v + BEFORE, 0.0), np.maximum(u + BEFORE, 0.0)
     least, apart = np.minimum(v, u), np.abs(v - u)
     if times == 2:
@@ -215,7 +216,7 @@ LAG = 0.5
 """Greatest share of the pressure by which a height is kept at less while a soft body is let down."""
 
 TURNS = 4
-"""Turns between rising and falling pressure beyond which the list's order tells nothing of the experiment's."""
+"""Turns between rising and falling pressure beyond which the list's order is not that of the experiment."""
 
 CLEAR = 3.0
 """Standard errors from which a difference is one."""
@@ -241,7 +242,7 @@ class Readings:
 
     @classmethod
     def of(cls, outlines: list[Outline]) -> Readings:
-        """Those of some outlines."""
+        """Return those of some outlines."""
         columns = ("pressure", "pressure_error", "height", "height_error")
         values = [np.array([getattr(outline, name) for outline in outlines], dtype=float) for name in columns]
         return cls([outline.source for outline in outlines], *values)
@@ -258,12 +259,12 @@ class Readings:
 
     @property
     def is_zero(self) -> Flags:
-        """Those whose pressure does not differ from zero, as `photo_list.Photograph.is_zero` has it."""
+        """Photographs whose pressure does not differ from zero by `photo_list.Photograph.is_zero`."""
         return np.abs(self.pressures) <= 2.0 * self.pressure_errors
 
     @property
     def course(self) -> Course:
-        """The course through them and, where none is at zero, the zero plane itself."""
+        """The course through these photographs and, if none is at zero, the zero plane."""
         parts = [self.heights, self.pressures, self.height_errors, self.pressure_errors]
         if not self.is_zero.any():
             least = float(self.pressure_errors.min())
@@ -272,7 +273,7 @@ class Readings:
 
 
 def doubts(outlines: list[Outline]) -> list[str | None]:
-    """What speaks against each outline of a run by the others; None where nothing does, or it is not trusted already.
+    """Return what speaks against each outline of a run by the others; None where nothing does, or it is not trusted already.
 
     Args:
         outlines: Those above one zero plane, in the list's order.
@@ -293,7 +294,7 @@ def doubts(outlines: list[Outline]) -> list[str | None]:
 
 
 def course_of(outlines: list[Outline]) -> Course | None:
-    """The course through the trusted outlines of a run; None where they are too few or do not rise."""
+    """Return the course through the trusted outlines of a run; None where they are too few or do not rise."""
     run = Readings.of([outline for outline in outlines if outline.trusted])
     return run.course if _tells(run) else None
 
@@ -305,21 +306,21 @@ def _tells(run: Readings) -> bool:
 
 
 def _signs(run: Readings) -> dict[int, str]:
-    """Photographs at a pressure below zero: suction draws a surface in, where its shadow cannot show it."""
+    """Return the photographs at a pressure below zero: suction draws a surface in, where its shadow cannot show it."""
     found = {}
     for k in np.nonzero(run.pressures < -CLEAR * run.pressure_errors)[0]:
         risen = run.heights[k] > CLEAR * run.height_errors[k] + ON_SURFACE
         why = (
             f"and its outline rises by {run.heights[k] * 1e3:.2f} mm: the sign is wrong, or the two tubes are swapped"
             if risen
-            else "and suction draws the surface in, where a shadow from the side cannot show it"
+            else "and suction draws the surface in, which a shadow from the side cannot show"
         )
-        found[int(k)] = f"its pressure is below zero ({run.pressures[k]:.0f} Pa), {why}"
+        found[int(k)] = f"its pressure is negative ({run.pressures[k]:.0f} Pa), {why}"
     return found
 
 
 def _risen_zeros(run: Readings) -> dict[int, str]:
-    """Photographs at zero pressure whose outline does not lie in the zero plane."""
+    """Return the photographs at zero pressure whose outline does not lie in the zero plane."""
     raised = (run.pressures > 0.0) & ~run.is_zero
     # The lowest pressures tell best how far the reading's error may lift a surface at zero.
     lowest = np.nonzero(raised)[0][np.argsort(run.pressures[raised])][:3]
@@ -336,7 +337,7 @@ def _risen_zeros(run: Readings) -> dict[int, str]:
 
 
 def _strangers(run: Readings) -> dict[int, str]:
-    """Photographs that the others contradict, each with what the others lead one to expect."""
+    """Return the photographs that the others contradict, each with what the others lead one to expect."""
     if not _tells(run):
         return {}
     later = _let_down(run)
@@ -351,7 +352,8 @@ def _strangers(run: Readings) -> dict[int, str]:
 
 
 def _let_down(run: Readings) -> Flags:
-    """Photographs that follow a higher one at a higher pressure; none where the list's order is not the experiment's."""
+    """Return the photographs that follow a higher one at a higher pressure; none where the list's order is not the
+    experiment's."""
     steps = np.sign(np.diff(run.pressures))
     steps = steps[steps != 0.0]
     if np.sum(steps[1:] != steps[:-1]) > TURNS:
@@ -363,13 +365,13 @@ def _let_down(run: Readings) -> Flags:
 
 
 def _lagging(run: Readings, course: Course) -> Flags:
-    """Whether each may have been taken while the pressure was let down, by the course upwards."""
+    """Return whether each may have been taken while the pressure was let down, by the course upwards."""
     upwards, spread, _ = course.at(run.heights, run.pressure_errors)
     return (run.pressures < upwards + CLEAR * spread) & (run.pressures > (1.0 - LAG) * upwards - CLEAR * spread)
 
 
 def _outliers(run: Readings) -> Flags:
-    """Photographs that the others contradict.
+    """Return the photographs that the others contradict.
 
     Several wrong ones hide each other, so the least likely are put aside one after the other first, likely or not, and are
     taken back, the likeliest first, as long as the course through the others allows.
@@ -396,14 +398,14 @@ def _outliers(run: Readings) -> Flags:
 
 
 def _tails(run: Readings, course: Course, numbers: npt.NDArray[np.int64], pressures: Array) -> Array:
-    """Probabilities that good photographs of these heights are as far off as at these pressures (k,) in Pa."""
+    """Return the probabilities that good photographs of these heights are as far off as at these pressures (k,) in Pa."""
     errors = np.hypot(run.pressure_errors[numbers], course.slope(run.heights[numbers]) * run.height_errors[numbers])
     table = course.at(run.heights[numbers], errors)[2]
     return course.tail(table, pressures)
 
 
 def _named(run: Readings, odd: Flags) -> dict[int, str]:
-    """A sentence for each photograph that is odd."""
+    """Return a sentence for each photograph that is odd."""
     if not odd.any():
         return {}
     course = run[~odd].course
@@ -415,17 +417,17 @@ def _named(run: Readings, odd: Flags) -> dict[int, str]:
         at = course.height(pressure, height)
         there = f"{expected[0]:.0f} +- {spread[0]:.0f} Pa at its height"
         why = (
-            f"the other photographs lead one to expect {at[0] * 1e3:.2f} +- {at[1] * 1e3:.2f} mm at its pressure in place of "
-            f"{height * 1e3:.2f} mm, and {there}"
+            f"expected from the other photographs: {at[0] * 1e3:.2f} +- {at[1] * 1e3:.2f} mm at its pressure "
+            f"instead of {height * 1e3:.2f} mm, and {there}"
             if at
-            else f"its pressure lies beyond the course of the other photographs, which lead one to expect {there}"
+            else f"its pressure is outside the range of the other photographs, from which the expectation is {there}"
         )
         found[int(k)] = why + _cause(run, course, int(k), numbers)
     return found
 
 
 def _cause(run: Readings, course: Course, k: int, odd: npt.NDArray[np.int64]) -> str:
-    """What would explain an odd photograph; empty if nothing simple does."""
+    """Return what would explain an odd photograph; empty if nothing simple does."""
     here = np.array([k])
     for factor, word in ((10.0, "a tenth of what it was"), (0.1, "ten times what it was")):
         if _tails(run, course, here, run.pressures[here] * factor)[0] > FITS:

@@ -1,1 +1,1 @@
-"""A photographer whose truth is known, and everything that can go wrong on a bench."""
+"""Synthetic photographs of known truth, with all kinds of bench errors."""

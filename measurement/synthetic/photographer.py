@@ -40,7 +40,7 @@ REACH = 5.0
 
 
 def bent(u: Array, v: Array, k: Array) -> tuple[Array, Array]:
-    """Where a lens with k1, k2, p1, p2, k3 shows the direction (u, v): Brown's model as OpenCV's manual writes it."""
+    """Return where a lens with k1, k2, p1, p2, k3 shows the direction (u, v): Brown's model as OpenCV's manual writes it."""
     r2 = u * u + v * v
     radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
     return (
@@ -50,7 +50,7 @@ def bent(u: Array, v: Array, k: Array) -> tuple[Array, Array]:
 
 
 def straightened(u: Array, v: Array, k: Array) -> tuple[Array, Array]:
-    """The inverse of `bent`: each round moves the guess by what it misses."""
+    """Return the inverse of `bent`: each round moves the guess by what it misses."""
     a, b = u.copy(), v.copy()
     with np.errstate(over="ignore", invalid="ignore"):  # beyond a lens' reach there is no answer
         for _ in range(100):
@@ -62,7 +62,7 @@ def straightened(u: Array, v: Array, k: Array) -> tuple[Array, Array]:
 
 
 def screen(matrix: Array, k: Array, homography: Array, x: Array, y: Array) -> tuple[Array, Array]:
-    """Places (X, Z) on the screen in m that pixels (x, y) of the photograph show."""
+    """Return the places (X, Z) on the screen in m that pixels (x, y) of the photograph show."""
     u, v = straightened((x - matrix[0, 2]) / matrix[0, 0], (y - matrix[1, 2]) / matrix[1, 1], k)
     ideal = np.stack([u * matrix[0, 0] + matrix[0, 2], v * matrix[1, 1] + matrix[1, 2], np.ones_like(u)])
     place = np.tensordot(homography, ideal, axes=1)
@@ -84,23 +84,23 @@ class Rays:
         )
 
     def strip(self, first: int, last: int) -> tuple[Array, Array]:
-        """X and Z (last - first, width) in m of whole rows."""
+        """Return X and Z (last - first, width) in m of whole rows."""
         rows, columns = np.arange(first, last, dtype=float), np.arange(self.size[1], dtype=float)
         return self.splines[0](rows, columns), self.splines[1](rows, columns)
 
     def footprints(self, row: float) -> tuple[Array, Array]:
-        """Extent in m of the pixels (width,) of a row along X and along Z."""
+        """Return the extent in m of the pixels (width,) of a row along X and along Z."""
         columns = np.arange(self.size[1], dtype=float)
         extents = [np.hypot(spline(row, columns, dx=1)[0], spline(row, columns, dy=1)[0]) for spline in self.splines]
         return extents[0], extents[1]
 
     def at(self, rows: Array, columns: Array) -> Array:
-        """Places (n, 2) in m of single pixels."""
+        """Return the places (n, 2) in m of single pixels."""
         return np.column_stack([spline(rows, columns, grid=False) for spline in self.splines])
 
 
 def gridded(rays: Rays, pitch: float, line_width: float, grey: float) -> Image:
-    """Share of light (h, w) that the screen with its grid throws back, each pixel the mean over its own extent."""
+    """Return the share of light (h, w) that the screen with its grid throws back, each pixel the mean over its own extent."""
     height, width = rays.size
     light = np.empty((height, width), dtype=np.float32)
     for first in range(0, height, 64):
@@ -117,7 +117,8 @@ def gridded(rays: Rays, pitch: float, line_width: float, grey: float) -> Image:
 
 
 def lamp(width: int, height: int, unevenness: float) -> Image:
-    """Light (h, w) of a lamp that is brightest a little off the middle; the frame's far corner lacks the share given."""
+    """Return the light (h, w) of a lamp that is brightest a little off the middle; the frame's far corner does not have the
+    share given."""
     x = (np.arange(width, dtype=np.float32) / width - 0.45) / 0.55
     y = (np.arange(height, dtype=np.float32) / height - 0.45) / 0.55
     return (1.0 - 0.5 * unevenness * (x[None, :] ** 2 + y[:, None] ** 2)).astype(np.float32)
@@ -138,11 +139,12 @@ def _seen_of_square(z: Array) -> Array:
 
 
 LAMPS = {"gaussian": _seen_of_gaussian, "disc": _seen_of_disc, "square": _seen_of_square}
-"""Share of a lamp that is seen at distances from the shadow's edge in standard deviations of its penumbra."""
+"""Share of a lamp visible at distances from the shadow's edge in standard deviations of its penumbra."""
 
 
 def shadowed(rays: Rays, polygon: Array, penumbra: float, ambient: float, lamp: str = "gaussian") -> Image:
-    """Share of light (h, w) beside and in the shadow of a polygon (k, 2) on the screen in m; the lamp is one of `LAMPS`."""
+    """Return the share of light (h, w) beside and in the shadow of a polygon (k, 2) on the screen in m; the lamp is one of
+    `LAMPS`."""
     height, width = rays.size
     outline = Outline(polygon, spacing=penumbra / 2)
     rows, columns = np.meshgrid(
@@ -196,11 +198,11 @@ class Outline:
         self.tree = cKDTree(self.points)
 
     def distance(self, places: Array) -> Array:
-        """Distance (n,) in m from the outline, negative inside."""
+        """Return the distance (n,) in m from the outline, negative inside."""
         _, nearest = self.tree.query(places, workers=-1)
         best = np.full(len(places), np.inf)
         signed = np.empty(len(places))
-        # At a corner neither side alone tells inside from outside, but the sum of their normals does
+        # At a corner neither side by itself distinguishes inside from outside, but the sum of their normals does
         # (Baerentzen and Aanaes 2005, doi 10.1109/TVCG.2005.49).
         for side in (nearest - 1, nearest):
             start, along = self.points[side], self.sides[side]
@@ -216,9 +218,10 @@ class Outline:
         return signed
 
     def curvature(self, places: Array, width: float) -> Array:
-        """Curvature (n,) in 1/m of the nearest edge, positive where it is convex; 0 near corners, over ``width`` in m or less.
+        """Return the curvature (n,) in 1/m of the nearest edge, positive where it is convex; 0 near corners, over ``width`` in
+        m or less.
 
-        A circle's penumbra is no corner's; those have their own, which the distance alone gives well enough.
+        A circle's penumbra is no corner's; those have their own, for which the distance is accurate enough.
         """
         # Twice the area over the product of a triangle's sides, over some widths of the penumbra.
         step = max(2, round(3.0 * width / float(np.median(np.linalg.norm(self.sides, axis=1)))))
@@ -237,7 +240,7 @@ class Outline:
 
 
 class SceneError(ValueError):
-    """A scene that cannot be photographed; the message is a sentence for the user."""
+    """A scene that cannot be photographed; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -323,7 +326,7 @@ class Scene:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Truth:
-    """What a photograph really shows.
+    """True contents of a photograph.
 
     Attributes:
         scene: The scene.
@@ -338,16 +341,17 @@ class Truth:
     homography: Array
 
     def to_metres(self, px: ArrayLike) -> Array:
-        """Points (n, 2) of the outline's plane in m, magnification taken out, for pixels (n, 2) of the photograph."""
+        """Return the points (n, 2) of the outline's plane in m, magnification taken out, for pixels (n, 2) of the
+        photograph."""
         return self.to_screen(px) / self.scene.magnification
 
     def to_screen(self, px: ArrayLike) -> Array:
-        """Points (n, 2) on the screen in m for pixels (n, 2) of the photograph."""
+        """Return the points (n, 2) on the screen in m for pixels (n, 2) of the photograph."""
         points = np.asarray(px, dtype=float).reshape(-1, 2)
         return np.column_stack(screen(self.matrix, self.distortion, self.homography, points[:, 0], points[:, 1]))
 
     def to_pixels(self, metres: ArrayLike) -> Array:
-        """Pixels (n, 2) of the photograph for points (n, 2) of the outline's plane in m."""
+        """Return the pixels (n, 2) of the photograph for points (n, 2) of the outline's plane in m."""
         screen = np.asarray(metres, dtype=float).reshape(-1, 2) * self.scene.magnification
         ray = np.column_stack([screen, np.ones(len(screen))]) @ np.linalg.inv(self.homography).T
         x, y = ray[:, 0] / ray[:, 2], ray[:, 1] / ray[:, 2]
@@ -361,7 +365,7 @@ Fault = Callable[[Image, Truth], Image]
 
 
 def truth_of(scene: Scene) -> Truth:
-    """The camera and the screen's homography of a scene."""
+    """Return the camera and the screen's homography of a scene."""
     cx, cy = (scene.width - 1) / 2, (scene.height - 1) / 2
     matrix = np.array([[scene.focal_px, 0, cx], [0, scene.focal_px, cy], [0, 0, 1]])
     a, b, c = (math.radians(angle) for angle in (scene.tilt, scene.pan, scene.roll))
@@ -377,14 +381,14 @@ def truth_of(scene: Scene) -> Truth:
 
 
 def lens_of(given: Sequence[float]) -> Array:
-    """The five coefficients of OpenCV's lens model, those that are not given 0."""
+    """Return the five coefficients of OpenCV's lens model, those that are not given 0."""
     return np.array([*given, *[0.0] * (5 - len(given))])
 
 
 def photograph(
     scene: Scene, outline: ArrayLike | None = None, seed: int = 0, things: Sequence[ArrayLike] = (), fault: Fault | None = None
 ) -> tuple[NDArray[np.uint8], Truth]:  # fmt: skip
-    """Photograph the shadow of an outline.
+    """Return the photograph the shadow of an outline.
 
     Args:
         scene: Camera, screen, lamp and sensor.
@@ -471,7 +475,7 @@ def dome(
     height: float, radius: float = 0.015, centre: float = 0.0, floor: float = 0.0, half_width: float = 0.2,
     base: float = -0.2,
 ) -> Array:  # fmt: skip
-    """Polygon (k, 2) in m of an inflated disk seen from the side, with the solid body below its surface.
+    """Return the polygon (k, 2) in m of an inflated disk seen from the side, with the solid body below its surface.
 
     Args:
         height: Height of the bump's top above the flat surface.
@@ -493,7 +497,8 @@ def dome(
 
 
 def dome_height(x: ArrayLike, height: float, radius: float = 0.015) -> Array:
-    """Height in m above the flat surface at the distance ``x`` from the bump's axis: smooth to the second derivative."""
+    """Return the height in m above the flat surface at the distance ``x`` from the bump's axis: smooth to the second
+    derivative."""
     share = np.clip(np.abs(np.asarray(x, dtype=float)) / radius, 0.0, 1.0)
     return height * (1.0 - share**2) ** 3
 
@@ -528,7 +533,7 @@ def save(path: Path | str, image: NDArray[np.uint8], exif: dict[str, object] | N
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A bench's worth of synthetic photographs: the grid alone, and a disk that rises from 0 to 9 mm.
+# A bench's worth of synthetic photographs: the grid, and a disk that rises from 0 to 9 mm.
 
 
 SCENE = Scene(
@@ -548,7 +553,7 @@ PA_PER_CM = 95.1
 
 
 def column(height: float) -> float:
-    """Height in cm of the demo's water column for a rise in m: stiff at first, then softer, as a membrane is."""
+    """Return the height in cm of the demo's water column for a rise in m: stiff at first, then softer, as a membrane is."""
     return 16.0 * (1.0 - np.exp(-height / 0.006)) + 250.0 * height
 
 
@@ -566,7 +571,7 @@ def make_photographs(folder: Path) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Boards that the photographer of `measurement.synthetic.photographer` sees in place of the screen.
+# Boards that the photographer of `measurement.synthetic.photographer` sees instead of the screen.
 
 
 Picture = NDArray[np.uint8]
@@ -576,7 +581,7 @@ Light = NDArray[np.floating]
 
 
 def _board(light: Callable[[Scene, tuple[int, int], float, float], Light]) -> Callable[..., Picture]:
-    """A photographer of one kind of board, from the light (h, w) that reaches the pixels."""
+    """Return a photographer of one kind of board, from the light (h, w) that reaches the pixels."""
 
     @functools.wraps(light)
     def photograph(
@@ -595,14 +600,14 @@ def _board(light: Callable[[Scene, tuple[int, int], float, float], Light]) -> Ca
 
 
 def _pixels(scene: Scene) -> NDArray[np.float64]:
-    """All pixels (h w, 2) of a scene's photograph, row by row."""
+    """Return all pixels (h w, 2) of a scene's photograph, row by row."""
     y, x = np.indices((scene.height, scene.width)).astype(float)
     return np.column_stack([x.ravel(), y.ravel()])
 
 
 @_board
 def chessboard(scene: Scene, squares: tuple[int, int], side: float, blur: float) -> Light:
-    """A photograph (h, w, 3) of a chessboard about (0, 0).
+    """Return a photograph (h, w, 3) of a chessboard about (0, 0).
 
     The edges are error functions of the distance in pixels: sampling a drawing, even at 16 places in a pixel, moves the
     corners by some hundredths of a pixel, which is more than they are measured to.
@@ -623,7 +628,7 @@ def chessboard(scene: Scene, squares: tuple[int, int], side: float, blur: float)
 
 @_board
 def charuco(scene: Scene, squares: tuple[int, int], side: float, blur: float) -> Light:
-    """A photograph (h, w, 3) of a ChArUco board about (0, 0)."""
+    """Return a photograph (h, w, 3) of a ChArUco board about (0, 0)."""
     fine = 120
     markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     sheet = cv2.aruco.CharucoBoard(squares, 1.0, 0.75, markers).generateImage((squares[0] * fine, squares[1] * fine))

@@ -1,4 +1,4 @@
-"""The calls of a notebook: a device is inflated, a run is loaded, a limit is asked for. Nothing is printed here."""
+"""The Python calls for notebooks: `inflate`, `run`, `load` and `limit`. They print nothing."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A case solved into a `Run`: its states kept in memory, or written into a folder of results as they are solved.
+# Solve a case into a `Run`, with its states in memory or in a results folder.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,7 +137,7 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
 
 
 def _branch(simulation: Simulation, states: InMemory, mesh: Path) -> InMemory | None:
-    """The states of the branch at the first bifurcation; None if there is none to be found."""
+    """Return the states of the branch at the first bifurcation; None if there is none to be found."""
     if not simulation.bifurcates:
         simulation.listener.say(no_branch(simulation.case, states.rows))
         return None
@@ -183,7 +183,7 @@ def solve_into(place: ResultsPlace, simulation: Simulation, branch: bool) -> Run
 
 
 def run_of(folder: Path, ended: Ended, comm: MPI.Comm | None = None) -> Run:
-    """The run in a folder, with the branch that leaves it.
+    """Return the run in a folder, with the branch that leaves it.
 
     Raises:
         ResultsError: No results, or none that can be read.
@@ -195,7 +195,7 @@ def run_of(folder: Path, ended: Ended, comm: MPI.Comm | None = None) -> Run:
 
 
 def _close(results: Results, case: Case, ended: Ended) -> None:
-    """Bring the steps into one file; on rank 0."""
+    """Merge the steps into one file; on rank 0."""
     if not results.stored:
         return
     try:
@@ -206,7 +206,7 @@ def _close(results: Results, case: Case, ended: Ended) -> None:
 
 
 def _loaded(rows: Sequence[Row]) -> bool:
-    """Whether there is a state that is not at rest."""
+    """Return whether there is a state other than rest."""
     return any(row["pressure_Pa"] or row["max_displacement_mm"] for row in rows)
 
 
@@ -214,7 +214,7 @@ for _option, _argument in (("output", "folder"), ("resume", "resume=True"), ("br
     errors.call(_option, _argument)
 
 type Told = bool | Callable[[Row], object] | None
-"""Who is told of each state: nobody, the terminal (True), or a function that gets its row of ``path.csv``."""
+"""Progress reports of each state: none, a bar on the terminal (True), or a function that gets its row of ``path.csv``."""
 
 
 @checked
@@ -233,7 +233,7 @@ def inflate(
     components: Component | Sequence[Component] = (),
     gauges: Probes | None = None,
     band: AnyBand | str | Path | None = None,
-    cycle: bool = False,
+    load_unload: bool = False,
     program: Program = (),
     water_density: float | str = WATER_DENSITY,
     name: str | None = None,
@@ -247,21 +247,21 @@ def inflate(
     Args:
         device: The device.
         material: Its silicone, or the name of one, such as ``"ecoflex-00-30"``.
-        pressures: Pressures to stop at, rising: ``"0:177 cm"`` (from, to, in steps that the solver chooses), ``"0:17:1 kPa"``,
+        pressures: Pressures to stop at, rising: ``"0:177 cm"`` (from, to, in steps chosen by the solver), ``"0:17:1 kPa"``,
             ``"0,70,130 cm"``, ``["7 kPa", "14 kPa"]``, or numbers in Pa.
-        volumes: The same of added volumes of the cavity: ``"0:60 ml"``, or numbers in m3.
-        strokes: The same of what the supply pushes: ``"0:20 ml"``, or numbers in m3.
-        driven: Requested forces, travels or shares of a dead load among the parts, in place of pressures.
-        supply: What drives the air by its strokes, such as a `Syringe`.
+        volumes: The same for added volumes of the cavity: ``"0:60 ml"``, or numbers in m3.
+        strokes: The same for strokes of the supply: ``"0:20 ml"``, or numbers in m3.
+        driven: Requested forces, travels or shares of a dead load among the parts, instead of pressures.
+        supply: Air supply driven by strokes, such as a `Syringe`.
         control: What the path follows: ``"auto"``, ``"pressure"``, ``"volume"`` or ``"arc-length"``.
         formulation: ``"mixed"`` (displacement and pressure) or ``"displacement"``.
         solver: How linear equations are solved: ``"auto"``, ``"direct"`` or ``"iterative"``.
-        components: What else is added to the device: `Gravity`, `Rigid`, `RigidShape`, `Fibres` and others, one or several.
+        components: Components added to the device: `Gravity`, `Rigid`, `RigidShape`, `Fibres` and others, one or several.
         gauges: Named points and angles that every state reports.
         band: Errors of the material, whose 95 % band is computed for every state; or the name of a silicone, whose sources
             are computed, or the file of a fit.
-        cycle: Whether the pressure is lowered again through the same values, with jumps at limit points.
-        program: What each of several cavities goes through by itself, in place of one requested quantity.
+        load_unload: Whether to unload through the same values too, under pressure control with snap-through.
+        program: A load series for each of several cavities, instead of one requested quantity.
         water_density: Density of the column's liquid: kg/m3, or a text.
         name: Stem of the result files; the device's if None.
         progress: See `run`.
@@ -276,13 +276,13 @@ def inflate(
         ArgumentError, CaseError, MaterialError, GeometryError: Invalid input, before anything is solved.
         RunError: No state under load was found; with a folder, also that it cannot be written.
         MeshingError, MeshFileError: The device cannot be meshed.
-        OwnFolderError, InUseError, ResultsError: The folder is somebody else's, in use, or of another run.
+        OwnFolderError, InUseError, ResultsError: The folder holds other files, is in use, or is of another run.
         StartError: MPI or PETSc cannot be started.
     """
     case = case_of(
         device, material, pressures, volumes, strokes=strokes, driven=driven, supply=supply, control=control,
         formulation=formulation, solver=solver, components=components, gauges=gauges, band=band,
-        cycle=cycle, program=program, water_density=water_density, name=name,
+        load_unload=load_unload, program=program, water_density=water_density, name=name,
     )  # fmt: skip
     return run(case, progress=progress, folder=folder, resume=resume, branch=branch)
 
@@ -303,10 +303,10 @@ def run(
         case: The case, or its file.
         progress: True for a bar on the terminal; or a function that is called with the row of each state.
         folder: Write every state there as soon as it is solved: a folder that is empty, not there, or an earlier run's, whose
-            files are replaced once the first state is there. A run that is killed leaves its states readable. None keeps
-            them in memory.
-        resume: Go on from what an interrupted run of the same case has left in the folder; from rest if there is nothing.
-        branch: Follow the branch that leaves the path at its first bifurcation too, into `Run.branch`.
+            files are replaced once the first state is stored. A killed run leaves its states readable. None
+            keeps them in memory.
+        resume: Resume an interrupted run of the same case in the folder; start from rest if there is none.
+        branch: Also follow the branch at the first bifurcation, into `Run.branch`.
 
     Returns:
         The run; see `inflate`, also for what is raised.
@@ -318,7 +318,7 @@ def run(
     if flag("branch", branch):
         whole.load.check_branch()
     if flag("resume", resume) and output is None:
-        raise CaseError("a run is gone on with in its folder; give it, or leave out --resume")
+        raise CaseError("resuming needs the run's folder; give it (folder=...), or leave out --resume")
     comm = start()
     with contextlib.ExitStack() as stack:
         listener: Listener = _Each(progress) if callable(progress) else Silent()
@@ -332,7 +332,7 @@ def run(
 
 
 class _Each(Silent):
-    """Hands each row to a function."""
+    """Passes each row to a function."""
 
     def __init__(self, told: Callable[[Row], object]):
         self.told = told
@@ -344,7 +344,7 @@ class _Each(Silent):
 @checked
 @one_at_a_time
 def load(folder: str | Path) -> Run:
-    """A run from a folder of results; DOLFINx is needed only where a state is asked for that is not stored.
+    """Load a run from a folder of results; DOLFINx is needed only to solve for states that are not stored.
 
     Raises:
         ResultsError: No results, or none that can be read.
@@ -355,7 +355,7 @@ def load(folder: str | Path) -> Run:
         summary = json.loads(read_text(where / "summary.json"))
         ended = Ended(int(summary["status"]), str(summary["message"]))
     except (OSError, ArithmeticError, ValueError, KeyError, TypeError, RecursionError):
-        ended = Ended()  # a run that goes on, or was cut off
+        ended = Ended()  # a run that is still going, or was interrupted
     return run_of(where, ended)
 
 
@@ -369,7 +369,7 @@ def limit(
     components: Component | Sequence[Component] = (),
     solver: str = "auto",
 ) -> Limit:
-    """How far a device can be inflated: its first limit point or bifurcation, and where it is strained most there.
+    """Find how far a device can be inflated: its first limit point or bifurcation, and the place of the largest stretch there.
 
     Args:
         device: The device.
@@ -377,14 +377,14 @@ def limit(
         sheet, obstacle, formulation, parts, solver: As of a `Case`.
 
     Raises:
-        CaseError: What cannot be meant.
+        CaseError: Invalid input.
         RunError: The equations cannot be made or solved.
         MeshingError, MeshFileError: The device cannot be meshed.
     """
     from softmodels.mechanics.body import BodyError
     from softmodels.mechanics.compiling import CompilingError
 
-    # What no case may be, no limit is asked of; its load is not looked at.
+    # A case with a dummy load, so that the input is checked as for any case.
     how = {"components": components, "formulation": formulation, "solver": solver}
     case = Case("limit", device, material, pressures_cm=(1.0,), **how)  # type: ignore[arg-type]
     comm = start()
@@ -396,11 +396,11 @@ def limit(
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The call of a notebook for a deck: a case written for CalculiX or FEBio.
+# The Python call that writes a case for CalculiX or FEBio.
 
 
 WRITERS = {".inp": (check, calculix), ".feb": (check_without_springs, febio)}
-"""By the ending of a deck's file: what refuses a case before it is meshed, and what writes it."""
+"""By file ending: the check before meshing, and the writer of the deck."""
 
 
 @checked
@@ -430,7 +430,7 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
             f"{path} ends in {path.suffix or 'nothing'}; decks are {' for CalculiX and '.join(WRITERS)} for FEBio"
         )
     if path.exists() and WRITTEN.encode() not in read_file(path, GEOMETRY)[:500]:
-        raise CaseError(f"{path} is there already and is no deck of this program; give another name")
+        raise CaseError(f"{path} exists and is not a deck written by this program; give another name")
     refuse, writer = WRITERS[suffix]
     refuse(whole)
     with tempfile.TemporaryDirectory() as folder:
@@ -444,7 +444,7 @@ def export(case: Case | str | Path, file: str | Path) -> Deck:
 
 
 def _system(case: Case, mesh: Path) -> System | None:
-    """The equations of a device with displacements alone; None where its deck needs none.
+    """Return the equations of a device in displacements only; None if its deck needs none.
 
     Raises:
         ComponentError: What is added to it cannot be on this mesh.

@@ -1,4 +1,4 @@
-"""A run as a value: its states as arrays in SI units, and where and why its path ends."""
+"""`Run`: the states of a run as arrays in SI units, and where and why its path ends."""
 
 from __future__ import annotations
 
@@ -104,17 +104,17 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The states of a run: kept in memory as they are solved, or read from a folder; and one of them as a user looks at it.
+# The states of a run, in memory or in a folder, and `SolvedState` as the user's view of one.
 
 
 VTK_CELLS = {"Triangle_6": 22, "Tetrahedron_10": 24}
 """VTK's number of each kind of cell."""
 PUBLIC = ("displacement", "p", "von_mises", "largest_stretch", "J", "mode")
-"""Nodal fields of a state; the mode at a bifurcation alone."""
+"""Nodal fields of a state; the mode only at a bifurcation."""
 
 
 class Source(Protocol):
-    """Where a run's states are.
+    """Storage of a run's states.
 
     Attributes:
         case: What was run.
@@ -133,17 +133,17 @@ class Source(Protocol):
     others: dict[str, list[Row]]
 
     def fields(self, step: int) -> Mapping[str, Array]:
-        """All nodal fields of a state, with what a restart needs where it is kept."""
+        """Return all nodal fields of a state, with the restart data if stored."""
 
     def restart(self, step: int) -> Restart:
-        """Numbers that a restart needs beside the fields."""
+        """Return the numbers that a restart needs beside the fields."""
 
     def mesh(self) -> bytes:
-        """The device's mesh as a Gmsh file."""
+        """Return the device's mesh as a Gmsh file."""
 
 
 class InMemory:
-    """States that are kept as they are solved, alike on all ranks; see `Source`.
+    """States in memory, identical on all ranks; see `Source`.
 
     Args:
         simulation: Prepared, all ranks.
@@ -157,7 +157,7 @@ class InMemory:
         self.points: Array
         self.cells: npt.NDArray[np.int64]
         self._mesh: bytes
-        # The grid is whole on rank 0 alone.
+        # Only rank 0 has the whole grid.
         self.points, self.cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh.read_bytes()))
         self.rows: list[Row] = []
         self.others: dict[str, list[Row]] = {}
@@ -165,7 +165,7 @@ class InMemory:
         self._restarts: list[Restart] = []
 
     def add(self, step: Step) -> None:
-        """Keep a state. What a restart needs to the last bit is kept of the last states alone, as in a folder."""
+        """Store a state. The exact restart data is stored only for the last states, as in a folder."""
         public = on_root(self._comm, lambda: _public(step.fields or {}))
         fields = dict(step.fields or public)
         self.rows.append(step.row)
@@ -197,7 +197,7 @@ class InFolder:
     """
 
     def __init__(self, folder: Path, home: Path | None = None):
-        folder = _absolute(folder)  # the caller may step into another one
+        folder = _absolute(folder)  # the caller may change the working directory
         states = States(folder, Case.from_file(folder / "case.toml").name)
         self.folder, self._results = folder, states.results
         self._mesh = (folder if home is None else home) / f"{states.case.name}.msh"
@@ -206,7 +206,7 @@ class InFolder:
         self.others = read_sources(folder) if isinstance(self.case.band, SourceBand) else {}
 
     def branch(self) -> InFolder | None:
-        """The states of the branch that leaves the path; None if none was followed."""
+        """Return the states of the followed branch; None if there is none."""
         branch = self._results.branch()
         if not branch.heavy.exists():
             return None
@@ -214,7 +214,7 @@ class InFolder:
         return InFolder(branch.folder, self.folder) if branch.stored else None
 
     def is_in(self, folder: Path) -> bool:
-        """Whether these states are in a folder."""
+        """Return whether these states are in a folder."""
         return is_same(self.folder, folder)
 
     def fields(self, step: int) -> Mapping[str, Array]:
@@ -237,11 +237,11 @@ class InFolder:
             raise self._gone(error) from None
 
     def _gone(self, error: Exception) -> ResultsError:
-        """What is raised where the folder has changed since it was loaded."""
+        """Return the error if the folder has changed since it was loaded."""
         reason = error.strerror if isinstance(error, OSError) and error.strerror else hdf5_reason(error)
         return ResultsError(
-            f"the states in {self.folder} cannot be read any more ({reason}); put the folder back where it was, or load it "
-            "from where it is now"
+            f"the states in {self.folder} can no longer be read ({reason}); restore the folder, or "
+            f"load it from its new place"
         )
 
 
@@ -265,24 +265,24 @@ class SolvedState:
     fields: Mapping[str, Array]
 
     def __post_init__(self) -> None:
-        # The arrays are the run's own: what `Run.at` solves next and `Run.save` writes starts from them.
+        # The arrays belong to the run: `Run.at` and `Run.save` use them.
         keep_arrays(self)
         fields = {name: read_only(values) for name, values in self.fields.items()}
         object.__setattr__(self, "fields", MappingProxyType(fields))
 
     @property
     def pressure(self) -> float:
-        """Pa; of a program the highest."""
+        """Pressure in Pa; of a program the highest."""
         return float(self.row["pressure_Pa"])
 
     @property
     def added_volume(self) -> float:
-        """m3."""
+        """Added volume in m3."""
         return float(self.row["added_volume_ml"]) * 1e-6
 
     @property
     def displacement(self) -> Array:
-        """m, in device coordinates, shape (n, 3)."""
+        """Displacement in m, in device coordinates, shape (n, 3)."""
         return self.fields["displacement"]
 
     @property
@@ -307,7 +307,7 @@ class SolvedState:
 
     @property
     def mode(self) -> Array | None:
-        """Mode in which the device leaves its path at a bifurcation, shape (n, 3); None in any other state."""
+        """Buckling mode at a bifurcation, shape (n, 3); None in any other state."""
         return self.fields.get("mode")
 
     @functools.cached_property
@@ -316,7 +316,7 @@ class SolvedState:
         moves it."""
         import pyvista
 
-        # Copies: VTK writes into what it is given, and a grid is changed freely.
+        # Copies, because VTK writes into its inputs and users may change a grid.
         grid = pyvista.UnstructuredGrid({VTK_CELLS[self.cell_name]: self.cells.copy()}, self.points.copy())
         for name, values in self.fields.items():
             grid.point_data[name] = values.copy()
@@ -324,40 +324,40 @@ class SolvedState:
 
 
 def _absolute(folder: Path) -> Path:
-    """A folder from wherever the caller is; `ResultsError` where that is a folder that was deleted."""
+    """Return a folder's absolute path; `ResultsError` if the working directory was deleted."""
     try:
         return folder.absolute()
     except OSError:
         raise ResultsError(
-            f"{folder} is counted from the folder that this program runs in, and that is not there any more; step into another "
-            "one, or give a whole path"
+            f"{folder} is relative to the working directory, which no longer exists; change the working "
+            f"directory, or give an absolute path"
         ) from None
 
 
 def _public(fields: Mapping[str, Array]) -> dict[str, Array]:
-    """The fields that are not a restart's alone."""
+    """Return the fields other than those for a restart only."""
     return {name: values for name, values in fields.items() if not name.startswith(RESTART)}
 
 
 def state_of(source: Source, step: int) -> SolvedState:
-    """One of a source's states."""
+    """Return one of a source's states."""
     return SolvedState(source.rows[step], source.points, source.cells, source.cell_name, _public(source.fields(step)))
 
 
 def write_states(source: Source, results: Results) -> None:
-    """Store all states of a source into a folder that is prepared for them."""
+    """Store all states of a source in a prepared folder."""
     results.begin(source.points, source.cells, source.cell_name)
     for step, row in enumerate(source.rows):
         results.add(row, source.fields(step), source.restart(step))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A folder for a while, the same on all ranks.
+# Temporary folders shared by all ranks.
 
 
 @contextlib.contextmanager
 def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
-    """A folder for a while, the same on all ranks."""
+    """Provide a temporary folder, the same on all ranks."""
     path = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
     try:
         yield path
@@ -367,11 +367,11 @@ def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A state between two of a run's: solved for from those two, on the run's own mesh.
+# States between two stored states of a run, solved on the run's own mesh.
 
 
 def solve_between(source: Source, quantity: str, wanted: float, values: Array) -> SolvedState:
-    """The first state of a run's path at a value; all ranks call it.
+    """Solve for the first state of a run's path at a value; all ranks call it.
 
     The two stored states beside it are what Newton's method starts from, so nothing before them is solved again. Where there
     are no such two, as under a cycle that jumps over the value, the path is followed from rest.
@@ -387,7 +387,7 @@ def solve_between(source: Source, quantity: str, wanted: float, values: Array) -
     """
     comm, ends = start(), _bracket(source, values, wanted)
     if ends is None and quantity in source.rows[0]:
-        raise RunError(f"no two neighbouring states on one piece of the path have {quantity} {wanted:g} between them")
+        raise RunError(f"no two neighbouring states on one continuous piece of the path bracket {quantity} {wanted:g}")
     case = source.case if ends else _to_one(source.case, quantity, wanted)
     simulation = Simulation(case, comm)
     try:
@@ -404,20 +404,20 @@ def solve_between(source: Source, quantity: str, wanted: float, values: Array) -
 
 
 def _bracket(source: Source, values: Array, wanted: float) -> tuple[int, int] | None:
-    """The first two neighbouring states, solved for and on one piece of the path, that a value lies between."""
-    # A bifurcation is interpolated, and between a limit and where the device jumped to there is no path.
+    """Return the first two neighbouring solved states on one continuous piece of the path that bracket a value."""
+    # A bifurcation is interpolated, and snap-through leaves no path between its two ends.
     solved = [step for step, row in enumerate(source.rows) if not row["bifurcation"]]
     for before, after in itertools.pairwise(solved):
         low, high = sorted(values[[before, after]])
         if low < wanted < high and not source.rows[after]["jump"]:
             return before, after
     if not any(row["jump"] for row in source.rows):  # as on a branch
-        raise RunError("the branch has no two neighbouring states with this value between them")
+        raise RunError("no two neighbouring states of the branch bracket this value")
     return None
 
 
 def _between(simulation: Simulation, source: Source, ends: tuple[int, int], asked: tuple[str, float]) -> Step:
-    """The state at a value between two steps of a run."""
+    """Return the state at a value between two steps of a run."""
     from softmodels.mechanics.newton import NoConvergence
     from softmodels.path.continuation import Continuation
 
@@ -442,12 +442,12 @@ def _between(simulation: Simulation, source: Source, ends: tuple[int, int], aske
             found = path.between(before, after, wanted / simulation.beginning.unit_of(quantity))
         path.keep(found)
     except NoConvergence as failure:
-        raise RunError(f"the state between steps {ends[0]} and {ends[1]} was not found ({failure})") from failure
+        raise RunError(f"no converged state between steps {ends[0]} and {ends[1]} ({failure})") from failure
     return simulation.step_of(found, ends[0])
 
 
 def _figure(simulation: Simulation, point: Point, column: str) -> float:
-    """A figure of ``path.csv`` at a point, on all ranks."""
+    """Return the value of a column of ``path.csv`` at a point, on all ranks."""
     return float(simulation.step_of(point, 0).row[column])
 
 
@@ -466,12 +466,12 @@ class _Stored:
 
 
 def _to_one(case: Case, quantity: str, wanted: float) -> Case:
-    """A case that ends at one value."""
+    """Return a case that ends at one value."""
     if case.driven is not None:
         return dataclasses.replace(
             case,
             driven=dataclasses.replace(case.driven, values=(wanted / case.load.scale,)),
-            cycle=False,
+            load_unload=False,
             control="auto",
         )
     field, scale = {"pressure": ("pressures_cm", 1 / case.cm), "volume": ("volumes_ml", 1e6),
@@ -479,19 +479,19 @@ def _to_one(case: Case, quantity: str, wanted: float) -> Case:
     asked: dict[str, tuple[float, ...]] = {field: (wanted * scale,)}
     pressures, volumes, strokes = (asked.get(name, ()) for name in ("pressures_cm", "volumes_ml", "strokes_ml"))
     return dataclasses.replace(
-        case, pressures_cm=pressures, volumes_ml=volumes, strokes_ml=strokes, cycle=False, control="auto",
+        case, pressures_cm=pressures, volumes_ml=volumes, strokes_ml=strokes, load_unload=False, control="auto",
         supply=case.supply if quantity == "stroke" else None,
     )  # fmt: skip
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What is asked of a device, as a notebook writes it, made into a case: arrays in SI, or texts with a unit.
+# Make a case of a notebook's arguments: arrays in SI units, or texts with a unit.
 
 
 type Values = str | float | Sequence[float | str] | npt.NDArray[np.float64]
 """Requested values: a text with a unit such as ``"0:177 cm"``, texts such as ``["1 kPa", "2 kPa"]``, or numbers in SI units."""
 LEAST_PRESSURE = 200.0
-"""Pa; the largest of pressures that are given as numbers is hardly meant to lie below, where most devices have not moved."""
+"""Pa; if all pressures given as numbers are below this, their unit is doubtful: most devices hardly move."""
 
 
 class RequestOptions(TypedDict, total=False):
@@ -506,7 +506,7 @@ class RequestOptions(TypedDict, total=False):
     solver: str
     components: Component | Sequence[Component]
     band: AnyBand | str | Path | None
-    cycle: bool
+    load_unload: bool
     program: Program
     gauges: Probes | None
     water_density: float | str
@@ -519,7 +519,7 @@ def case_of(
     volumes: Values | None = None,
     **options: Unpack[RequestOptions],
 ) -> Case:
-    """A case.
+    """Make a case of the arguments of a call.
 
     Args:
         device: The device.
@@ -553,7 +553,7 @@ def case_of(
 
 
 def _doubt_pressures(pressures: Values | None, case: Case) -> None:
-    """Warn of pressures as small as only numbers in another unit are."""
+    """Warn of pressures so small that their unit is doubtful."""
     plain = isinstance(pressures, int | float) or (
         pressures is not None and not isinstance(pressures, str) and not any(isinstance(one, str) for one in pressures)
     )
@@ -566,7 +566,7 @@ def _doubt_pressures(pressures: Values | None, case: Case) -> None:
 
 
 def one_value(text: str, pascal_in_cm: float) -> tuple[str, float]:
-    """Whether a text such as ``"70 cm"`` is a ``"pressure"`` (Pa) or a ``"volume"`` (m3), and its value.
+    """Return whether a text such as ``"70 cm"`` is a ``"pressure"`` (Pa) or a ``"volume"`` (m3), and its value.
 
     Raises:
         CaseError: Neither.
@@ -578,7 +578,7 @@ def one_value(text: str, pascal_in_cm: float) -> tuple[str, float]:
         if (factor := factor_of(unit, si)) is not None:
             return what, _scaled(number, what) * factor
     raise CaseError(
-        f"{brief(text)} is no pressure and no volume; write it like 70 cm, 7 kPa or 40 ml"
+        f"{brief(text)} is neither a pressure nor a volume; write it like 70 cm, 7 kPa or 40 ml"
         + meant(unit, ["cm", *FACTORS["Pa"], *FACTORS["m^3"]])
     )
 
@@ -591,10 +591,10 @@ def _scaled(number: str, what: str) -> float:
 
 
 def _in(unit: str, values: Values | None, what: str, pascal_in_cm: float) -> tuple[float, ...]:
-    """Requested values in cm of the column or in ml, as a case has them.
+    """Return the requested values in cm of the column or in ml, as a case has them.
 
     Raises:
-        CaseError: They are none.
+        CaseError: Invalid values.
     """
     if values is None:
         return ()
@@ -607,7 +607,7 @@ def _in(unit: str, values: Values | None, what: str, pascal_in_cm: float) -> tup
             for one in _listed(values, what)
         ]
         if not found:
-            raise CaseError(f"{what}s are an empty list; give one value or more, such as {EXAMPLES[unit]}")
+            raise CaseError(f"the list of {what}s is empty; give at least one value, such as {EXAMPLES[unit]}")
         return series(found, what)
     except (SeriesError, UnitError) as error:
         raise CaseError(str(error)) from None
@@ -617,7 +617,7 @@ EXAMPLES = {"cm": "'0:177 cm'", "ml": "'0:60 ml'"}
 
 
 def _listed(values: object, what: str) -> list[object]:
-    """Requested values one by one: Python's own numbers and texts.
+    """Return the requested values as a list of Python's numbers and texts.
 
     Raises:
         CaseError: They are something else.
@@ -635,14 +635,14 @@ def _listed(values: object, what: str) -> list[object]:
 
 COLUMNS = {"pressure": ("pressure_Pa", 1.0), "volume": ("added_volume_ml", 1e-6), "stroke": ("stroke_ml", 1e-6),
            "step": ("load_step", 1.0)}  # fmt: skip
-"""Where what can be requested stands in ``path.csv``, and the SI units in one of that column's."""
+"""Column of ``path.csv`` of each requestable quantity, and the SI value of the column's unit."""
 SAME = 1e-6
-"""Values closer than this, relative, are one."""
+"""Relative distance below which two values are the same."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Ended:
-    """How a run ended: its exit status on a command line, and the sentence there; none if all was reached."""
+    """Result of a run: exit status and message of the command line; empty if all values were reached."""
 
     status: int = DONE
     message: str = ""
@@ -654,11 +654,11 @@ class Ended:
 
 
 class StateIndexError(Spoken, IndexError):
-    """A number that no state of a run has; the message is a sentence for the user."""
+    """No state of a run has this number; the message is for the user."""
 
 
 def _number(value: object, what: str, more: str = "") -> float:
-    """A finite number, of numpy's too.
+    """Return a finite number, also from numpy's types.
 
     Raises:
         CaseError: It is none.
@@ -670,7 +670,7 @@ def _number(value: object, what: str, more: str = "") -> float:
 
 
 class Run:
-    """A device that was inflated. Made by `softmodels.inflate`, `softmodels.run` and `softmodels.load`.
+    """The states of an inflated device. Made by `softmodels.inflate`, `softmodels.run` and `softmodels.load`.
 
     Beside the properties below, the rise in m of each of the device's probes has its name: ``run.apex`` of a disk,
     ``run.tip`` of a seminar slab, shape (states,).
@@ -700,8 +700,8 @@ class Run:
 
     @property
     def path(self) -> dict[str, npt.NDArray[np.generic]]:
-        """The table ``path.csv`` by column, with its names and units: ``pandas.DataFrame(run.path)`` takes it. Made anew each
-        time it is asked for, so that it can be changed."""
+        """The table ``path.csv`` by column, with its names and units: ``pandas.DataFrame(run.path)`` takes it. A new copy
+        at each call, so it may be changed."""
         rows = self.rows
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
@@ -740,10 +740,10 @@ class Run:
 
     @functools.cached_property
     def limit(self) -> Limit | None:
-        """Where and why the path ends before the last requested value; None if it reaches it.
+        """Place and cause of the path's end before the last requested value; None if it reaches it.
 
         Of kind ``"limit"`` (no equilibrium beyond: a limit point, a cavity pressed empty), ``"lost"`` or ``"stopped"``;
-        ``why`` is the sentence of the command line, with arguments in place of its options.
+        ``why`` is the sentence of the command line, with arguments instead of its options.
         """
         status = self._ended.status
         if status == DONE:
@@ -767,7 +767,7 @@ class Run:
 
     @property
     def notes(self) -> list[str]:
-        """What one must know before trusting the numbers: sentences, none if all is well."""
+        """Warnings on the run's validity, as sentences; empty if there are none."""
         return [spoken(note) for note in notes_of(self.case, self.rows, self.sources)]
 
     # -- its states ---------------------------------------------------------------------------------------------------
@@ -796,7 +796,7 @@ class Run:
     @checked
     @one_at_a_time
     def at(self, value: str | float) -> SolvedState:
-        """The state at a value; of several, as on a cycle, the first of the requested ones.
+        """Return the state at a value; of several, as under loading and unloading, the first requested one.
 
         A value in between is solved for, starting from the states beside it (by all ranks, where there are several).
 
@@ -824,7 +824,7 @@ class Run:
     @checked
     @one_at_a_time
     def where(self, column: str, value: float) -> SolvedState:
-        """The first state at which a figure of the path has a value, such as a plate its height; solved for, as by `at`.
+        """Return the first state at which a column of the path has a value, such as a plate's height; solved for as by `at`.
 
         Args:
             column: Its column of ``path.csv``, such as ``"plate_z_mm"``, in whose unit the value is.
@@ -837,12 +837,12 @@ class Run:
         first = self.rows[0]
         figures = [name for name in first if isinstance(first[name], float)]
         if column not in figures:
-            raise CaseError(f"the path has no figure {brief(column)}; {known_are(column, figures)}")
+            raise CaseError(f"the path has no column {brief(column)}; {known_are(column, figures)}")
         there, wanted = self._column(column, 1.0), _number(value, f"{column} of a state")
         if near := np.flatnonzero(np.abs(there - wanted) <= SAME * np.abs(there).max()).tolist():
             return self[near[0]]
         if self.case.program:
-            raise RunError("the states of a program are not interpolated; ask for one by the number of its step")
+            raise RunError("states of a program are not interpolated; request one by its step number")
         if not (low := np.nanmin(there)) < wanted < (high := np.nanmax(there)):
             why = f"; {self.limit.why}" if self.limit else ""
             raise RunError(f"the run has no state with {column} {wanted:g}: it goes from {low:.4g} to {high:.4g}{why}")
@@ -851,15 +851,15 @@ class Run:
         return dataclasses.replace(self._solved[column, wanted])
 
     def _asked(self, value: str | float) -> tuple[str, float]:
-        """What is asked for, and the value in SI units."""
+        """Return the requested quantity and its value in SI units."""
         own = self.case.quantity
         if not isinstance(value, str):
             return own, _number(value, "the value of a state", ", or a text such as '70 cm' or '40 ml'")
         if own == "step":
-            raise CaseError("a program's states are asked for by the number of the step, such as run.at(2)")
+            raise CaseError("states of a program are requested by step number, such as run.at(2)")
         if own not in COLUMNS:
             raise CaseError(
-                f"the states of a run to {self.case.load.requested.words} are asked for by a number in SI units"
+                f"the states of a run to {self.case.load.requested.words} are requested by a number in SI units"
             )
         quantity, wanted = one_value(value, self.case.cm)
         return ("stroke" if quantity == "volume" and own == "stroke" else quantity), wanted
@@ -877,7 +877,7 @@ class Run:
 
     @one_at_a_time
     def plot(self) -> Figure:
-        """The rise of the device's gauge over the pressure, or over the steps of a program, as a matplotlib figure."""
+        """Return the rise of the device's gauge over the pressure, or over the steps of a program, as a matplotlib figure."""
         import matplotlib
 
         from softmodels.pictures import curves
@@ -897,13 +897,13 @@ class Run:
                 figure.savefig(data, format="png")
             return data.getvalue()
 
-        figure._repr_png_ = png  # type: ignore[attr-defined]  # what a notebook shows
+        figure._repr_png_ = png  # type: ignore[attr-defined]  # shown by notebooks
         return figure
 
     @checked
     @one_at_a_time
     def save(self, folder: str | Path) -> Path:
-        """Write the folder that the command line writes: ``softmodels draw`` makes its pictures, `softmodels.load` reads it.
+        """Write the same folder as the command line: ``softmodels draw`` makes its pictures, `softmodels.load` reads it.
 
         Args:
             folder: Empty, not there, or an earlier run's, whose files are replaced.

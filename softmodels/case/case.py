@@ -1,4 +1,4 @@
-"""A case: everything that decides a run's numbers, as a value and as a TOML file that repeats it exactly."""
+"""`Case`: all input of a run, as a Python value and as a TOML file that reproduces it exactly."""
 
 from __future__ import annotations
 
@@ -90,11 +90,11 @@ from softmodels.path.program import LOAD_KEYS, Program, Series
 from softmodels.path.supply import AirSupply
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Entries of a case that fill tables of their own: its name, device, material, programs and gauges.
+# Entries of a case with their own tables: name, device, material, programs and gauges.
 
 
 class NameEntry(Entry[object]):
-    """The case's name, which stands outside of all tables; `Case` checks it."""
+    """The case's name, outside all tables; `Case` checks it."""
 
     def read(self, tables: Tables) -> object:
         return tables.get("name", MISSING)
@@ -128,7 +128,7 @@ class MaterialEntry(Entry[Material]):
 
 
 class ProgramEntry(Entry[Program]):
-    """A series for each cavity, and for dead loads: tables ``cavity1``, ``force`` and so on within the load."""
+    """Series for each cavity and for dead loads: tables ``cavity1``, ``force`` and so on within the load."""
 
     tables = ("load",)
 
@@ -181,7 +181,7 @@ class Pressures(Value):
 
     def options(self) -> Iterator[Option]:
         yield from super().options()
-        text = "pressures with their unit, in place of heights of a column: 0:4kPa or 0,1,2kPa"
+        text = "pressures with a unit, instead of heights of a column: 0:4kPa or 0,1,2kPa"
         yield Option(WITH_UNIT, About(Words(), text), metavar="SERIES")
 
     def arguments(self, field: str) -> dict[str, str]:
@@ -209,17 +209,17 @@ class Pressures(Value):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Materials that a case cannot be meant to have, or that its formulation cannot take.
+# Reject materials with implausible parameters, or unsuitable for the formulation.
 
 
 MODULI = (SOFTEST, 5e6)
-"""Shear moduli in Pa that a silicone can have, from the softest gels to the hardest rubbers, with room on both sides."""
+"""Accepted shear moduli in Pa, from the softest gels to the hardest rubbers, with a margin."""
 MOST_APART = 1e6
-"""Shear modulus of a region over the main one's up to which the equations are solved to their usual digits."""
+"""Maximum ratio of a region's shear modulus to the main one's that is solved accurately."""
 
 
 def check_materials(material: Material, components: Sequence[Component], formulation: str) -> None:
-    """Refuse a material that the formulation cannot take, or whose numbers are of another unit.
+    """Reject a material unsuitable for the formulation, or with parameters in a wrong unit.
 
     Args:
         material: The main one.
@@ -233,7 +233,7 @@ def check_materials(material: Material, components: Sequence[Component], formula
     if not MODULI[0] <= mu <= MODULI[1]:
         raise CaseError(
             f"the material's shear modulus is {mu:.4g} Pa; silicones have 5 to 500 kPa, so check the units of its "
-            f"parameters ({MODULI[0] / 1e3:g} to {MODULI[1] / 1e3:g} kPa are taken)"
+            f"parameters ({MODULI[0] / 1e3:g} to {MODULI[1] / 1e3:g} kPa are accepted)"
         )
     _check_volume("", material, formulation)
     for part in components:
@@ -242,8 +242,8 @@ def check_materials(material: Material, components: Sequence[Component], formula
             apart = part.material.shear_modulus_0 / mu
             if not 1 / MOST_APART <= apart <= MOST_APART:
                 raise CaseError(
-                    f"{part.where}: its shear modulus is {apart:.3g} times the main material's, and {1 / MOST_APART:g} to "
-                    f"{MOST_APART:g} times are solved; what is stiffer keeps its shape, and is better made a rigid part"
+                    f"{part.where}: its shear modulus is {apart:.3g} times the main material's; "
+                    f"{1 / MOST_APART:g} to {MOST_APART:g} times are accepted. Make a stiffer one a rigid part"
                 )
 
 
@@ -255,8 +255,8 @@ def _check_volume(where: str, material: Material, formulation: str) -> None:
         )
     if formulation == "mixed" and material.bulk <= 0.0:
         raise CaseError(
-            f"{where}poisson = {material.poisson:g} leaves {material.name} no stiffness of volume, which the mixed "
-            "formulation divides by; use --formulation displacement"
+            f"{where}poisson = {material.poisson:g} gives {material.name} zero bulk stiffness, which the "
+            f"mixed formulation cannot handle; use --formulation displacement"
         )
 
 
@@ -276,7 +276,7 @@ class _Shown(TypedDict, total=False):
 
 
 def _written[V](entry: Entry[V]) -> dict[str, Entry[V]]:
-    """Metadata of a field: the way it is written."""
+    """Return the metadata of a field: its entry in case files."""
     return {"entry": entry}
 
 
@@ -306,17 +306,17 @@ class Case:
         formulation: ``mixed`` or ``displacement``.
         strokes_ml: Requested strokes of the supply in ml, rising; empty unless there is one.
         supply: What drives the air, such as a syringe, or None where pressure or volume are imposed.
-        cycle: Whether the pressure is lowered again through the same values, and the device jumps at limit points.
-        program: What each of several cavities goes through by itself, in place of one requested quantity; else empty.
-        gauges: Named points and angles that are told in every state, and a plane whose cut is drawn.
-        components: What else is added to the device; see `softmodels.mechanics.component`.
+        load_unload: Whether to unload through the same values too, under pressure control with snap-through.
+        program: What each of several cavities goes through by itself, instead of one requested quantity; else empty.
+        gauges: Named points and angles reported in every state, and a plane whose section is drawn.
+        components: Components added to the device; see `softmodels.mechanics.component`.
         band: Errors of the material, whose 95 % band is computed at every state; or the sources of a silicone, each of which is
             solved too; None for neither.
         driven: Requested forces, or travels, of a dead load among these.
         solver: How linear equations are solved; no number depends on it.
 
     Raises:
-        CaseError: From the constructor, if this cannot be run or cannot be meant.
+        CaseError: From the constructor, if the case is invalid.
     """
 
     name: str = dataclasses.field(metadata=_written(NameEntry()))
@@ -326,25 +326,25 @@ class Case:
         "pressure_cm", "pressure", "pressures in cm of water: 0:177, 0:177:10 or 0,70,130,177", Pressures
     )
     volumes_ml: tuple[float, ...] = _series(
-        "volume_ml", "volume", "added volumes of the cavity in ml, in place of pressures"
+        "volume_ml", "volume", "added volumes of the cavity in ml, instead of pressures"
     )
     water_density: float = _value(
         "load", "water_density", Quantity("kg/m^3"), "density of the column's liquid", WATER_DENSITY
     )
-    control: str = _value("load", "control", Choice(CONTROLS), "what the path follows", "auto")
+    control: str = _value("load", "control", Choice(CONTROLS), "control of the continuation", "auto")
     formulation: str = _value(
         "solver", "formulation", Choice(FORMULATIONS),
-        "displacement and pressure, or displacement alone (compressible studies)", "mixed",
+        "displacement and pressure, or only displacement (compressible studies)", "mixed",
     )  # fmt: skip
     strokes_ml: tuple[float, ...] = _series(
         "stroke_ml",
         "stroke",
-        "strokes of the supply, such as a syringe's piston, in ml, in place of pressures, such as 0:20",
+        "strokes of the supply, such as a syringe's piston, in ml, instead of pressures, such as 0:20",
     )
     supply: AirSupply | None = dataclasses.field(default=None, metadata=_written(SupplyEntry()))
-    cycle: bool = _value(
-        "load", "cycle", Flag(),
-        "lower the pressure again through the same values; at limit points the device jumps, as under a water column",
+    load_unload: bool = _value(
+        "load", "load_unload", Flag(),
+        "simulate loading and unloading under pressure control, through the same values, with snap-through at limit points",
         False, hidden=True,
     )  # fmt: skip
     program: Program = dataclasses.field(default=(), metadata=_written(ProgramEntry()))
@@ -354,14 +354,16 @@ class Case:
     driven: LoadRequest | None = dataclasses.field(default=None, metadata=_written(LoadRequestEntry()))
     solver: str = _value(
         "solver", "method", Choice(METHODS),
-        "how linear equations are solved: by a factorisation (direct), by iterations with multigrid (iterative), whose memory "
-        "grows only as the model does, or by what the memory has room for (auto)",
+        "linear solver: factorisation (direct), multigrid iterations (iterative, with memory linear "
+        "in the model size), or chosen by the available memory (auto)",
         "auto", hidden=True, option="solver",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
-            raise CaseError(f"name {brief(self.name)} cannot name files; use letters, digits, '_', '-', '+' and '.'")
+            raise CaseError(
+                f"name {brief(self.name)} is not a valid file name; use letters, digits, '_', '-', '+' and '.'"
+            )
         try:
             self._settle()
             self.load.check(self.actuator)
@@ -378,10 +380,10 @@ class Case:
             raise CaseError(str(error)) from None
 
     def _settle(self) -> None:
-        """Make each field what it has to be: texts with units are read, a silicone's name is its material.
+        """Convert each field to its type: read texts with units, look up silicones by name.
 
         Raises:
-            ArgumentError, or an error of `PART_ERRORS`: It cannot be that.
+            ArgumentError, or an error of `PART_ERRORS`: A value is invalid.
         """
         for name, entry in entries().items():
             if isinstance(entry, Value):
@@ -401,7 +403,7 @@ class Case:
 
     @property
     def load(self) -> Load:
-        """What is asked of the device."""
+        """The load of the device."""
         return Load(**{field.name: getattr(self, field.name) for field in dataclasses.fields(Load)})
 
     @property
@@ -416,7 +418,7 @@ class Case:
 
     @property
     def quantity(self) -> str:
-        """What is requested: ``"pressure"``, ``"volume"``, ``"stroke"`` or a program's ``"step"``."""
+        """The requested quantity: ``"pressure"``, ``"volume"``, ``"stroke"`` or a program's ``"step"``."""
         return self.load.requested.name
 
     @property
@@ -426,7 +428,7 @@ class Case:
 
     @property
     def column(self) -> str:
-        """Column of ``path.csv`` that holds what is requested."""
+        """Column of ``path.csv`` with the requested quantity."""
         return self.load.requested.column
 
     @property
@@ -437,12 +439,12 @@ class Case:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Files that the device and its parts are made from, each once."""
+        """Files of which the device and its parts are made, each once."""
         named = [self.actuator.files, *(part.files for part in self.components)]
         return tuple(dict.fromkeys(file for files in named for file in files.values()))
 
     def to_toml(self, files: Mapping[str, str] | None = None) -> str:
-        """Text of a case file that repeats this case exactly.
+        """Return the text of a case file that repeats this case exactly.
 
         Args:
             files: What stands there for some of `files`, such as a copy's path from the case file's folder.
@@ -473,7 +475,7 @@ class Case:
 
     @classmethod
     def from_file(cls, path: Path | str, instead: Tables | None = None) -> Case:
-        """Read a case file, perhaps with whole tables in place of its own; see `from_toml`. The messages name the file."""
+        """Read a case file, optionally with some tables replaced; see `from_toml`. Messages name the file."""
         path = Path(path)
         _check_case_file(path)
         try:
@@ -496,20 +498,20 @@ class Case:
 
 
 def _check_case_file(path: Path) -> None:
-    """Refuse what is no case file with what to do: a part, a folder, a name that is misspelt."""
+    """Reject a path that is not a case file (a part, a folder, a misspelt name), and say how to fix it."""
     kinds = {".step": "ImportedActuator", ".stp": "ImportedActuator", **dict.fromkeys(FORMATS, "ImportedMesh")}
     kind = kinds.get(path.suffix.lower())
     if kind is not None:
         held = "cavities = ['at 10, 0, 4 mm'] (a point in its air) and support = 'x = 0 mm' (what holds it)"
         raise CaseError(
-            f"{path} is a part, and a case says where its air is, what holds it and how it is loaded; write a text file "
-            f"part.toml with [geometry] device = '{kind}', file = '{path.name}', {held}, and [load] pressure_cm = '0:10', "
-            f"one to a line, then type softmodels run part.toml; or without a file: softmodels run --device {kind} --file "
-            f"{path} --cavities 'at 10, 0, 4 mm' --support 'x = 0 mm' --pressure-cm 0:10"
+            f"{path} is a part file, not a case: a case also needs its cavities, supports and load; write "
+            f"a text file part.toml with [geometry] device = '{kind}', file = '{path.name}', {held}, and [load] pressure_cm = "
+            f"'0:10', one to a line, then type softmodels run part.toml; or without a file: softmodels run --device {kind} "
+            f"--file {path} --cavities 'at 10, 0, 4 mm' --support 'x = 0 mm' --pressure-cm 0:10"
         )
     if path.is_dir() and (path / "case.toml").is_file():
         raise CaseError(
-            f"case file {path} cannot be read (it is a folder of results, whose case file is {path / 'case.toml'})"
+            f"case file {path} cannot be read (it is a results folder; its case file is {path / 'case.toml'})"
         )
     if not path.exists():
         near = ""
@@ -522,14 +524,14 @@ def _check_case_file(path: Path) -> None:
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "supply": ((AirSupply,), "a supply of air, such as sm.Syringe()"),
     "gauges": ((Probes,), "gauges"),
-    "band": ((MaterialErrors, SourceBand), "errors of the material as a fit gives them, or the name of a silicone"),
+    "band": ((MaterialErrors, SourceBand), "errors of a fitted material, or the name of a silicone"),
     "driven": ((LoadRequest,), "requested values of a load"),
 }
-"""Fields that hold a value of a class, or nothing."""
+"""Fields that hold an instance of a class, or None."""
 
 
 def entries() -> dict[str, Entry[Any]]:
-    """How each field of a case is written, by name."""
+    """Return the entry of each field of a case, by name."""
     return {field.name: field.metadata["entry"] for field in dataclasses.fields(Case)}
 
 
@@ -539,7 +541,7 @@ for _name, _entry in entries().items():
 
 
 def _with_files(table: Mapping[str, object], files: Mapping[str, str]) -> dict[str, object]:
-    """Tables with other names of files."""
+    """Return the tables with other names of files."""
     written: dict[str, object] = {}
     for key, value in table.items():
         if isinstance(value, Mapping):
@@ -550,7 +552,7 @@ def _with_files(table: Mapping[str, object], files: Mapping[str, str]) -> dict[s
 
 
 def _check_tables(tables: Tables) -> None:
-    """Refuse unknown tables and entries, and a case without a device or a load."""
+    """Reject unknown tables and entries, and a case without a device or a load."""
     known = list(dict.fromkeys(table for entry in entries().values() for table in entry.tables))
     _known(tables, "the case", ("name", *known))
     for table in known:
@@ -572,7 +574,7 @@ def _known(table: Mapping[str, object], where: str, names: tuple[str, ...]) -> N
 
 
 def _found(tables: Tables, folder: Path | None) -> Tables:
-    """Tables whose files are absolute paths, since the case.toml of the results lies in another folder.
+    """Return the tables with absolute file paths, because the case.toml of the results is in another folder.
 
     Files are counted from the case's folder; those of fitted materials, which commands name from where they run, from there
     too where the case's folder has none.
@@ -594,20 +596,20 @@ def _found(tables: Tables, folder: Path | None) -> Tables:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a run's numbers depend on, as texts by name: two runs with the same texts have the same numbers.
+# Identity of a run: all input that its results depend on, as texts by name. Equal texts give equal results.
 #
-# Every field of a case counts but those of `MAY_GROW`, and of each field everything inside it, so that a field of tomorrow
-# cannot be forgotten. Files count by their content, wherever they lie.
+# Every field of a case counts, except those of `MAY_GROW`, with all its content, so that a new field
+# cannot be forgotten. Files count by content, not by path.
 
 
 ALIKE = ("solver",)
-"""Fields of a case that decide how its numbers are found, and not which."""
+"""Fields of a case that affect the solution method but not the results."""
 MAY_GROW = ("pressures_cm", "volumes_ml", "strokes_ml", "program")
-"""Fields of a case with the requested values: a run that is gone on with may be asked for more. They are checked apart."""
+"""Fields with the requested values, which a resumed run may extend; they are checked separately."""
 
 
 def identity(case: Case) -> dict[str, str]:
-    """Everything that decides a case's numbers: texts by dotted names, such as ``"material.c1"``.
+    """Return all input that a case's results depend on: texts by dotted names, such as ``"material.c1"``.
 
     Raises:
         CaseError: A file that the case names cannot be read.
@@ -619,7 +621,7 @@ def identity(case: Case) -> dict[str, str]:
 
 
 def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str | None:
-    """The first name under which two identities differ, requested values aside; None if there is none."""
+    """Return the first name under which two identities differ, requested values aside; None if there is none."""
     for name in [*new, *(name for name in old if name not in new)]:
         grows = name.split(".")[0] in MAY_GROW or name == "driven.values"
         if not grows and old.get(name) != new.get(name):

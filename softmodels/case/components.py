@@ -1,4 +1,4 @@
-"""The parts of a case: tables ``[kind]`` or ``[kind.name]``, of every kind that is registered."""
+"""Entries for the parts of a case: tables ``[kind]`` or ``[kind.name]`` of each registered kind."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ Parts = tuple[Component, ...]
 OWN_KINDS: tuple[type[Component], ...] = (
     Sheet, Obstacle, RigidShape, Walls, Rigid, Region, Clamp, Fabric, Fibres, Gravity, Mass, Force, Moment,
 )  # fmt: skip
-"""Kinds of the library's own: their import here registers them."""
+"""The library's kinds, registered by this import."""
 
 
 class PartsEntry(Entry[Parts]):
-    """What is added to the device."""
+    """The components of the device."""
 
     @property
     def tables(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -92,12 +92,12 @@ class PartsEntry(Entry[Parts]):
 
 
 def _optional() -> list[type[Component]]:
-    """Kinds of parts that command lines have options for."""
+    """Return the kinds of parts that command lines have options for."""
     return [kind for kind in COMPONENTS.values() if kind.optional]
 
 
 def _options(kind: type[Component]) -> dict[str, str]:
-    """Options by field."""
+    """Return the options by field."""
     first, *others = about(kind)
     return {first: kind.table, **{name: f"{kind.table}_{name}" for name in others}}
 
@@ -115,28 +115,28 @@ def _of_table(kind: type[Component], tables: Tables) -> list[Component]:
         return [kind.read_table("", table)]
     if not all(named):
         raise FieldError(
-            f"[{kind.table}] has entries beside [{kind.table}.name] tables; put each {kind.table} in a table with a name"
+            f"[{kind.table}] mixes entries with [{kind.table}.name] tables; put each {kind.table} in a named table"
         )
     return [kind.read_table(name, table_of(table, name)) for name in table]
 
 
 def with_walls(components: Sequence[Component], actuator: Actuator) -> Parts:
-    """The parts of a case: walls that meet press on each other unless it says otherwise."""
+    """Return the parts of a case, with self-contact of walls unless it is disabled."""
     if actuator.meeting == () or any(isinstance(part, Walls) for part in components):
         return tuple(components)
     kinds = list(COMPONENTS.values())
     behind = kinds[kinds.index(Walls) + 1 :]
     at = next((number for number, part in enumerate(components) if type(part) in behind), len(components))
-    return (*components[:at], Walls(), *components[at:])  # as a case file would be read
+    return (*components[:at], Walls(), *components[at:])  # as read from a case file
 
 
 def without_walls(components: Sequence[Component]) -> Parts:
-    """Parts for what does not know of walls that press on each other by themselves: designs, and decks."""
+    """Return the parts without the default self-contact, for designs and decks."""
     return tuple(Walls("none") if isinstance(part, Walls) and part.automatic else part for part in components)
 
 
 def check_parts(components: Sequence[Component], actuator: Actuator) -> None:
-    """Refuse parts that the device cannot take, or that have one name in common.
+    """Reject parts unsuitable for the device, or with duplicate names.
 
     Raises:
         ComponentError: Which, and why.
@@ -144,13 +144,13 @@ def check_parts(components: Sequence[Component], actuator: Actuator) -> None:
     twice = [label for label, count in Counter(part.label for part in components).items() if count > 1]
     if twice:
         raise ComponentError(
-            f"several parts are called {twice[0]}; give each a name of its own, since their columns bear it"
+            f"several parts are called {twice[0]}; give each its own name, which is used in its columns"
         )
     gravity = gravity_of(components)
     for part in components:
         if part.weighs and not gravity.any():
             raise ComponentError(
-                f"{part.where} has a mass, which gravity pulls at; say where that pulls to ([gravity], --gravity -z)"
+                f"{part.where} has a mass, but gravity has no direction; add it ([gravity], --gravity -z)"
             )
         part.check_under(gravity)
         part.check_on(actuator)

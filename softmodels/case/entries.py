@@ -1,7 +1,7 @@
-"""How the fields of a case are written: each field names its entry, from which come table, option and messages.
+"""Entries of case fields: each field's entry defines its table, its option and its messages.
 
-An `Entry` reads a field from the tables of a case file or from the options of a command, and writes it. A field of another
-kind is one line in `softmodels.case.case.Case`.
+An `Entry` reads a field from the tables of a case file or from the options of a command, and writes it. A new field is
+one line in `softmodels.case.case.Case`.
 """
 
 from __future__ import annotations
@@ -58,28 +58,28 @@ from softmodels.path.supply import (
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Series of requested values, as they are typed.
+# Parse series of requested values.
 
 
 ML = 1e-6
 """m3 in one ml."""
 SHORT_PAIR = re.compile(r"(\d{1,2}),(\d{1,2})")
-"""What may be two values, or one with a decimal comma."""
+"""Two values, or one with a decimal comma."""
 
 
 MAX_PRESSURE = 1e6
-"""Pa; what is above is a mistake in the number or its unit, whatever silicone a device is of."""
+"""Maximum pressure in Pa; above it the number or its unit is wrong for any silicone."""
 
 
 class SeriesError(Spoken, ValueError):
-    """A text that is no series of values; the message is a sentence for the user."""
+    """A text is not a series of values; the message is for the user."""
 
 
 class Typed(tuple[float, ...]):
     """Values as they were typed.
 
     Attributes:
-        doubt: A sentence where the text may have meant something else; empty where it cannot, or nothing was typed.
+        doubt: A sentence if the text is ambiguous; else empty.
     """
 
     doubt: str = ""
@@ -92,7 +92,7 @@ def _typed(values: Iterable[float], doubt: str) -> Typed:
 
 
 def series(text: object, what: str) -> Typed:
-    """Requested values: ``"0:177"`` (from, to), ``"0:177:10"`` (from, to, step) or ``"0,70,130,177"``; or a list.
+    """Return the requested values: ``"0:177"`` (from, to), ``"0:177:10"`` (from, to, step) or ``"0,70,130,177"``; or a list.
 
     Args:
         text: The text, or a sequence of numbers.
@@ -115,10 +115,10 @@ def series(text: object, what: str) -> Typed:
         values = numbers(parts)
     except UnitError as error:
         cure = _unit_at_the_end(separator, parts) or "write 0:177, 0:177:10 or 0,70,130,177"
-        raise SeriesError(f"{what} {brief(text)} is not numbers ({error}); {cure}") from None
+        raise SeriesError(f"{what} {brief(text)} is not a list of numbers ({error}); {cure}") from None
     if below := [value for value in (values[:2] if separator == ":" else values) if value < 0]:
         raise SeriesError(
-            f"{what} {below[0]:g} is below zero; suction is not modelled, so give values from 0 upwards, such as 0,5,10"
+            f"{what} {below[0]:g} is negative; suction is not modelled, so give values of 0 or more, such as 0,5,10"
         )
     if separator == ":":
         values = _range(values, str(text), what)
@@ -129,24 +129,25 @@ def series(text: object, what: str) -> Typed:
             more = ", and decimals with a point" if isinstance(text, str) and "," in text else ""
             raise SeriesError(f"{what} falls from {before:g} to {after:g}; give the values from low to high{more}")
     if values and values[-1] == 0:
-        raise SeriesError(f"the only {what} requested is 0, where nothing happens")
+        raise SeriesError(f"the only {what} requested is 0; add a value above 0")
     return _typed(values, _decimal_comma(text, what) if isinstance(text, str) else getattr(text, "doubt", ""))
 
 
 def _decimal_comma(text: str, what: str) -> str:
-    """A sentence on two short numbers with a comma between them, which may be one number; a leading zero alone is rest."""
+    """Return a sentence on two short numbers with a comma between them, which may be a decimal comma; not after a
+    single zero."""
     match = SHORT_PAIR.fullmatch(text.strip())
     if match is None or (match[1] == "0" and len(match[2]) > 1):
         return ""
     first, second = match.groups()
     return (
         f"{what} {text.strip()!r} is read as two values, {first} and {second}; decimals have a point, so write "
-        f"{first}.{second} if that is meant, or {first}:{second} for both values without this note"
+        f"{first}.{second} for that value, or {first}:{second} for both values without this note"
     )
 
 
 def _unit_at_the_end(separator: str, parts: list[object]) -> str:
-    """How values are written that have units of their own; empty where they have none."""
+    """Return how to write values that carry units; empty if they have none."""
     pairs = [split_text(part) if isinstance(part, str) else ("", "") for part in parts]
     units = list(dict.fromkeys(unit for _, unit in pairs if unit))
     if not units or not all(value for value, _ in pairs):
@@ -160,12 +161,12 @@ def _unit_at_the_end(separator: str, parts: list[object]) -> str:
         return ""
     if pressure:
         values = [value for value, _ in pairs]
-        return _too_much(values, units[0]) or f"a unit stands once, at the end of a text: --pressure '{text}'"
-    return f"a unit stands once, at the end of a text ('{text}'), and not behind volume_ml"
+        return _too_much(values, units[0]) or f"give the unit once, at the end of the text: --pressure '{text}'"
+    return f"give the unit once, at the end of the text ('{text}'), and not with volume_ml"
 
 
 def _too_much(values: Sequence[str], unit: str) -> str:
-    """The end of a sentence on pressures that no device of silicone takes; empty for others."""
+    """Return the end of a sentence on pressures too high for silicone; else empty."""
     try:
         highest = max(map(number, values)) * (pascal_per_cm() if unit == "cm" else factor_of(unit, "Pa") or 0.0)
     except UnitError:
@@ -173,7 +174,7 @@ def _too_much(values: Sequence[str], unit: str) -> str:
     if highest <= MAX_PRESSURE:
         return ""
     return (
-        f"and {highest / 1e3:.4g} kPa is too much: devices of silicone take 1 to 100 kPa, about 10 to 1000 cm of the column; "
+        f"and {highest / 1e3:.4g} kPa is too high: silicone devices take 1 to 100 kPa, about 10 to 1000 cm of the column; "
         "write --pressure '0:30 kPa' or --pressure '0:300 cm'"
     )
 
@@ -195,7 +196,7 @@ def _range(numbers: list[float], text: str, what: str) -> list[float]:
 
 
 def of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> Typed:
-    """Requested values of a text with a unit behind it, such as ``"0:17 kPa"``, in cm of the column or in ml.
+    """Return the requested values of a text with a unit, such as ``"0:17 kPa"``, in cm of the column or in ml.
 
     Args:
         unit: ``"cm"`` or ``"ml"``.
@@ -213,7 +214,7 @@ def of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> Typed:
 
 
 def one_of_text(unit: str, text: str, what: str, pascal_in_cm: float) -> float:
-    """One value of a text with a unit behind it, as `of_text` has several."""
+    """Return a single value of a text with a unit; see `of_text`."""
     value, written = split_text(text)
     scale = _scale(unit, text, written, what, pascal_in_cm)
     try:
@@ -237,13 +238,13 @@ def _scale(unit: str, text: str, written: str, what: str, pascal_in_cm: float) -
 
 
 def split_text(text: str) -> tuple[str, str]:
-    """The numbers of a text and the unit behind them; letters within a number are an exponent's."""
+    """Return the numbers of a text and the unit behind them; letters within a number are an exponent's."""
     match = re.fullmatch(r"\s*(.*?[\d.](?:[eE][+-]?\d+)?)?\s*([^\d\s.,:][^:,]*)?\s*", text)
     return (match[1] or "", (match[2] or "").strip()) if match else (text, "")
 
 
 def factor_of(unit: str, si: str) -> float | None:
-    """SI units in one of a unit; None if it is of another kind, or unknown."""
+    """Return the SI value of a unit; None if it is of another kind, or unknown."""
     try:
         return quantity(f"1 {unit}", si) if unit else None
     except UnitError:
@@ -251,9 +252,9 @@ def factor_of(unit: str, si: str) -> float | None:
 
 
 type Tables = Mapping[str, object]
-"""What a case file holds, by name: tables, and the case's name; see `table_of`."""
+"""Content of a case file by name: tables, and the case's name; see `table_of`."""
 type Written = Mapping[str, Mapping[str, object]]
-"""What is written into a case file, by table and key."""
+"""Values to write into a case file, by table and key."""
 
 
 class Missing(enum.Enum):
@@ -263,18 +264,18 @@ class Missing(enum.Enum):
 
 
 MISSING: Final = Missing.MISSING
-"""What an entry gives that is not there."""
+"""Value of an entry that is not given."""
 
 
 def table_of(tables: Tables, name: str) -> Mapping[str, object]:
-    """A table of a case file; an empty one where the file leaves it out.
+    """Return a table of a case file; empty if the file omits it.
 
     Raises:
         FieldError: It is no table.
     """
     table = tables.get(name, {})
     if not isinstance(table, Mapping):
-        raise FieldError(f"{name} is {table!r}; it must be a table, which begins with a line [{name}]")
+        raise FieldError(f"{name} is {table!r}; it must be a table, starting with a line [{name}]")
     return table
 
 
@@ -296,7 +297,7 @@ class Option:
 
 
 class Entry[V](abc.ABC):
-    """The way of one field, with values V, to and from text.
+    """Conversion of a field with values V to and from text.
 
     Attributes:
         tables: Tables of the case file that it reads.
@@ -306,22 +307,23 @@ class Entry[V](abc.ABC):
 
     @abc.abstractmethod
     def read(self, tables: Tables) -> V | Missing:
-        """The field's value, or `MISSING` where the file leaves it out; an error of `errors.PART_ERRORS` if it is none."""
+        """Return the field's value, or `MISSING` if the file omits it; raise an error of `errors.PART_ERRORS` if it
+        is invalid."""
 
     @abc.abstractmethod
     def write(self, value: V, text: Text) -> Written:
-        """Entries by table; none for a value that says nothing."""
+        """Return the entries by table; empty for an empty value."""
 
     def known(self, key: str) -> bool:
-        """Whether a key of its table is its own."""
+        """Return whether a key of its table belongs to it."""
         return True
 
     def options(self) -> Iterator[Option]:
-        """Options of a command that give it; none unless an entry says so."""
+        """Yield the command options of the field; none by default."""
         yield from ()
 
     def arguments(self, field: str) -> dict[str, str]:
-        """What Python has for its options where that is not an argument of the same name.
+        """Return the Python names of its options that differ from the option's.
 
         Args:
             field: The field's name.
@@ -329,7 +331,7 @@ class Entry[V](abc.ABC):
         return {}
 
     def take(self, options: MutableMapping[str, object]) -> V | Missing:
-        """Take its options out of a command's values; the field's value, or `MISSING` if none was given."""
+        """Pop its options from a command's values; return the field's value, or `MISSING` if none was given."""
         return MISSING
 
 
@@ -345,7 +347,7 @@ class SeriesKind(Kind):
 
 @dataclasses.dataclass(frozen=True)
 class Value(Entry[object]):
-    """A single value of a table; the same is its option.
+    """A single value of a table, with an option of the same name.
 
     Attributes:
         table, key: Where it stands.
@@ -371,7 +373,7 @@ class Value(Entry[object]):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Keys of its table by which it may be given."""
+        """Keys of its table that may set it."""
         return (self.key,)
 
     @property
@@ -386,7 +388,7 @@ class Value(Entry[object]):
         return value if value is MISSING else self.about.kind.read(self.what or self.key, value)
 
     def settled(self, value: object) -> object:
-        """The value as code gives it, plain; an error of `errors.PART_ERRORS` if it is none."""
+        """Return a value given by code in plain form; raise an error of `errors.PART_ERRORS` if it is invalid."""
         return self.about.kind.settled(self.what or self.key, value)
 
     def write(self, value: object, text: Text) -> Written:
@@ -400,7 +402,7 @@ class Value(Entry[object]):
 
     def arguments(self, field: str) -> dict[str, str]:
         if isinstance(self.about.kind, SeriesKind):
-            return {self._option: f"{self.what}s"}  # as the calls have it, with a unit
+            return {self._option: f"{self.what}s"}  # a text with a unit, as in calls
         return {self._option: f"{field}=True"} if isinstance(self.about.kind, Flag) else {}
 
     def take(self, options: MutableMapping[str, object]) -> object:
@@ -411,7 +413,7 @@ class Value(Entry[object]):
 
 
 class SupplyEntry(Entry[AirSupply | None]):
-    """What drives the air: a table with the supply's name as its ``kind``, and its fields."""
+    """The air supply: a table with the supply's name as its ``kind``, and its fields."""
 
     tables = ("supply",)
 
@@ -426,7 +428,7 @@ class SupplyEntry(Entry[AirSupply | None]):
         return {} if value is None else {"supply": {"kind": value.name, **schema.to_table(value, text)}}
 
     def options(self) -> Iterator[Option]:
-        text = "what drives the air: the pressure (or volume) itself, or a syringe on a T-junction"
+        text = "air supply: a prescribed pressure or volume, or a syringe on a T-junction"
         yield Option("supply", About(Choice(("direct", *SUPPLIES)), text))
         seen = set()
         for supply in SUPPLIES.values():
@@ -463,16 +465,16 @@ def _options(supply: type[AirSupply]) -> set[str]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What can be wrong with a case: each is a sentence for the user, found before anything is solved.
+# Errors of a case, raised with a message for the user before anything is solved.
 
 
 class CaseError(Spoken, ValueError):
-    """Bad input, found before anything is solved; the message is a sentence for the user."""
+    """Invalid input, detected before anything is solved; the message is for the user."""
 
 
 PART_ERRORS = (
     FieldError, ProbeError, GeometryError, MaterialError, ComponentError, ProgramError, SeriesError,
     SupplyError,
 )  # fmt: skip
-"""What the parts of a case raise."""
+"""Errors raised by the parts of a case."""
 INPUT_ERRORS = (CaseError, *PART_ERRORS)

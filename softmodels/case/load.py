@@ -1,4 +1,4 @@
-"""What a case asks of a device: rising pressures, added volumes, strokes of a supply, or a series for each cavity."""
+"""Load of a case: rising pressures, added volumes, strokes of a supply, or a series for each cavity."""
 
 from __future__ import annotations
 
@@ -34,26 +34,26 @@ from softmodels.path.program import EVERY_KEY, LOAD_KEYS, Program
 from softmodels.path.supply import AirSupply
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What is asked of a dead load: forces, moments, shares of the weight, or how far they move what they act on.
+# Requests on a dead load: forces, moments, shares of the weight, or the conjugate travels and rotations.
 
 
 ASKED = {
-    "force_N": "forces in N on a face (--force), in place of pressures: 0:10 or 0,2,5",
-    "travel_mm": "how far the face of the force moves along it in mm, in place of forces",
-    "moment_Nmm": "moments in N mm on a face (--moment), in place of pressures",
-    "turn_deg": "how far the face of the moment turns in degrees, in place of moments",
-    "share": "shares of the weight (--gravity), in place of pressures: 0:1",
+    "force_N": "forces in N on a face (--force), instead of pressures: 0:10 or 0,2,5",
+    "travel_mm": "travel of the face along the force in mm, instead of forces",
+    "moment_Nmm": "moments in N mm on a face (--moment), instead of pressures",
+    "turn_deg": "rotation of the face of the moment in degrees, instead of moments",
+    "share": "shares of the weight (--gravity), instead of pressures: 0:1",
 }
-"""What can be requested of a dead load, with the help of its option."""
+"""Requestable quantities of a dead load, with the help of their options."""
 WORDS = {"force_N": "forces", "travel_mm": "travels", "moment_Nmm": "moments", "turn_deg": "turns", "share": "shares"}
 OPTIONS = {"share": "weight_share"}
-"""Names of the options where they are not the key."""
+"""Names of the options that differ from the key."""
 
 
 @checked
 @dataclasses.dataclass(frozen=True)
 class LoadRequest:
-    """Requested values of one dead load, all others kept.
+    """Requested values of one dead load, all others constant.
 
     Attributes:
         key: One of `ASKED`.
@@ -69,16 +69,16 @@ class LoadRequest:
 
     @property
     def table(self) -> str:
-        """The table of the loads that it can be of."""
+        """The table of the loads it can refer to."""
         return next(table for table, keys in LOAD_KEYS.items() if self.key in keys)
 
     @property
     def held(self) -> bool:
-        """Whether a travel is asked for, and not a force."""
+        """Whether travels are requested instead of forces."""
         return EVERY_KEY[self.key].held
 
     def of(self, components: tuple[Component, ...]) -> LoadPart:
-        """The load.
+        """Return the load.
 
         Raises:
             FieldError: There is none, or several.
@@ -89,16 +89,16 @@ class LoadRequest:
             return named[0]
         if not found:
             raise FieldError(
-                f"{WORDS[self.key]} are requested ({self.key}) and the device has no [{self.table}]; add one"
+                f"{WORDS[self.key]} are requested ({self.key}), but the device has no [{self.table}]; add one"
                 f" (--{self.table})"
             )
         names = ", ".join(part.name or "without a name" for part in found)
         raise FieldError(
-            f'{self.key} is of one {self.table} of the case, which has {names}; say which (on = "{found[0].name}")'
+            f'{self.key} refers to one {self.table}, but the case has {names}; choose one (on = "{found[0].name}")'
         )
 
     def column(self, load: LoadPart) -> str:
-        """Column of ``path.csv`` with the requested values."""
+        """Return the column of ``path.csv`` with the requested values."""
         if self.key == "share":
             return load.share_column
         return load.travel_column if self.held else load.column
@@ -127,10 +127,8 @@ class LoadRequestEntry(Entry[LoadRequest | None]):
     def options(self) -> Iterator[Option]:
         for key, text in ASKED.items():
             yield Option(OPTIONS.get(key, key), About(SeriesKind(), text), metavar="SERIES")
-        yield Option(
-            "on", About(Words(), "name of the load that these are of, where a case has several"), metavar="NAME"
-        )
-        text = "pressure in cm of water that is applied first and kept, for forces on an inflated device"
+        yield Option("on", About(Words(), "name of the load they refer to, if a case has several"), metavar="NAME")
+        text = "pressure in cm of water, applied first and then constant, for forces on an inflated device"
         yield Option("at_pressure_cm", About(Quantity(), text))
 
     def arguments(self, field: str) -> dict[str, str]:
@@ -144,29 +142,27 @@ class LoadRequestEntry(Entry[LoadRequest | None]):
         asked = [key for key in ASKED if key in given]
         if not asked:
             if given:
-                raise FieldError(
-                    f'{next(iter(given))} belongs to requested forces, such as force_N = "0:10" (--force-N)'
-                )
+                raise FieldError(f'{next(iter(given))} needs requested forces, such as force_N = "0:10" (--force-N)')
             return MISSING
         if len(asked) > 1:
-            raise FieldError(f"request one of {' and '.join(asked)}; for several things in turn write a program")
+            raise FieldError(f"request one of {' and '.join(asked)}; for several in sequence write a program")
         values = SeriesKind().read(asked[0], given[asked[0]])
         on = Words().settled("on", given.get("on", ""))
         pressure = Quantity().read("at_pressure_cm", given.get("at_pressure_cm", 0.0))
         if pressure < 0.0:
-            raise FieldError(f"at_pressure_cm is {pressure:g}; it must be 0 or more, suction is not modelled")
+            raise FieldError(f"at_pressure_cm is {pressure:g}; it must be 0 or more, because suction is not modelled")
         return LoadRequest(asked[0], values, on, pressure)
 
 
 STIFFNESS_RANGE = 30.0
-"""Pressures above this many shear moduli are taken for a mistake in a unit: no silicone device holds a tenth of it."""
+"""Maximum pressure in shear moduli; above it a wrong unit is assumed: no silicone device withstands a tenth of it."""
 VOLUME_RANGE = 1000.0
-"""Added volumes above this many cavities are taken for a mistake in a unit: a silicone tears at a tenth of that stretch."""
+"""Maximum added volume in cavity volumes; above it a wrong unit is assumed: silicones tear at a tenth of that stretch."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Requested:
-    """What can be requested.
+    """A quantity that can be requested.
 
     Attributes:
         name: What the path calls it; messages too.
@@ -196,7 +192,7 @@ class Load:
     strokes_ml: tuple[float, ...]
     program: Program
     supply: AirSupply | None
-    cycle: bool
+    load_unload: bool
     control: str
     water_density: float
     driven: LoadRequest | None
@@ -214,12 +210,12 @@ class Load:
 
     @property
     def driver(self) -> str:
-        """What drives the air, in a word."""
+        """Name of the air supply, in a word."""
         return "supply" if self.supply is None else self.supply.name
 
     @property
     def has_pressure(self) -> bool:
-        """Whether air presses at all; it does not where weights, forces and moments alone are asked for."""
+        """Whether the device is pressurised; it is not if only weights, forces and moments are requested."""
         of_cavities = any(not series.target for series in self.program)
         kept = self.driven is not None and self.driven.at_pressure_cm > 0.0
         return bool(self.pressures_cm or self.volumes_ml or self.strokes_ml or of_cavities or kept)
@@ -250,10 +246,10 @@ class Load:
         return tuple(value * self.scale for value in self.values)
 
     def check(self, actuator: Actuator) -> None:
-        """Refuse what cannot be followed.
+        """Reject invalid loads.
 
         Raises:
-            CaseError: Nothing is requested, or several things at once; what goes against another.
+            CaseError: No or several quantities are requested, or options contradict each other.
             SupplyError: Strokes that the supply cannot make.
         """
         asked = (self.pressures_cm, self.volumes_ml, self.strokes_ml, self.program, self.driven)
@@ -261,39 +257,44 @@ class Load:
             raise CaseError(
                 "request either pressures (--pressure-cm) or added volumes (--volume-ml), or strokes of a syringe "
                 "(--supply syringe with --stroke-ml), or forces on a face (--force-N), or shares of the weight "
-                "(--weight-share), or in a case file a series for each cavity (cavity1.pressure_cm): one of these"
+                "(--weight-share), or in a case file a series for each cavity (cavity1.pressure_cm); give exactly one of these"
             )
         if not actuator.ratios and (self.pressures_cm or self.volumes_ml or self.strokes_ml):
             raise CaseError(
-                f"{type(actuator).__name__} has no cavity to put a pressure or a volume in; load it by a force (--force with "
+                f"{type(actuator).__name__} has no cavity for a pressure or a volume; load it by a force (--force with "
                 "--force-N) or by its weight (--gravity with --weight-share 0:1)"
             )
         if self.program:
             self._check_program(actuator)
         if self.driven is not None:
             self._check_driven(self.driven, actuator)
-        if self.cycle and not (self.pressures_cm or (self.driven and not self.driven.held)):
-            raise CaseError("--cycle raises and lowers a pressure or a force; give --pressure-cm or --force-N with it")
-        if self.cycle and (rubs := self._remembering):
+        if self.load_unload and not (self.pressures_cm or (self.driven and not self.driven.held)):
             raise CaseError(
-                f"--cycle reads its states off one curve, and {rubs} has friction, which depends on the way there; lower the "
-                "pressure by a series in a case file instead (cavity1.pressure_cm = [40, 0])"
+                "--load-unload needs a pressure or a force to raise and lower; add --pressure-cm or --force-N"
             )
-        if self.cycle and self.control != "auto":
-            raise CaseError("--cycle chooses by itself what it follows; leave out --control")
+        if self.load_unload and (rubs := self._remembering):
+            raise CaseError(
+                f"--load-unload reads one equilibrium curve, but with the friction of {rubs} the states depend "
+                f"on the loading history; use a series in a case file instead (cavity1.pressure_cm = [40, 0])"
+            )
+        if self.load_unload and self.control != "auto":
+            raise CaseError("--load-unload chooses the control itself; leave out --control")
         self._check_supply(actuator)
         self._check_lifted()
         if self.supply is not None and any(
             isinstance(part, LoadPart) and not part.idle(self.components) for part in self.components
         ):
             raise CaseError(
-                "the strokes of a supply are counted from the undeformed cavity, and a device with weights or forces begins "
-                "from another; request pressures or added volumes"
+                "strokes of a supply count from the undeformed cavity, but a device with weights or forces starts "
+                "from a preloaded one; request pressures or added volumes"
             )
         if self.volumes_ml and self.control == "pressure":
             raise CaseError("added volumes cannot be requested under pressure control; use --control auto or volume")
         if not 100.0 <= self.water_density <= 20000.0:
-            raise CaseError(f"a water density of {self.water_density:g} kg/m^3 is no liquid's; the thesis measured 970")
+            raise CaseError(
+                f"a water density of {self.water_density:g} kg/m^3 is out of range; give 100 to 20000 kg/m^3 (the "
+                f"thesis measured 970)"
+            )
 
     @property
     def _remembering(self) -> str:
@@ -301,43 +302,46 @@ class Load:
         return next((part.where for part in self.components if part.remembers), "")
 
     def _check_lifted(self) -> None:
-        """Refuse shares of a gravity that pulls at a mass which the device lifts: it weighs by the whole of it."""
+        """Reject shares of gravity if the device lifts a mass, which always has its full weight."""
         lifted = next((part.where for part in self.components if part.lifted and part.weighs), "")
         shared = any(series.target == "gravity" for series in self.program)
         if lifted and (shared or (self.driven is not None and self.driven.key == "share")):
             raise CaseError(
-                f"{lifted} has a mass that weighs by the whole of gravity, and shares of the weight are requested; leave out "
-                "the shares, or the mass"
+                f"{lifted} has a mass with its full weight, but shares of the weight are requested; "
+                "leave out the shares, or the mass"
             )
 
     def check_band(self) -> None:
-        """Refuse a load whose states are not those of one pressure or volume.
+        """Reject loads for which no band is defined.
 
         Raises:
             CaseError: A supply, a program, a cycle, or travels.
         """
         if rubs := self._remembering:
-            raise CaseError(f"a band is not told where there is friction, as at {rubs}: leave out --band, or friction")
-        if self.program or self.supply is not None or self.cycle or (self.driven is not None and self.driven.held):
+            raise CaseError(f"bands are not available with friction, as at {rubs}: leave out --band, or the friction")
+        if (
+            self.program
+            or self.supply is not None
+            or self.load_unload
+            or (self.driven is not None and self.driven.held)
+        ):
             raise CaseError(
-                "a band is told of states at requested pressures, volumes, forces or shares of the weight; leave out --band, "
-                "or supply, cycle, requested travels and series"
+                "bands are available only for requested pressures, volumes, forces or shares of the weight; "
+                "leave out --band, or the supply, load_unload, travels or series"
             )
 
     def check_branch(self) -> None:
-        """Refuse a load under which no branch can be followed.
+        """Reject a load under which no branch can be followed.
 
         Raises:
             CaseError: A program or a cycle.
         """
         if rubs := self._remembering:
-            raise CaseError(f"--branch does not follow a device with friction, as at {rubs}; leave one of them out")
+            raise CaseError(f"--branch is not available with friction, as at {rubs}; leave one of them out")
         if self.program:
-            raise CaseError("--branch does not follow a series for each cavity; leave one of them out")
-        if self.cycle:
-            raise CaseError(
-                "--branch leaves the path where it bifurcates and --cycle jumps there; leave one of them out"
-            )
+            raise CaseError("--branch is not available with a series for each cavity; leave one of them out")
+        if self.load_unload:
+            raise CaseError("--branch and --load-unload cannot be combined; leave out one of them")
 
     def _check_supply(self, actuator: Actuator) -> None:
         if bool(self.strokes_ml) != (self.supply is not None):
@@ -346,17 +350,15 @@ class Load:
         if self.supply is not None:
             self.supply.check_strokes(self.strokes_ml[-1] * 1e-6, actuator.cavity_volume)
             if self.control not in ("auto", "arc-length"):
-                raise CaseError("strokes are followed under --control auto or arc-length")
+                raise CaseError("strokes need --control auto or arc-length")
 
     def _check_driven(self, driven: LoadRequest, actuator: Actuator) -> None:
         load = driven.of(self.components)
         if driven.at_pressure_cm and not actuator.ratios:
-            raise CaseError(
-                f"at_pressure_cm: {type(actuator).__name__} has no cavity to put a pressure in; leave it out"
-            )
+            raise CaseError(f"at_pressure_cm: {type(actuator).__name__} has no cavity for a pressure; leave it out")
         if load.kept:
             raise CaseError(
-                f"{load.where} has an amount that is kept, and {WORDS[driven.key]} of it are requested; leave one of them out"
+                f"{load.where} has a constant amount, but {WORDS[driven.key]} of it are requested; leave one of them out"
             )
 
     def _check_program(self, actuator: Actuator) -> None:
@@ -364,36 +366,32 @@ class Load:
         of_cavities = [series for series in self.program if not series.target]
         if of_cavities and len(of_cavities) != count:
             raise CaseError(
-                f"[load] tells of {len(of_cavities)} cavities and the device has {count}; give a series for each"
+                f"[load] has series for {len(of_cavities)} cavities, but the device has {count}; give one for each"
             )
         for series in self.program:
             if series.target and series.target not in known:
                 table, _, name = series.target.partition(".")
                 raise CaseError(
-                    f"[load] has a series for {series.target} and the case has no [{table}{'.' + name if name else ''}]; the "
+                    f"[load] has a series for {series.target}, but the case has no [{table}{'.' + name if name else ''}]; the "
                     f"loads it has are {', '.join(known) or 'none'}"
                 )
             load = known.get(series.target)
             if load is not None and load.kept:
-                raise CaseError(
-                    f"{load.where} has an amount that is kept, and a series in [load]; leave one of them out"
-                )
+                raise CaseError(f"{load.where} has a constant amount, and a series in [load]; leave one of them out")
         if of_cavities and actuator.ratios != (1.0,) * count:
-            raise CaseError(
-                "pressure_ratios and a series for each cavity say the same thing twice; leave out the ratios"
-            )
-        if self.cycle or self.control not in ("auto", "arc-length"):
-            raise CaseError("a series for each cavity is followed under control auto or arc-length, and without cycle")
+            raise CaseError("pressure_ratios cannot be combined with a series for each cavity; leave out the ratios")
+        if self.load_unload or self.control not in ("auto", "arc-length"):
+            raise CaseError("a series for each cavity needs control auto or arc-length, without load_unload")
 
     def check_size(self, shear_modulus: float, cavity: float) -> None:
-        """Refuse values that only a mistaken unit gives: the solver would take them, or fail without saying why.
+        """Reject values that suggest a wrong unit.
 
         Args:
             shear_modulus: Of the material in Pa.
             cavity: The cavity's volume in m3.
 
         Raises:
-            CaseError: So far from what the material or the cavity bears.
+            CaseError: The value is out of range for the material or the cavity.
         """
         given = {is_volume: [v for one in self.program if one.is_volume == is_volume and not one.target for v in one.values]
                  for is_volume in (False, True)}  # fmt: skip
@@ -410,6 +408,6 @@ class Load:
         largest = max([*self.volumes_ml, *given[True]], default=0.0)
         if largest * 1e-6 > VOLUME_RANGE * cavity:
             raise CaseError(
-                f"an added volume of {largest:g} ml against a cavity of {cavity * 1e6:.4g} ml cannot be meant; "
-                f"at most {VOLUME_RANGE:g} times the cavity is taken"
+                f"an added volume of {largest:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "
+                f"give at most {VOLUME_RANGE:g} times the cavity volume"
             )

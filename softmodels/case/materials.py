@@ -1,4 +1,4 @@
-"""Materials as text: values of a command line, tables of a TOML file, names of the library."""
+"""Materials from and to text: command-line values, TOML tables, names of the library."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ from softmodels.mechanics.sensitivity import known_parameters
 
 DEFAULT = NeoHookean(shear_modulus=30e3)
 CONVENTION = "convention"
-"""Key that says how a law's parameters are meant, where there are several ways."""
+"""Key of the convention of a law's parameters, if there are several."""
 FITTED = "fitted_stretch"
-"""Key of the range of stretch that a law was fitted over."""
+"""Key of the fitted range of stretch."""
 
 
 def material_options_of() -> dict[str, tuple[str, list[str]]]:
-    """Help and laws of everything that a material's table may hold, by name: fields first, then what stands in for them."""
+    """Return help text and laws of each key of a material's table: fields first, then their alternatives."""
     entries: dict[str, tuple[str, list[str]]] = {}
     for law in LAWS.values():
         for field in parameter_fields(law):
@@ -81,7 +81,7 @@ def _flag(name: str) -> str:
 
 
 def material_from(name: str | None, values: Mapping[str, object]) -> Material:
-    """The material of a command line.
+    """Return the material of a command line.
 
     Args:
         name: A law, a silicone, a TOML file, or None for the default law.
@@ -103,8 +103,8 @@ def material_from(name: str | None, values: Mapping[str, object]) -> Material:
         if mixed := _mixed(given):
             flags = " and ".join(map(_flag, mixed))
             raise MaterialError(
-                f"the silicone {law} has a law and parameters of its own, and {flags} would mix another with them; leave out "
-                f"{flags}, or name a law in place of the silicone, such as --material yeoh"
+                f"the silicone {law} already defines its law and parameters, which {flags} would mix; leave "
+                f"out {flags}, or name a law instead of the silicone, such as --material yeoh"
             )
     elif law.endswith(".toml") or Path(law).is_file():
         return _from_file(law, given)
@@ -115,13 +115,15 @@ def material_from(name: str | None, values: Mapping[str, object]) -> Material:
 
 
 def _from_file(file: object, changes: Mapping[str, object]) -> Material:
-    """The material of a TOML file, such as ``fitted.toml``, perhaps with another Poisson's ratio."""
+    """Return the material of a TOML file, such as ``fitted.toml``, optionally with another Poisson's ratio."""
     if not isinstance(file, str) or not file:
-        raise MaterialError(f"material file {file!r} is no file's name; write it like file = 'results/fit/fitted.toml'")
+        raise MaterialError(
+            f"material file {file!r} is not a file name; write it like file = 'results/fit/fitted.toml'"
+        )
     if mixed := _mixed(changes):
         raise MaterialError(
-            f"material file {file}: it holds the law and its parameters already; delete {' and '.join(mixed)} beside it, or "
-            "delete the file and name a law"
+            f"material file {file}: it already defines the law and its parameters; delete {' and '.join(mixed)}, "
+            f"or delete the file and name a law"
         )
     try:
         return from_table({**_read_file(Path(file)), **changes})
@@ -140,7 +142,7 @@ def _read_file(path: Path) -> dict[str, object]:
 
 
 def to_table(material: Material, text: Text = exact_text) -> dict[str, object]:
-    """A material as a TOML table: its law and parameters with units. `from_table` gives back an equal one.
+    """Return a material as a TOML table: its law and parameters with units. `from_table` gives back an equal one.
 
     ``text`` writes the quantities; `softmodels.common.units.readable` is for people.
     """
@@ -152,14 +154,14 @@ def to_table(material: Material, text: Text = exact_text) -> dict[str, object]:
         else:
             table[field.name] = text(value, unit) if unit else value
     if material.conventions:
-        table[CONVENTION] = material.conventions[0]  # the same numbers read in the other way are another rubber
+        table[CONVENTION] = material.conventions[0]  # the same numbers in the other convention are another rubber
     if material.fitted_stretch is not None:
         table[FITTED] = list(material.fitted_stretch)
     return table
 
 
 def from_table(table: Mapping[str, object]) -> Material:
-    """The material of a TOML table: ``law`` (or ``silicone``, or the ``file`` of a fitted one) and its parameters.
+    """Return the material of a TOML table: ``law`` (or ``silicone``, or the ``file`` of a fitted one) and its parameters.
 
     Raises:
         MaterialError: See `material_from`.
@@ -176,8 +178,8 @@ def from_table(table: Mapping[str, object]) -> Material:
         if mixed := _mixed(values):
             names = " and ".join(mixed)
             raise MaterialError(
-                f"silicone = {silicone!r} has a law and parameters of its own, and {names} would mix another with them; delete "
-                f"{names} for the silicone, or delete silicone for a law of your own"
+                f"silicone = {silicone!r} already defines its law and parameters, which {names} would mix; delete "
+                f"{names} to use the silicone, or delete silicone to use your own law"
             )
         return from_table({**to_table(found.material), **values})
     if "law" not in values:
@@ -216,12 +218,15 @@ def _range(law: str, value: object) -> tuple[float, float] | None:
     if value is None:
         return None
     if not isinstance(value, list | tuple) or len(value) != 2 or not all(isinstance(v, int | float) for v in value):
-        raise MaterialError(f"{law}: {FITTED} = {value!r} is no range of stretch; write it like {FITTED} = [1.02, 3.0]")
+        raise MaterialError(
+            f"{law}: {FITTED} = {value!r} is not a range of stretch; write it like {FITTED} = [1.02, 3.0]"
+        )
     return float(value[0]), float(value[1])
 
 
 def _mixed(beside: Mapping[str, object]) -> list[str]:
-    """What beside a silicone's name or a material's file would make a mixture of two materials: all but Poisson's ratio."""
+    """Return the keys that conflict with a silicone's name or a material's file: all except Poisson's
+    ratio."""
     return [name for name in beside if name != "poisson"]
 
 
@@ -238,17 +243,17 @@ def _number(law: str, key: str, value: object, unit: str) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What is not known of a material: the covariance of a fitted one's parameters, the sources of a named one; a case's table.
+# Uncertainty of a material: parameter covariance of a fitted one, or the sources of a named one.
 
 
 WIDTH_95 = 2 * 1.959964
-"""Standard deviations in a 95 % interval."""
+"""Width of a 95 % interval in standard deviations."""
 
 
 @checked
 @dataclasses.dataclass(frozen=True)
 class MaterialErrors:
-    """How uncertain a material is.
+    """The uncertainty of a fitted material.
 
     Attributes:
         names: Parameters of the law.
@@ -269,14 +274,14 @@ class MaterialErrors:
 
     @property
     def roots(self) -> npt.NDArray[np.float64]:
-        """Changes of the parameters, independent of each other and of one standard deviation each, shape (n, m)."""
+        """Independent parameter changes of one standard deviation each, shape (n, m)."""
         size = np.sqrt(np.diag(self.matrix))
         values, vectors = np.linalg.eigh(self.matrix / np.outer(size, size))
         return read_only(np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))))
 
     @classmethod
     def from_file(cls, path: Path) -> MaterialErrors:
-        """From ``fitted.toml``; with ``fit.json`` beside it the whole covariance, else that of the 95 % intervals alone.
+        """From ``fitted.toml``; with ``fit.json`` beside it the full covariance, else only that of the 95 % intervals.
 
         Raises:
             MaterialError: No fit, or one without errors.
@@ -287,44 +292,44 @@ class MaterialErrors:
             raise MaterialError(f"the fitted material {path} {error}") from None
         fit = tables.get("fit")
         if not isinstance(fit, dict) or not isinstance(tables.get("material"), dict):
-            raise MaterialError(f"{path} holds no fit; give the fitted.toml that softmodels fit has written")
+            raise MaterialError(f"{path} contains no fit; give the fitted.toml written by softmodels fit")
         try:
             fitted = from_table(tables["material"])
         except MaterialError as error:
             raise MaterialError(f"{path}: {error}") from None
         known = known_parameters(fitted)
         names, covariance, how = _whole(path, fitted) or _intervals(path, fit)
-        kept = [k for k, name in enumerate(names) if name in known]  # a device's fit has the bench's numbers too
+        kept = [k for k, name in enumerate(names) if name in known]  # a device's fit also has bench parameters
         if not kept:
             raise MaterialError(f"{path} has no errors of {', '.join(known)}; a fit with free parameters is needed")
         rows = covariance[np.ix_(kept, kept)].tolist()
         return cls(tuple(names[k] for k in kept), tuple(map(tuple, rows)), how, fitted)
 
     def check(self, material: Material) -> None:
-        """Refuse errors of another material, or numbers that are no covariance.
+        """Reject errors of another material, or an invalid covariance.
 
         Raises:
             MaterialError: Which.
         """
         if self.around is not None and self.around != material:
             raise MaterialError(
-                f"the errors ({self.how}) are of another material than the case's; take that there too, so that they are "
-                "around its values: file = ... in [material], or --material"
+                f"the errors ({self.how}) belong to another material than the case's; use the fitted "
+                "material there too: file = ... in [material], or --material"
             )
         known = known_parameters(material)
         if unknown := [name for name in self.names if name not in known]:
-            raise MaterialError(f"errors of {unknown[0]} are given, which {material.name} does not have")
+            raise MaterialError(f"errors of {unknown[0]} are given, but {material.name} has no such parameter")
         square = len(self.names) > 0 and all(len(row) == len(self.names) for row in self.covariance)
         matrix = self.matrix if square and len(self.covariance) == len(self.names) else np.full((1, 1), np.nan)
         if not np.isfinite(matrix).all() or (np.diag(matrix) <= 0.0).any() or not np.allclose(matrix, matrix.T):
             raise MaterialError(
-                "the errors' covariance is not one: finite and symmetric, with variances above zero, a row for each parameter"
+                "the covariance is invalid; it must be finite and symmetric, with positive variances and a row per parameter"
             )
 
 
 @dataclasses.dataclass(frozen=True)
 class SourceBand:
-    """The sources of a named silicone, each of which a case is solved with.
+    """The sources of a named silicone; the case is solved with each.
 
     Attributes:
         product: The silicone's name without a source.
@@ -337,17 +342,17 @@ class SourceBand:
             raise MaterialError(f"silicone {self.product!r} is unknown; known are {', '.join(PRODUCTS)}")
         if not spanning(self.product):
             raise MaterialError(
-                f"{self.product} has one source here, so there is no band of its sources; leave out --band, or fit a cast of "
-                "your own"
+                f"{self.product} has only one source, so no band over sources exists; leave out --band, "
+                "or fit your own cast"
             )
 
     @property
     def how(self) -> str:
-        """What it is, a clause."""
+        """Its description, as a clause."""
         return f"the sources of {self.product}"
 
     def check(self, material: Material) -> None:
-        """Refuse another material than this silicone.
+        """Reject another material than this silicone.
 
         Raises:
             MaterialError: It is none of the sources.
@@ -355,12 +360,12 @@ class SourceBand:
         name = named(material)
         if name is None or product_of(name) != self.product:
             raise MaterialError(
-                f"the band is that of the sources of {self.product}, and the case's material is none of them; take that "
-                f"silicone (--material {self.product}), or leave out --band"
+                f"the band is over the sources of {self.product}, but the case's material is none of "
+                f"them; use that silicone (--material {self.product}), or leave out --band"
             )
 
     def others(self, material: Material) -> dict[str, Material]:
-        """The other sources by name, from the softest to the stiffest, with a material's own Poisson's ratio."""
+        """Return the other sources by name, from the softest to the stiffest, with a material's own Poisson's ratio."""
         own = named(material)
         names = [name for name in source_names(self.product) if name != own]
         found = {name: silicone_called(name) for name in names}
@@ -375,7 +380,7 @@ type AnyBand = MaterialErrors | SourceBand
 
 
 def band_of(text: str | Path) -> AnyBand:
-    """The band of a silicone's sources by its name, or of a fitted material by its ``fitted.toml``.
+    """Return the band of a silicone's sources by its name, or of a fitted material by its ``fitted.toml``.
 
     Raises:
         MaterialError: Neither, or one without errors.
@@ -389,7 +394,7 @@ Found = tuple[tuple[str, ...], npt.NDArray[np.float64], str]
 
 
 def _whole(path: Path, fitted: Material) -> Found | None:
-    """Names and covariance of the ``fit.json`` beside a fitted material; None if there is none.
+    """Return the names and covariance of the ``fit.json`` beside a fitted material; None if there is none.
 
     Of several laws it is the one with the material's own numbers: fits call a sum of one term ``ogden1``, materials ``ogden``.
     """
@@ -413,9 +418,9 @@ def _intervals(path: Path, fit: Mapping[str, object]) -> Found:
     try:
         widths = {str(name): float(high) - float(low) for name, (low, high) in intervals.items()}
     except (TypeError, ValueError):
-        raise MaterialError(f"{path}: the intervals of its fit cannot be read") from None
+        raise MaterialError(f"{path}: the intervals of the fit cannot be read") from None
     if not widths or not all(0.0 < width < np.inf for width in widths.values()):
-        raise MaterialError(f"{path} has no finite 95 % intervals, so the material's errors are not known")
+        raise MaterialError(f"{path} has no finite 95 % intervals, so the material's errors are unknown")
     sigma = np.array(list(widths.values())) / WIDTH_95
     return tuple(widths), np.diag(sigma**2), f"95 % intervals of {path}, as if they were independent"
 
@@ -457,8 +462,8 @@ class ErrorsEntry(Entry[AnyBand | None]):
 
     def options(self) -> Iterator[Option]:
         text = (
-            "a fitted material's fitted.toml: path.csv and the curves get the 95 % band that its errors make; or a silicone's "
-            "name: each of its sources is solved, and the curves get the band that they span"
+            "fitted.toml of a fitted material: adds the 95 % band from its errors to path.csv and the curves; or a "
+            "silicone's name: each of its sources is solved, and the curves show the band they span"
         )
         yield Option("band", About(Words(), text), None, "FILE|NAME")
 
@@ -471,12 +476,12 @@ class ErrorsEntry(Entry[AnyBand | None]):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A region of a device in a material of its own: a table ``[region.NAME]`` with the entries of ``[material]`` and a density.
+# Regions with another material: a table ``[region.NAME]`` with the entries of ``[material]`` and a density.
 
 
 DENSITY = Quantity("kg/m^3")
 MODULI = (SOFTEST, 1e12)
-"""Shear moduli in Pa that a region can have, from the softest gels to hard metals."""
+"""Accepted shear moduli of a region in Pa, from the softest gels to hard metals."""
 
 
 @register_component
@@ -506,8 +511,8 @@ class Region(RegionPart):
         mu = self.material.shear_modulus_0
         if not MODULI[0] <= mu <= MODULI[1]:
             raise ComponentError(
-                f"{self.where}: the shear modulus is {mu:.4g} Pa, and {MODULI[0]:g} to {MODULI[1]:g} Pa are taken; check "
-                "the units of its parameters"
+                f"{self.where}: the shear modulus is {mu:.4g} Pa; {MODULI[0]:g} to {MODULI[1]:g} Pa are accepted, "
+                f"so check the units of its parameters"
             )
         check_rest(self.material)
         if self.density is not None:
@@ -536,10 +541,10 @@ class Region(RegionPart):
         law = {field.name: field.metadata["help"] for field in parameter_fields(self.material)}
         return {
             **law,
-            "density": "density of the region; by its silicone's data sheet, or that of [gravity], if left out",
+            "density": "density of the region; default: from its silicone's data sheet, or that of [gravity]",
         }
 
     @property
     def label(self) -> str:
-        """Not its name alone, which a hold or fibres in it may bear too."""
+        """Label with its kind, because a clamp or fibres may have the same name."""
         return f"region_{self.name}"

@@ -1,7 +1,7 @@
-"""Devices, laws, supplies and parts from files of one's own, for commands and for the processes that they start.
+"""Import user-defined devices, laws, supplies and parts, for commands and their child processes.
 
-A script that defines a device and runs it needs nothing of this. A command such as ``softmodels run case.toml`` knows only
-what the library has; the environment variable `VARIABLE` names the Python files to import first, as `PATH` names folders.
+A script that defines and runs a device does not need this. A command such as ``softmodels run case.toml`` knows only
+the library's classes; the environment variable `VARIABLE` names the Python files to import first, as `PATH` names folders.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LIBRARY = ("softmodels", "geometries", "measurement")
 
 
 class OwnModuleError(ValueError):
-    """A file that cannot be imported; the message is a sentence for the user."""
+    """A file cannot be imported; the message is for the user."""
 
 
 def import_own_modules() -> None:
@@ -37,7 +37,7 @@ def import_own_modules() -> None:
 
 
 def own_modules(*things: object) -> str:
-    """The value of `VARIABLE` with which another process knows the classes of these things, and of all in them, too.
+    """Return the value of `VARIABLE` with which another process can import the classes of these objects and their contents.
 
     So it does what their fields name (`Part.looked_up`).
     """
@@ -48,7 +48,7 @@ def own_modules(*things: object) -> str:
 
 
 def _within(value: object) -> Iterator[object]:
-    """The frozen dataclasses in a value: a case, its device, its parts, their materials; and what parts name."""
+    """Yield the frozen dataclasses in a value: a case, its device, its parts, their materials; and what parts name."""
     if isinstance(value, tuple | list):
         for one in value:
             yield from _within(one)
@@ -68,11 +68,11 @@ def _file(module: ModuleType | None) -> Path | None:
 def _import(path: Path) -> None:
     spec = importlib.util.spec_from_file_location(path.stem, path) if path.is_file() else None
     if spec is None or spec.loader is None:
-        raise OwnModuleError(f"{VARIABLE} names {path}, which is no Python file")
+        raise OwnModuleError(f"{VARIABLE} names {path}, which is not a Python file")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[path.stem] = module  # dataclasses look their module up
+    sys.modules[path.stem] = module  # dataclasses look up their module
     if str(path.parent) not in sys.path:
-        sys.path.append(str(path.parent))  # the mesher's process, which is given this list, imports it by its name
+        sys.path.append(str(path.parent))  # the meshing process gets this list and imports it by name
     try:
         spec.loader.exec_module(module)
     except Exception as error:

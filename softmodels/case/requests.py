@@ -1,16 +1,16 @@
-"""What a case wants told of any device beside its own columns: places of named points, angles between them, a profile.
+"""User-defined outputs of a device: positions of named points, angles between them, a profile.
 
 [points]
-tip = "70, 0, 4 mm"                 # the nearest place on the surface is followed
+tip = "70, 0, 4 mm"                 # the nearest place on the surface is tracked
 base = "5, 0, 4 mm"
 
 [angles]
-bend = "face x = 70 mm"             # mean rotation of this flat face, towards the lift positive: what is called the bend
-chord = "base to tip"               # how far this line has turned: of a circular arc half of the bend
+bend = "face x = 70 mm"             # mean rotation of this flat face, positive towards the lift (bending angle)
+chord = "base to tip"               # rotation of this line: for a circular arc half the bending angle
 jaws = ["base to tip", "base to thumb"]     # the angle between two lines
 
 [profile]
-plane = "y = 0 mm"                  # the outside is cut there and drawn
+plane = "y = 0 mm"                  # plane of the drawn section
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ NAME = r"[A-Za-z]\w*"
 
 
 class ProbeError(Spoken, ValueError):
-    """Points, angles or a profile that cannot be told; the message is a sentence for the user."""
+    """Invalid points, angles or profile; the message is for the user."""
 
 
 @checked
@@ -50,7 +50,7 @@ class Probes:
         plane: As written; empty for none.
 
     Raises:
-        ProbeError: From the constructor, if a text says none of it or a name is not known.
+        ProbeError: From the constructor, if a text has none of these forms or a name is unknown.
     """
 
     points: tuple[tuple[str, str], ...] = ()
@@ -62,16 +62,14 @@ class Probes:
         names = {name for name, _ in self.points}
         for name in (*names, *(name for name, _ in (*self.angles, *self.faces))):
             if not re.fullmatch(NAME, name):
-                raise ProbeError(f"{name!r} cannot name a column; use letters, digits and '_'")
+                raise ProbeError(f"{name!r} cannot be used as a column name; use letters, digits and '_'")
         for name, lines in self.angles:
             for line in lines:
                 if missing := [end for end in line if end not in names]:
                     known = ", ".join(sorted(names)) or "none"
                     raise ProbeError(f"angle {name}: there is no point {missing[0]!r}; [points] has {known}")
                 if line[0] == line[1]:
-                    raise ProbeError(
-                        f"angle {name}: a line runs from one point to another, not from {line[0]} to itself"
-                    )
+                    raise ProbeError(f"angle {name}: a line needs two different points, not {line[0]} twice")
         _ = self.places, self.cut, self.turning
 
     @property
@@ -81,12 +79,12 @@ class Probes:
 
     @property
     def turning(self) -> dict[str, Faces]:
-        """Faces by the name of the angle that is their mean rotation; each is chosen by a plane or a box."""
+        """Faces by the name of the angle of their mean rotation; each is selected by a plane or a box."""
         found = {name: _reworded(faces, f"angle {name}", text) for name, text in self.faces}
         for name, one in found.items():
             if one.normal is None and one.box is None:
                 raise ProbeError(
-                    f"angle {name} is of the face {one.text!r}; choose it by its place, such as 'face x = 70 mm'"
+                    f"angle {name} uses the face {one.text!r}; select the face by its position, such as 'face x = 70 mm'"
                 )
         return found
 
@@ -101,32 +99,28 @@ class Probes:
         return found.normal, found.at
 
     def columns(self) -> list[str]:
-        """Columns that it adds to ``path.csv`` and that change along a path: places and angles."""
+        """Return the columns of positions and angles that it adds to ``path.csv``."""
         return [f"{name}_{axis}_mm" for name, _ in self.points for axis in "xyz"] + [
             f"{name}_deg" for name, _ in (*self.angles, *self.faces)
         ]
 
     @property
     def off_columns(self) -> dict[str, str]:
-        """Columns with how far the followed place lies from the point that was named, by the point's name."""
+        """Columns with the distance of the tracked place from the named point, by the point's name."""
         return {name: f"{name}_off_mm" for name, _ in self.points}
 
     def check(self, actuator: Actuator) -> None:
-        """Refuse names whose columns the device or every run has.
+        """Reject names whose columns already exist.
 
         Raises:
             ProbeError: A name that is taken.
         """
         if self.faces and actuator.dimension == 2:
-            raise ProbeError(
-                f"angle {self.faces[0][0]}: the faces of an axisymmetric section do not turn; leave it out"
-            )
+            raise ProbeError(f"angle {self.faces[0][0]}: faces of an axisymmetric section do not rotate; leave it out")
         taken = {*actuator.device_figures(actuator.probes), *(f"max_stretch_{axis}_mm" for axis in "xyz")}
         for column in (*self.columns(), *self.off_columns.values()):
             if column in taken:
-                raise ProbeError(
-                    f"{column} is a column of its own in path.csv; take another name in [points] or [angles]"
-                )
+                raise ProbeError(f"{column} is already a column of path.csv; use another name in [points] or [angles]")
 
     def figures(
         self,
@@ -135,7 +129,7 @@ class Probes:
         lift: Vector,
         normals: Mapping[str, tuple[Array, Array]] | None = None,
     ) -> dict[str, float]:
-        """Values by column.
+        """Return the values by column.
 
         Args:
             rest: Undeformed places by name, m.
@@ -183,7 +177,7 @@ def from_tables(tables: Mapping[str, Mapping[str, object]]) -> Probes:
 
 
 def to_tables(gauges: Probes) -> dict[str, Mapping[str, object]]:
-    """The tables that `from_tables` reads; none for nothing."""
+    """Return the tables that `from_tables` reads; none for nothing."""
     angles = {name: [" to ".join(line) for line in lines] for name, lines in gauges.angles}
     tables: dict[str, Mapping[str, object]] = {
         "points": dict(gauges.points),
@@ -195,10 +189,11 @@ def to_tables(gauges: Probes) -> dict[str, Mapping[str, object]]:
 
 
 def followed_text(name: str, away: float, place: Sequence[float] = ()) -> str:
-    """How far from where it was named (m) a point is followed: a sentence, with the undeformed place if that is given."""
+    """Return a sentence on the distance (m) of a tracked point from its named position, with the undeformed place
+    if given."""
     where = f" {', '.join(f'{1e3 * value:.5g}' for value in place)} mm," if len(place) else ""
-    near = "on the surface" if away < 1e-9 else f"the nearest place of the modelled surface, {away * 1e3:.3g} mm away"
-    return f"point {name} is followed at{where} {near}"
+    near = "on the surface" if away < 1e-9 else f"the nearest surface point of the model, {away * 1e3:.3g} mm away"
+    return f"point {name} is tracked at{where} {near}"
 
 
 def _face(value: object) -> re.Match[str] | None:
@@ -231,12 +226,12 @@ def _reworded[T](read: Callable[[str, str], T], field: str, text: str) -> T:
 
 
 def _angle(a: Array, b: Array) -> float:
-    """Angle between two vectors in degrees, exact near 0 and 180 too."""
+    """Return the angle between two vectors in degrees, exact near 0 and 180 too."""
     return math.degrees(math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b)))
 
 
 def _turned(rest: Array, now: Array, lift: Vector) -> float:
-    """Angle in degrees by which a line has turned; negative away from the lift."""
+    """Return the rotation of a line in degrees; negative away from the lift."""
     up = np.asarray(lift)
     risen = float(now @ up / np.linalg.norm(now) - rest @ up / np.linalg.norm(rest))
     return math.copysign(_angle(rest, now), risen) if risen else _angle(rest, now)

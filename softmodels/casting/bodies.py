@@ -1,4 +1,4 @@
-"""The device in the CAD kernel, in mm, turned so that the mould opens along z, and parted in two."""
+"""The device in the CAD kernel, in mm, rotated so that the mould opens along z, and split in two."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ Solid = tuple[int, int]
 MM = 1e3
 """Lengths in the model over those in m."""
 NEAR = 1e-6
-"""What counts as nothing, as a share of the part's size."""
+"""Tolerance relative to the part's size."""
 LEAST_SILICONE = 0.5e-3
-"""Thinnest silicone around a tube, m: less tears as the tube is pushed in."""
+"""Minimum silicone around a tube, m: thinner walls tear when the tube is pushed in."""
 OTHER_SIDE = {"upper": -1.0, "lower": 1.0}
-"""Halves by name, and along which direction of z their mould's lid lies."""
+"""Halves by name, with the direction of their mould's lid along z."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Parted:
-    """The device in the current Gmsh model, as large as the mould makes it.
+    """The device in the current Gmsh model, in the mould's scale.
 
     Attributes:
         envelope: The device with its cavities filled.
@@ -55,7 +55,7 @@ class Parted:
     scale: float
 
     def drawn(self, place: Array) -> Array:
-        """Where a place in the mould is in the device as drawn, mm."""
+        """Return the place in the original device, in mm, of a place in the mould."""
         return np.asarray(self.turn.T @ np.asarray(place) / self.scale)
 
     @property
@@ -64,7 +64,7 @@ class Parted:
         return float(np.linalg.norm(self.high - self.low))
 
     def half(self, name: str, solids: Sequence[Solid]) -> list[Solid]:
-        """Copies of what lies above or below the parting plane, of several solids."""
+        """Return the copies of what lies above or below the parting plane, of several solids."""
         import gmsh  # type: ignore[import-untyped]
 
         occ, far = gmsh.model.occ, 2.0 * self.size
@@ -77,7 +77,7 @@ class Parted:
 
 
 def placed(parting: Parting, workshop: Workshop) -> Array:
-    """The rotation, shape (3, 3), that turns the pull into z: as little as can be."""
+    """Return the rotation, shape (3, 3), that rotates the pull into z by the smallest angle."""
     pull, z = np.asarray(parting.pull), np.array([0.0, 0.0, 1.0])
     axis, cosine = np.cross(pull, z), float(pull @ z)
     if cosine > 1.0 - 1e-12:
@@ -89,7 +89,8 @@ def placed(parting: Parting, workshop: Workshop) -> Array:
 
 
 def parting_of(device: Actuator, workshop: Workshop) -> Parting | None:
-    """Where a device is parted: where its class says so, else along the asked pull, in the middle of the cavities (None).
+    """Return the parting plane of a device: by its class, else along the given pull, in the middle of the cavities
+    (None).
 
     Raises:
         MouldError: A pull that is missing, or asked of a device that has its own.
@@ -98,13 +99,11 @@ def parting_of(device: Actuator, workshop: Workshop) -> Parting | None:
     if own is not None:
         if workshop.direction is not None or workshop.level is not None:
             raise MouldError(
-                f"pull and split are for imported parts; a {type(device).__name__} is parted where its cavity asks for it"
+                f"pull and split apply only to imported parts; a {type(device).__name__} defines its own parting plane"
             )
         return own
     if workshop.direction is None:
-        raise MouldError(
-            "pull is not given; say in which direction the mould of this part opens, such as --pull '0, 0, 1'"
-        )
+        raise MouldError("the mould of this part needs its opening direction, such as --pull '0, 0, 1'")
     return None
 
 
@@ -121,7 +120,7 @@ def turned(solids: Sequence[Solid], turn: Array) -> None:
 
 
 def scaled(factor: float) -> None:
-    """Scale all of the current Gmsh model about the origin; planes, cylinders and the like stay what they are.
+    """Scale all of the current Gmsh model about the origin, keeping planes, cylinders and so on exact.
 
     Gmsh's own `dilate` makes splines of them; the scale of an import does not.
     """
@@ -142,7 +141,7 @@ def scaled(factor: float) -> None:
 
 
 def part(device: Actuator, workshop: Workshop) -> Parted:
-    """Fill the current Gmsh model with a device, ready to be moulded.
+    """Fill the current Gmsh model with a device, ready for its mould.
 
     Raises:
         MouldError: A device that cannot be parted as asked.
@@ -154,7 +153,7 @@ def part(device: Actuator, workshop: Workshop) -> Parted:
     device.build_whole()
     solids = gmsh.model.getEntities(3)
     if len(solids) != 1:
-        raise MouldError(f"the device's whole is {len(solids)} solids, and a mould is made of one")
+        raise MouldError(f"the whole device consists of {len(solids)} solids; a mould needs a single one")
     turn = placed(parting or Parting(workshop.direction or (0.0, 0.0, 1.0), 0.0, None, ""), workshop)
     turned(solids, turn)
     scaled(workshop.scale)
@@ -168,12 +167,12 @@ def part(device: Actuator, workshop: Workshop) -> Parted:
     order = np.argsort([-np.prod(np.ptp(box, axis=0)) for box in boxes])
     envelope, cores = shells[order[0]], [shells[k] for k in order[1:]]
     if not cores:
-        raise MouldError("the part has no closed cavity, so that there is nothing to part it for")
+        raise MouldError("the part has no closed cavity, so it needs no mould with a core")
     low, high = boxes[order[0]]
     level = _level(parting, workshop, boxes, order)
     if not low[2] < level < high[2]:
         raise MouldError(
-            f"split is {shown(level / MM / workshop.scale, 'm')}; along the pull the part reaches from "
+            f"split is {shown(level / MM / workshop.scale, 'm')}; along the pull the part extends from "
             f"{shown(low[2] / MM / workshop.scale, 'm')} to {shown(high[2] / MM / workshop.scale, 'm')}"
         )
     inlet = _inlet(parting, workshop, envelope) if parting and parting.inlet and workshop.tube else []
@@ -190,7 +189,7 @@ def _level(parting: Parting | None, workshop: Workshop, boxes: list[Array], orde
 
 
 def _inlet(parting: Parting, workshop: Workshop, envelope: Solid) -> list[Solid]:
-    """The core of the tube: straight where it lies in the parting plane, else narrower outside by the draft.
+    """Return the core of the tube: straight in the parting plane, else tapered outwards by the draft.
 
     Raises:
         MouldError: The draft closes it.
@@ -207,8 +206,8 @@ def _inlet(parting: Parting, workshop: Workshop, envelope: Solid) -> list[Solid]
     found = sum(gmsh.model.occ.getMass(*solid) for solid in inside)
     if found < (1.0 - NEAR) * gmsh.model.occ.getMass(*around):
         raise MouldError(
-            f"tube is {shown(workshop.tube, 'm')}; it leaves less than {shown(LEAST_SILICONE, 'm')} of silicone to the part's "
-            "outside"
+            f"tube is {shown(workshop.tube, 'm')}; it would leave less than {shown(LEAST_SILICONE, 'm')} of "
+            f"silicone around it"
         )
     gmsh.model.occ.remove([around], recursive=True)
     if not upright:
@@ -218,8 +217,8 @@ def _inlet(parting: Parting, workshop: Workshop, envelope: Solid) -> list[Solid]
         if 2.0 * tip < MM * workshop.least_wall:
             raise MouldError(
                 f"draft is {shown(workshop.draft, 'degree')}; over {shown(length / MM, 'm')} it closes the inlet: of its core "
-                f"of {shown(workshop.tube, 'm')} {shown(max(2.0 * tip, 0.0) / MM, 'm')} are left, and the printer makes "
-                f"{shown(workshop.least_wall, 'm')}"
+                f"of {shown(workshop.tube, 'm')} {shown(max(2.0 * tip, 0.0) / MM, 'm')} are left, but the printer's smallest "
+                f"rib is {shown(workshop.least_wall, 'm')}"
             )
         same = radius - tip < 1e-9
         core = (
@@ -231,17 +230,17 @@ def _inlet(parting: Parting, workshop: Workshop, envelope: Solid) -> list[Solid]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where the pour opening and the vents go: on the face that is bonded later, clear of every core.
+# Place the pour opening and the vents on the bonding face, clear of every core.
 
 
 GRID = 120
-"""Places looked at along the longer side."""
+"""Number of candidate places along the longer side."""
 ALONG = 60
 """Points on each curve of the face's edge."""
 
 
 def hole_places(cast: list[Solid], level: float, workshop: Workshop) -> tuple[Array, Array]:
-    """Places (x, y) in mm of the pour opening, shape (2,), and of the vents, shape (n, 2).
+    """Return the places (x, y) in mm of the pour opening, shape (2,), and of the vents, shape (n, 2).
 
     The pour opening is where most room is; the vents are as far from it and from each other as can be.
 
@@ -259,7 +258,7 @@ def hole_places(cast: list[Solid], level: float, workshop: Workshop) -> tuple[Ar
     best = float(room.max(initial=0.0))
     if best < needed:
         raise MouldError(
-            f"pour is {shown(workshop.pour, 'm')}; the face that is bonded leaves room for "
+            f"pour is {shown(workshop.pour, 'm')}; the bonding face has room for "
             f"{shown(round(max(2.0 * (best / MM - workshop.least_gap), 0.0), 6), 'm')} beside the cores"
         )
     pour = places[room.argmax()]
@@ -270,15 +269,13 @@ def hole_places(cast: list[Solid], level: float, workshop: Workshop) -> tuple[Ar
         taken = np.array([pour, *vents])
         distance, _ = cKDTree(taken).query(free)
         if not len(free) or distance.max() < apart:
-            raise MouldError(
-                f"vents is {workshop.vents}; the face that is bonded has room for {len(vents)} beside the cores"
-            )
+            raise MouldError(f"vents is {workshop.vents}; the bonding face has room for {len(vents)} beside the cores")
         vents.append(free[distance.argmax()])
     return pour, np.array(vents)
 
 
 def _edge(cast: list[Solid], level: float) -> Array:
-    """Straight pieces (x, y) of the edge of the faces that lie in the parting plane, shape (n, 2, 2)."""
+    """Return the straight pieces (x, y) of the edge of the faces that lie in the parting plane, shape (n, 2, 2)."""
     import gmsh  # type: ignore[import-untyped]
 
     near, pieces = 1e-4, []
@@ -296,7 +293,7 @@ def _edge(cast: list[Solid], level: float) -> Array:
 
 
 def _places(segments: Array) -> tuple[Array, Array]:
-    """Places inside of an edge, shape (n, 2), and how far each is from it."""
+    """Return the places inside of an edge, shape (n, 2), and how far each is from it."""
     low, high = segments.min(axis=(0, 1)), segments.max(axis=(0, 1))
     step = float((high - low).max()) / GRID
     x, y = np.meshgrid(*(np.arange(a + 0.5 * step, b, step) for a, b in zip(low, high, strict=True)), indexing="ij")
@@ -316,18 +313,18 @@ def _places(segments: Array) -> tuple[Array, Array]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The four bodies of a mould: for each half of the device a cup that forms its outside, and a lid that forms the face which is
-# bonded, with the cavity's core on it. Pins on the cup fit into sockets of the lid; pour opening and vents go through the lid,
+# The four bodies of a mould: per half of the device a cup for its outside, and a lid for the bonding
+# face with the cavity's core. Pins on the cup fit into sockets of the lid; pour opening and vents are in the lid,
 # so that their marks vanish in the bond.
 
 
 OVER = 1.0
-"""mm by which a tool that cuts reaches beyond what it cuts."""
+"""Overlap in mm of a cutting tool."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Hole:
-    """An opening of a lid, a cone that is wide outside so that what cures in it tears off at its neck.
+    """An opening of a lid: a cone, wide outside, so that the sprue tears off at its neck.
 
     Attributes:
         place: (x, y) of its axis, mm.
@@ -346,7 +343,7 @@ class Tooling:
     Attributes:
         half: ``"upper"`` or ``"lower"``.
         cup, lid: The bodies.
-        target: What it is to cast, as the device's own shape says.
+        target: Shape to be cast, from the device's geometry.
         level: Height of the parting plane, mm.
         pour: The pour opening.
         vents: The vents.
@@ -404,7 +401,7 @@ def tooling(parted: Parted, half: str, workshop: Workshop) -> Tooling:
 
 
 def left(parted: Parted, made: Tooling) -> list[Solid]:
-    """What the closed mould leaves free on the part's side of the parting plane: its cast. Cup and lid stay."""
+    """Return the cast: the free volume of the closed mould on the part's side of the parting plane. Cup and lid stay."""
     import gmsh
 
     low, high = made.low.copy(), made.high.copy()
@@ -443,7 +440,7 @@ def _joined(
 
 
 def _cone(place: tuple[float, float], level: float, height: float, begin: float, end: float) -> Solid:
-    """A cone, or a cylinder, that stands on the parting plane; lengths in mm."""
+    """Return a cone, or a cylinder, that stands on the parting plane; lengths in mm."""
     import gmsh
 
     if abs(begin - end) < 1e-9:
@@ -453,7 +450,9 @@ def _cone(place: tuple[float, float], level: float, height: float, begin: float,
 
 def _one(solids: list[Solid], what: str) -> Solid:
     if len(solids) != 1 or solids[0][0] != 3:
-        raise MeshingError(f"the CAD kernel made {len(solids)} solids of {what}; change a length a little")
+        raise MeshingError(
+            f"the CAD kernel made {len(solids)} solids of {what} instead of one; change a length slightly"
+        )
     return solids[0]
 
 
@@ -466,18 +465,18 @@ def _lid(solids: list[Solid], parted: Parted, half: str) -> Solid:
             f"{value + 0.0:.4g}" for value in parted.drawn(gmsh.model.occ.getCenterOfMass(*loose)).round(3)
         )
         raise MouldError(
-            f"the cavity around {place} mm lies wholly in the {half} half and does not reach the parting plane, so that its "
-            "core would float; choose another plane (--split) or another direction (--pull)"
+            f"the cavity around {place} mm is entirely in the {half} half and does not reach the parting plane, "
+            f"so its core would float; choose another plane (--split) or direction (--pull)"
         )
     return _one(solids, f"the lid of the {half} half")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How a face of the part is named to its owner: by the name it has in the file, else by its kind, and where it is.
+# Names of the part's faces for messages: the name in the file, else kind and position.
 
 
 def face_namer(device: Actuator, parted: Parted) -> Callable[[Array], str]:
-    """A function from a place in the mould (mm) to the clause that names the part's face there.
+    """Return a function from a place in the mould (mm) to the clause that names the part's face there.
 
     Args:
         device: The part.
@@ -491,7 +490,7 @@ def face_namer(device: Actuator, parted: Parted) -> Callable[[Array], str]:
 
 
 def _name(device: Actuator, place: Array) -> str:
-    """``at`` the place, with the face nearest to it."""
+    """Return ``at`` the place, with the face nearest to it."""
     import gmsh  # type: ignore[import-untyped]
 
     from geometries.imported.part import face_names, named_surfaces

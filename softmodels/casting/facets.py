@@ -1,4 +1,4 @@
-"""A body's surface in triangles, as fine as a chord error asks for, and what is measured on it."""
+"""Triangulate a body's surface to a chord error, and measure it."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from softmodels.common.calls import keep_arrays
 from softmodels.common.errors import MeshingError
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How long the edges of a body's triangles may be, so that they stray from its surface by no more than a chord error.
+# Maximum edge lengths of a body's triangles for a given chord error.
 
 
 PLANAR, DELAUNAY = 3, 6
-"""Gmsh's algorithms: a plane needs no nodes inside."""
+"""Gmsh's algorithms: a plane needs no inner nodes."""
 
 
 def set_sizes(solid: int, shares: dict[int, float], chord: float) -> None:
@@ -42,7 +42,7 @@ def set_sizes(solid: int, shares: dict[int, float], chord: float) -> None:
 
 
 def _curvature(surface: int) -> float:
-    """Largest principal curvature at some points of a face, 1/mm."""
+    """Return the largest principal curvature at some points of a face, 1/mm."""
     import gmsh
 
     low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, surface))
@@ -55,7 +55,7 @@ def _curvature(surface: int) -> float:
 
 
 def _bend(curve: int) -> float:
-    """Largest curvature of a curve, 1/mm."""
+    """Return the largest curvature of a curve, 1/mm."""
     import gmsh
 
     low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
@@ -66,13 +66,13 @@ def _bend(curve: int) -> float:
 Cells = npt.NDArray[np.int64]
 
 SHARE = 0.72
-"""Length of an edge over that of the chord which is exactly as far off as allowed: triangles reach farther than their edges."""
+"""Safety factor of the edge length, because triangles deviate more than their edges."""
 ROUNDS = 4
-"""How often the triangles are made finer where they turn out too coarse."""
+"""Maximum number of refinements."""
 FINE_ENOUGH = 10_000
-"""Triangles above which second order measures a volume well enough; fewer and larger ones are curved to fourth."""
+"""Number of triangles above which second order is accurate for the volume; fewer are curved to fourth order."""
 LEAST_COSINE = 0.7
-"""Cosine between a surface's normal and a triangle's below which it is none: triangles this fine turn by far less."""
+"""Cosine between a surface's normal and a triangle's below which the normal is invalid."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,7 +113,7 @@ class Facets:
 
     @property
     def open_edges(self) -> int:
-        """Edges that do not lie between exactly two triangles, turned the same way: none of a watertight surface."""
+        """Edges that do not lie between exactly two triangles, consistently oriented: none for a watertight surface."""
         edges = np.concatenate([self.triangles[:, [0, 1]], self.triangles[:, [1, 2]], self.triangles[:, [2, 0]]])
         known, count = np.unique(edges, axis=0, return_counts=True)
         both = {tuple(edge) for edge in known.tolist()}
@@ -121,7 +121,7 @@ class Facets:
 
 
 def facets_of(file: Path, chord: float) -> Facets:
-    """The surface of the one solid of a STEP file.
+    """Return the surface of the one solid of a STEP file.
 
     Args:
         file: The file.
@@ -148,7 +148,7 @@ def facets_of(file: Path, chord: float) -> Facets:
             for surface, distance in off.items():
                 shares[surface] *= max(0.5, min(1.0, 0.9 * math.sqrt(chord / max(distance, 1e-12))))
     raise MeshingError(
-        f"{file.name} cannot be told in triangles to {chord:g} mm: {max(off.values()):.3g} mm were reached; take a larger chord"
+        f"{file.name} cannot be triangulated to {chord:g} mm: {max(off.values()):.3g} mm were reached; use a larger chord"
     )
 
 
@@ -165,7 +165,7 @@ def read_step(file: Path) -> int:
 
 
 def _measured(surfaces: list[int], chord: float) -> Facets:
-    """Read the current mesh, and turn its triangles outwards."""
+    """Read the current mesh, and orient its triangles outwards."""
     import gmsh
 
     tags, places, _ = gmsh.model.mesh.getNodes()
@@ -193,7 +193,7 @@ def _turns(meshed: dict[int, Cells], points: Array) -> dict[int, float]:
     Two faces that meet in an edge go along it in opposite directions if they are turned the same way.
 
     Raises:
-        MeshingError: The faces do not hang together.
+        MeshingError: The faces are not connected.
     """
     owners: dict[tuple[int, int], list[tuple[int, float]]] = {}
     for surface, nodes in meshed.items():
@@ -215,7 +215,7 @@ def _turns(meshed: dict[int, Cells], points: Array) -> dict[int, float]:
                 turns[other] = same * turns[here]
                 queue.append(other)
     if len(turns) < len(meshed):
-        raise MeshingError("the faces of a body do not hang together; it has a hollow inside")
+        raise MeshingError("the faces of a body are not connected; it has a hollow inside")
     volume = 0.0
     for surface, nodes in meshed.items():
         a, b, c = np.moveaxis(points[nodes], 1, 0)
@@ -224,7 +224,7 @@ def _turns(meshed: dict[int, Cells], points: Array) -> dict[int, float]:
 
 
 def _normals(surface: int, corners: Cells) -> Array:
-    """Normals of a face at the corners of its triangles, shape (m, 3, 3), as Gmsh turns them."""
+    """Return the normals of a face at the corners of its triangles, shape (m, 3, 3), as Gmsh turns them."""
     import gmsh
 
     tags, places, at = gmsh.model.mesh.getNodes(2, surface, includeBoundary=True, returnParametricCoord=True)
@@ -236,16 +236,16 @@ def _normals(surface: int, corners: Cells) -> Array:
     flat = np.cross(b - a, c - a)
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
     flat *= np.sign(np.einsum("ikj,ij->i", found, flat))[:, None]
-    # At a pole the surface's parameters give no normal, or a wrong one; the triangle's stands in.
+    # At a pole the surface parametrisation has no valid normal; use the triangle's.
     lost = np.einsum("ikj,ij->ik", found, flat) < LEAST_COSINE
     return np.asarray(np.where(lost[:, :, None], flat[:, None], found))
 
 
 def _distance(surface: int, chord: float) -> float:
-    """Distance in mm that the middles of a face's triangles, and of their edges, are from it at most.
+    """Return the distance in mm that the middles of a face's triangles, and of their edges, are from it at most.
 
     The surface's point at the mean of the corners' parameters is quick to have, and no nearer than the nearest one, which is
-    looked for only where that says too little.
+    looked for only where that is not enough.
     """
     import gmsh
 
@@ -264,7 +264,7 @@ def _distance(surface: int, chord: float) -> float:
     parameters = at.reshape(-1, 2)[own]
     low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(2, surface))
     half = 0.5 * (high - low)
-    # A triangle that reaches over the seam of a closed surface is put together on one side of it.
+    # A triangle across the seam of a closed surface is moved to one side of it.
     wide = np.ptp(parameters, axis=1, keepdims=True) > half
     parameters = parameters + np.where(wide & (parameters < low + half), 2.0 * half, 0.0)
     near = np.reshape(gmsh.model.getValue(2, surface, _middles(parameters).ravel()), (-1, 3))
@@ -278,12 +278,13 @@ def _distance(surface: int, chord: float) -> float:
 
 
 def _middles(corners: Array) -> Array:
-    """Means of the corners of triangles, (m, 3, d), and of each two of them, shape (4 m, d)."""
+    """Return the means of the corners of triangles, (m, 3, d), and of each two of them, shape (4 m, d)."""
     return np.concatenate([corners.mean(axis=1), *(0.5 * (corners[:, k] + corners[:, k - 1]) for k in range(3))])
 
 
 def _off_sphere(on: Array, looked: Array) -> Array:
-    """Distances of points from the sphere through others: the kernel's nearest point may lie at its far side."""
+    """Return the distances of points from the sphere through others, because the kernel's nearest point may be on the far
+    side."""
     middle = on.mean(axis=0)
     rows = np.column_stack([2.0 * (on - middle), np.ones(len(on))])
     found = np.linalg.lstsq(rows, ((on - middle) ** 2).sum(axis=1), rcond=None)[0]
@@ -292,7 +293,7 @@ def _off_sphere(on: Array, looked: Array) -> Array:
 
 
 def _volume(turns: dict[int, float], middle: Array, count: int) -> tuple[float, Array]:
-    """Volume and centre of mass by the divergence theorem, on triangles curved to a higher order.
+    """Return the volume and centre of mass by the divergence theorem, on triangles curved to a higher order.
 
     Args:
         turns: 1 for a face whose mesh is turned outwards, -1 for the others.

@@ -1,4 +1,4 @@
-"""A mould's files: a STEP and an STL of each body and cast, in mm, the bonded device, what was checked and asked."""
+"""Write a mould's files: STEP and STL of each body and cast in mm, the bonded device, checks and input."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HEADER = b"softmodels, lengths in mm"
 
 
 def stl_bytes(facets: Facets) -> bytes:
-    """A binary STL of a surface: 84 bytes, then 50 for each triangle."""
+    """Return a binary STL of a surface: 84 bytes, then 50 for each triangle."""
     kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
     table = np.zeros(len(facets.triangles), dtype=kind)
     corners = facets.corners
@@ -48,7 +48,7 @@ def write_bodies(folder: Path, asked: Asked, made: Made) -> None:
 
 
 def checks(asked: Asked, made: Made) -> dict[str, object]:
-    """What was found before anything was written; keys end in their unit."""
+    """Return the check results; keys end in their unit."""
     return {
         "device_volume_mm3": made.volume * 1e9,
         "cast_volume_in_mould_mm3": made.cast_volume * 1e9,
@@ -78,7 +78,7 @@ def _of_body(body: MouldBody) -> dict[str, float | int | bool]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The call of a notebook for a mould: a device, a case or a case file, and a folder.
+# The Python call that makes the mould of a device.
 
 
 @checked

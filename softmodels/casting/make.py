@@ -1,4 +1,4 @@
-"""A device's mould from beginning to end: in a process of Gmsh's own, with all checks, before anything is written."""
+"""Make a device's mould in a separate Gmsh process, with all checks, before anything is written."""
 
 from __future__ import annotations
 
@@ -35,23 +35,23 @@ from softmodels.common.errors import MeshingError
 from softmodels.common.schema import shown
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What every body of a mould is held against before anything is written.
+# Checks of every body of a mould before anything is written.
 
 
 SLIP = math.sin(math.radians(0.1))
-"""Sine of the lean by which a face may hang over: 0.1 degrees, 2 um on a wall of 1 mm."""
+"""Sine of the allowed undercut: 0.1 degrees, 2 um on a wall of 1 mm."""
 FACING = -0.5
-"""Cosine between the normals of two faces below which they are two sides of one wall, and not of an edge."""
+"""Cosine between the normals of two faces below which they are two sides of a wall instead of an edge."""
 MOST_RAYS = 20_000
 SAME = 1e-6
-"""Largest difference between the device and what its mould leaves, in volumes of the device."""
+"""Largest difference between the device and its cast, relative to the device's volume."""
 Name = Callable[[Array], str]
 """Names the face of the part at a place in the mould (mm): a clause."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Checked:
-    """What was found of one body.
+    """Check results of one body.
 
     Attributes:
         lean: Least angle in degrees between the pull and the faces that form the part: 0 for an upright wall.
@@ -71,7 +71,7 @@ class Checked:
 
 
 def check_body(name: str, facets: Facets, made: Tooling, workshop: Workshop, named: Name) -> Checked:
-    """Hold a body against what a workshop needs of it.
+    """Check a body against the workshop's limits.
 
     Args:
         name: ``"upper cup"`` and the like.
@@ -85,7 +85,7 @@ def check_body(name: str, facets: Facets, made: Tooling, workshop: Workshop, nam
         MeshingError: It is not watertight, or its STL strays.
     """
     if facets.open_edges:
-        raise MeshingError(f"the {name} is not watertight ({facets.open_edges} open edges); change a length a little")
+        raise MeshingError(f"the {name} is not watertight ({facets.open_edges} open edges); change a length slightly")
     lean, own = _leans(name, facets, made, workshop, named)
     wall, gap = thicknesses(facets)
     allowed = 2.0 * facets.chord
@@ -94,14 +94,14 @@ def check_body(name: str, facets: Facets, made: Tooling, workshop: Workshop, nam
     ):  # fmt: skip
         if value + allowed < MM * limit:
             raise MouldError(
-                f"the {name} is {shown(float(f'{value / MM:.3g}'), 'm')} {what} {named(place)}, and the printer makes "
-                f"{'walls' if what == 'thin' else 'gaps'} from {shown(limit, 'm')} ({field})"
+                f"the {name} is {shown(float(f'{value / MM:.3g}'), 'm')} {what} {named(place)}; the printer's "
+                f"smallest {'wall' if what == 'thin' else 'gap'} is {shown(limit, 'm')} ({field})"
             )
     bound = facets.chord * _area(facets) / facets.volume
     differs = facets.polyhedron_volume / facets.volume - 1.0
     if abs(differs) > bound + SAME:
         raise MeshingError(
-            f"the STL of the {name} differs from its STEP by {differs:.2g} of the volume; take a smaller chord"
+            f"the STL of the {name} differs from its STEP by {differs:.2g} of the volume; use a smaller chord"
         )
     return Checked(
         math.degrees(math.asin(min(1.0, max(-1.0, lean)))), math.degrees(math.asin(min(1.0, max(-1.0, own)))),
@@ -110,7 +110,7 @@ def check_body(name: str, facets: Facets, made: Tooling, workshop: Workshop, nam
 
 
 def check_core(facets: Facets, workshop: Workshop, named: Name) -> float:
-    """Hold the whole cavity against the printer, which makes its cores; return its smallest width in m.
+    """Check the cavity's cores against the printer; return the smallest width in m.
 
     Raises:
         MouldError: A channel too fine.
@@ -118,7 +118,7 @@ def check_core(facets: Facets, workshop: Workshop, named: Name) -> float:
     (width, place), _ = thicknesses(facets)
     if width + 2.0 * facets.chord < MM * workshop.least_wall:
         raise MouldError(
-            f"a channel is {shown(float(f'{width / MM:.3g}'), 'm')} wide {named(place)}, and the printer makes ribs from "
+            f"a channel is {shown(float(f'{width / MM:.3g}'), 'm')} wide {named(place)}; the printer's smallest rib is "
             f"{shown(workshop.least_wall, 'm')} (least_wall)"
         )
     return width / MM
@@ -130,7 +130,8 @@ def _area(facets: Facets) -> float:
 
 
 def _leans(name: str, facets: Facets, made: Tooling, workshop: Workshop, named: Name) -> tuple[float, float]:
-    """Least sine of the lean of the part's faces and of the mould's own, each along the way its body leaves.
+    """Return the least sine of the lean of the part's faces and of the mould's own, each along the opening direction of its
+    body.
 
     Raises:
         MouldError: A face hangs over.
@@ -157,14 +158,14 @@ def _leans(name: str, facets: Facets, made: Tooling, workshop: Workshop, named: 
     least_own = float(lean[own].min(initial=1.0))
     if least_own < math.sin(math.radians(workshop.draft)) - 1e-4:
         raise MeshingError(
-            f"the pins and holes of the {name} have less than the draft; please report this with the parameters"
+            f"the pins and holes of the {name} have too little draft; please report this with the parameters"
         )
     values = lean[formed]
     worst = float(values.min(initial=1.0))
     if worst < -SLIP:
         at = facets.corners[formed][np.unravel_index(values.argmin(), values.shape)[0]].mean(axis=0)
         raise MouldError(
-            f"the {name} cannot be pulled off: it is undercut by {math.degrees(math.asin(min(1.0, -worst))):.3g} deg "
+            f"the {name} cannot be demoulded: it is undercut by {math.degrees(math.asin(min(1.0, -worst))):.3g} deg "
             f"{named(at)}; choose another direction (--pull) or plane (--split), or change the part"
         )
     return worst, least_own
@@ -178,7 +179,8 @@ def _around(places: Array, holes: Sequence[Hole]) -> npt.NDArray[np.bool_]:
 
 
 def thicknesses(facets: Facets) -> tuple[tuple[float, Array], tuple[float, Array]]:
-    """Smallest wall and smallest gap of a body in mm, each with its place: straight in, or out, to the other side."""
+    """Return the smallest wall and smallest gap of a body in mm, each with its place, measured along the normal to the
+    other side."""
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
     from vtkmodules.vtkCommonCore import mutable, vtkPoints
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkStaticCellLocator
@@ -222,7 +224,7 @@ def thicknesses(facets: Facets) -> tuple[tuple[float, Array], tuple[float, Array
 
 HALVES = ("upper", "lower")
 CAST_CHORD = 0.05
-"""Chord error in mm of what is cast, which nobody prints, but whose volume is told."""
+"""Chord error in mm of the casts, used only for their volume."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -251,7 +253,7 @@ class MouldBody:
 
 @dataclasses.dataclass(frozen=True)
 class Made:
-    """What the mould's making found; lengths of bodies in mm, of everything else in SI units.
+    """The finished mould; lengths of bodies in mm, everything else in SI units.
 
     Attributes:
         bodies: To print: cup and lid of each half.
@@ -280,7 +282,7 @@ class Made:
 
     @property
     def cast_volume(self) -> float:
-        """Of both halves as the mould leaves them, m3."""
+        """Volume of both halves after demoulding, m3."""
         return sum(body.facets.volume for body in self.casts) / MM**3
 
 
@@ -335,7 +337,7 @@ def _made(device: Actuator, workshop: Workshop) -> Made:
 
 @dataclasses.dataclass(frozen=True)
 class _Model:
-    """What has to be known once the CAD kernel's model is gone; lengths in mm."""
+    """Data to keep after the CAD model is closed; lengths in mm."""
 
     parted: Parted
     toolings: Mapping[str, Tooling]
@@ -344,7 +346,7 @@ class _Model:
 
 
 def _modelled(device: Actuator, workshop: Workshop, folder: Path) -> _Model:
-    """Make bodies and casts in the current Gmsh model, hold them against the device, and write a STEP of each.
+    """Make bodies and casts in the current Gmsh model, compare them with the device, and write a STEP of each.
 
     Raises:
         MeshingError: The mould leaves something else than the device.
@@ -358,8 +360,7 @@ def _modelled(device: Actuator, workshop: Workshop, folder: Path) -> _Model:
     differs = max(_difference(voids[half], tools.target, parted.size) for half, tools in toolings.items())
     if differs > SAME or any(len(solids) != 1 for solids in voids.values()):
         raise MeshingError(
-            f"the mould leaves something else than the device (volumes or moments differ by {differs:.2g}); change a "
-            "length a little"
+            f"the cast differs from the device (volumes or moments by {differs:.2g}); change a length slightly"
         )
     plug = list(occ.cut(occ.copy(parted.inlet), parted.cores, removeTool=False)[0]) if parted.inlet else []
     found = _Model(parted, toolings, differs, sum(occ.getMass(*solid) for solid in plug))
@@ -376,7 +377,7 @@ def _modelled(device: Actuator, workshop: Workshop, folder: Path) -> _Model:
 
 
 def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
-    """How far two bodies differ in volume, centre and moments of inertia, as shares of the volume and of the size.
+    """Return how far two bodies differ in volume, centre and moments of inertia, as shares of the volume and of the size.
 
     Not the volume of what is left of one without the other: the CAD kernel fails on bodies whose faces all coincide.
     """
@@ -395,16 +396,16 @@ def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
 
 
 def _bonded(halves: list[Solid], plug: list[Solid]) -> Solid:
-    """The halves in one piece, the tube's hole filled."""
+    """Return the halves merged, with the tube's hole filled."""
     import gmsh
 
     parts = [*halves, *plug]
-    # Making one face of two where they go on over the bond is fine to have, fails now and then, and takes as long as the rest.
+    # Merging faces across the bond is optional, fails at times, and takes as long as the rest.
     gmsh.option.setNumber("Geometry.OCCUnionUnify", 0)
     solids = gmsh.model.occ.fuse(parts[:1], parts[1:], removeObject=False, removeTool=False)[0]
     gmsh.option.setNumber("Geometry.OCCUnionUnify", 1)
     if len(solids) != 1:
-        raise MeshingError("the CAD kernel cannot bond the two halves; change a length a little")
+        raise MeshingError("the CAD kernel cannot merge the two halves; change a length slightly")
     return (3, int(solids[0][1]))
 
 

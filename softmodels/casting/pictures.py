@@ -1,4 +1,4 @@
-"""The mould's sheet for the bench, as Markdown and as a page with its pictures inside; and the pictures themselves."""
+"""The casting sheet of a mould, as Markdown and as HTML with pictures; and the pictures themselves."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from softmodels.pictures.style import (
 from softmodels.runs.grid import Cells
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The bodies of a mould, each from its inner side, and all of them apart along the pull with the casts between.
+# Pictures of a mould: each body from its inner side, and an exploded view with the casts.
 
 
 PRINTED, SILICONE = "#b4c3d4", "#e8b796"
@@ -46,7 +46,7 @@ ORDER = ("lower cup", "lower half", "lower lid", "upper lid", "upper half", "upp
 
 
 def body_picture(body: MouldBody) -> Figure:
-    """A body seen from the side that the silicone meets."""
+    """Draw a body from its silicone side."""
     up = np.array([0.0, 0.0, -body.opens])
     towards = direction(-58.0, 38.0, np.array([0.0, 0.0, 1.0])) * (1.0, 1.0, -body.opens)
     camera = ViewCamera.around([body.facets.points], towards, up, tallest=0.8)
@@ -57,7 +57,7 @@ def body_picture(body: MouldBody) -> Figure:
 
 
 def exploded_picture(made: Made) -> Figure:
-    """All bodies and casts above each other, apart along the pull."""
+    """Draw the exploded view of all bodies and casts along the pull."""
     found = {body.name: body for body in (*made.bodies, *made.casts)}
     gap = APART * float(np.ptp(found["lower cup"].facets.points[:, 0]))
     layers: list[Layer] = []
@@ -73,12 +73,12 @@ def exploded_picture(made: Made) -> Figure:
     with studio(camera) as shoot:
         image = shoot(layers)
     wide = np.full((image.shape[0], 200, 3), 255, dtype=np.uint8)
-    text = "The mould, apart along the pull, with what is cast in it between"
+    text = "Exploded view of the mould along the pull, with the casts"
     return page(np.concatenate([wide, image, wide], axis=1), text)
 
 
 def _layers(facets: Facets, shift: Array, colour: str) -> list[Layer]:
-    """A body with its sharp edges; its shading is that of the exact surface."""
+    """Return a body with its sharp edges; its shading is that of the exact surface."""
     corners = (facets.corners + shift).reshape(-1, 3)
     cells = np.arange(len(corners)).reshape(-1, 3)
     solid = surface(corners, cells, facets.normals.reshape(-1, 3))
@@ -87,7 +87,7 @@ def _layers(facets: Facets, shift: Array, colour: str) -> list[Layer]:
 
 
 def sharp_edges(facets: Facets) -> Cells:
-    """Edges between faces that meet at an angle, as pairs of vertices, shape (k, 2)."""
+    """Return the edges between faces that meet at an angle, as pairs of vertices, shape (k, 2)."""
     sides: Sequence[tuple[int, int]] = ((0, 1), (1, 2), (2, 0))
     pairs = np.concatenate([facets.triangles[:, side] for side in sides])
     normals = np.concatenate([facets.normals[:, side].mean(axis=1) for side in sides])
@@ -114,12 +114,12 @@ def write_sheet(folder: Path, asked: Asked, made: Made, pictures: bool = True) -
         OSError: There is no room.
     """
     drawn = pictures and can_render()
-    files = [(EXPLODED, "The mould, apart along the pull")] if drawn else []
+    files = [(EXPLODED, "Exploded view of the mould along the pull")] if drawn else []
     if drawn:
         _draw(folder, made)
         files += [(f"{body.stem}.png", f"The {body.name}") for body in made.bodies]
     sheet = bench_sheet(asked, made)
-    # Markdown is no HTML: its texts go in as they are.
+    # Markdown text is inserted unescaped.
     write_text(folder / "sheet.md", render("mould.md", "softmodels.pictures", pictures=files, sheet=sheet))
     inside = [(image_uri(folder / name), text) for name, text in files]
     write_text(

@@ -1,4 +1,4 @@
-"""What a workshop sets: its printer, its walls, its pins and holes."""
+"""Workshop settings of a mould: printer, walls, pins and holes."""
 
 from __future__ import annotations
 
@@ -39,49 +39,47 @@ from softmodels.materials.silicones import (
 )
 
 STEEPEST = 15.0
-"""Largest draft in degrees; more is a cone and no draft."""
+"""Largest accepted draft in degrees."""
 MOST_SHRINKAGE = 0.05
-"""Silicones that cure by addition shrink by less than 0.01, by condensation by up to 0.02."""
+"""Largest accepted shrinkage: addition-cure silicones shrink by less than 0.01, condensation-cure by up to 0.02."""
 PIN_LENGTH = 0.6
-"""Length of a pin in thicknesses of the wall that its socket is sunk into."""
+"""Length of a pin relative to the wall of its socket."""
 FINEST_CHORD = 2e-6
-"""m; a finer STL is finer than any printer and larger than any slicer takes."""
+"""Smallest accepted chord error in m, finer than any printer."""
 
 
 class MouldError(Spoken, ValueError):
-    """A mould that cannot be made as asked; the message is a sentence for the user."""
+    """The requested mould cannot be made; the message is for the user."""
 
 
 @checked
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Workshop:
-    """What a mould is made with. Lengths are in m, angles in degrees.
+    """Settings of a mould. Lengths are in m, angles in degrees.
 
     Raises:
         MouldError: From the constructor, if no mould can be made so.
     """
 
     wall: float = length_field(0.005, "thickness of the mould's floors and lids")
-    rim: float = length_field(0.008, "solid of the mould around the part, which holds the pins")
-    draft: float = angle_field(1.0, "lean of pins, sockets, pour opening, vents and an upright inlet against the pull")
+    rim: float = length_field(0.008, "rim of the mould around the part, which holds the pins")
+    draft: float = angle_field(1.0, "draft angle of pins, sockets, pour opening, vents and an upright inlet")
     shrinkage: float = number_field(
-        0.0, "linear shrinkage of the silicone while it cures, 0.001 for 0.1 %; the mould is larger by it"
+        0.0, "linear shrinkage of the silicone during cure, 0.001 for 0.1 %; the mould is enlarged by it"
     )
     clearance: float = length_field(0.00015, "gap between a pin and its socket", zero=True)
-    least_wall: float = length_field(0.0008, "thinnest wall or rib that the printer makes")
-    least_gap: float = length_field(0.0005, "narrowest gap or hole that the printer makes")
+    least_wall: float = length_field(0.0008, "smallest wall or rib of the printer")
+    least_gap: float = length_field(0.0005, "smallest gap or hole of the printer")
     pin: float = length_field(0.004, "diameter of the alignment pins at their root")
     pour: float = length_field(0.003, "diameter of the pour opening where it meets the silicone")
     vent: float = length_field(0.001, "diameter of the vents where they meet the silicone")
     vents: int = choice_field(3, tuple(range(1, 13)), "number of vents of each half")
-    tube: float = length_field(0.002, "outer diameter of the tube that enters the cavity; 0 for no inlet", zero=True)
+    tube: float = length_field(0.002, "outer diameter of the tube into the cavity; 0 for no inlet", zero=True)
     chord: float = length_field(0.00002, "largest distance of the STL from the exact surface")
-    surplus: float = number_field(
-        0.15, "silicone mixed beyond the parts' volume, for sprues and the cup, 0.15 for 15 %"
-    )
+    surplus: float = number_field(0.15, "surplus of mixed silicone, for sprues and the mixing cup, 0.15 for 15 %")
     pull: str = text_field("", "direction in which the mould of an imported part opens, such as '0, 0, 1'")
     split: str = text_field(
-        "", "place of the parting plane along the pull, such as '2 mm'; the middle of the cavities if not given"
+        "", "position of the parting plane along the pull, such as '2 mm'; default: the middle of the cavities"
     )
 
     def __post_init__(self) -> None:
@@ -93,24 +91,22 @@ class Workshop:
 
     def _check_shares(self) -> None:
         if not 0.0 <= self.draft <= STEEPEST:
-            raise MouldError(f"draft is {shown(self.draft, 'degree')}; it must lie between 0 and {STEEPEST:g} deg")
+            raise MouldError(f"draft is {shown(self.draft, 'degree')}; it must be between 0 and {STEEPEST:g} deg")
         if not 0.0 <= self.shrinkage <= MOST_SHRINKAGE:
             raise MouldError(
                 f"shrinkage is {self.shrinkage:g}; silicones shrink by 0 to {MOST_SHRINKAGE:g} of each length (0.001 is 0.1 %)"
             )
         if not 0.0 <= self.surplus <= 5.0:
-            raise MouldError(f"surplus is {self.surplus:g}; it must lie between 0 and 5 (0.15 is 15 %)")
+            raise MouldError(f"surplus is {self.surplus:g}; it must be between 0 and 5 (0.15 is 15 %)")
         if self.chord < FINEST_CHORD:
-            raise MouldError(
-                f"chord is {shown(self.chord, 'm')}; an STL finer than {shown(FINEST_CHORD, 'm')} is of no use"
-            )
+            raise MouldError(f"chord is {shown(self.chord, 'm')}; it must be at least {shown(FINEST_CHORD, 'm')}")
 
     def _check_pins(self) -> None:
         left = self.wall - self.pin_length - self.clearance
         if left < self.least_wall:
             raise MouldError(
                 f"wall is {shown(self.wall, 'm')}; its sockets, {shown(self.pin_length + self.clearance, 'm')} deep, leave "
-                f"{shown(max(left, 0.0), 'm')} and the printer makes walls from {shown(self.least_wall, 'm')} (least_wall)"
+                f"{shown(max(left, 0.0), 'm')} but the printer's smallest wall is {shown(self.least_wall, 'm')} (least_wall)"
             )
         if self.rim < self.pin + 2.0 * (self.clearance + self.least_wall):
             raise MouldError(
@@ -120,7 +116,7 @@ class Workshop:
         if self.tip(self.pin, self.pin_length) < self.least_wall:
             raise MouldError(
                 f"draft is {shown(self.draft, 'degree')}; it leaves a pin of {shown(self.pin, 'm')} a tip of "
-                f"{shown(max(self.tip(self.pin, self.pin_length), 0.0), 'm')}, and the printer makes "
+                f"{shown(max(self.tip(self.pin, self.pin_length), 0.0), 'm')}, but the printer's smallest rib is "
                 f"{shown(self.least_wall, 'm')} (least_wall)"
             )
 
@@ -128,36 +124,36 @@ class Workshop:
         for name in ("vent", "pour"):
             if getattr(self, name) < self.least_gap:
                 raise MouldError(
-                    f"{name} is {shown(getattr(self, name), 'm')}; the printer makes holes from {shown(self.least_gap, 'm')} "
+                    f"{name} is {shown(getattr(self, name), 'm')}; the printer's smallest hole is {shown(self.least_gap, 'm')} "
                     "(least_gap)"
                 )
         if self.pour < self.vent:
             raise MouldError(
-                f"pour is {shown(self.pour, 'm')} and vent {shown(self.vent, 'm')}; the pour opening is the wider one"
+                f"pour is {shown(self.pour, 'm')} and vent {shown(self.vent, 'm')}; the pour opening must be wider"
             )
         if self.tube and self.tube < self.least_wall:
             raise MouldError(
-                f"tube is {shown(self.tube, 'm')}; the core that leaves room for it is thinner than the printer's "
-                f"{shown(self.least_wall, 'm')} (least_wall); 0 leaves the inlet out"
+                f"tube is {shown(self.tube, 'm')}; its core is thinner than the printer's "
+                f"{shown(self.least_wall, 'm')} (least_wall); 0 omits the inlet"
             )
         if self.chord > 0.25 * self.least_gap:
             raise MouldError(
-                f"chord is {shown(self.chord, 'm')}; it must not pass a quarter of the printer's gap, "
+                f"chord is {shown(self.chord, 'm')}; it must be at most a quarter of the printer's gap, "
                 f"{shown(0.25 * self.least_gap, 'm')}"
             )
 
     @property
     def pin_length(self) -> float:
-        """How far a pin stands out, m."""
+        """Height of a pin, m."""
         return PIN_LENGTH * self.wall
 
     @property
     def slope(self) -> float:
-        """Lean per length."""
+        """Draft per length."""
         return math.tan(math.radians(self.draft))
 
     def tip(self, diameter: float, length: float) -> float:
-        """Diameter that the draft leaves at the end of a core, m."""
+        """Return the diameter at the end of a core with draft, m."""
         return diameter - 2.0 * length * self.slope
 
     @property
@@ -167,7 +163,7 @@ class Workshop:
 
     @property
     def direction(self) -> tuple[float, float, float] | None:
-        """The asked pull as a unit vector; None if none is asked for."""
+        """The given pull as a unit vector; None if not given."""
         if not self.pull.strip():
             return None
         parts = self.pull.replace(",", " ").split()
@@ -179,13 +175,13 @@ class Workshop:
             raise MouldError(f"pull is {self.pull!r}; a direction is three numbers, such as '0, 0, 1'")
         length = float(np.linalg.norm(vector))
         if not 1e-9 < length < 1e9:
-            raise MouldError(f"pull is {self.pull!r}; that is no direction, since it has no length")
+            raise MouldError(f"pull is {self.pull!r}; its length must not be zero")
         x, y, z = (float(value) for value in vector / length)
         return x, y, z
 
     @property
     def level(self) -> float | None:
-        """The asked height of the parting plane along the pull in m; None if none is asked for."""
+        """The given height of the parting plane along the pull in m; None if not given."""
         if not self.split.strip():
             return None
         from softmodels.common.units import UnitError, quantity
@@ -197,12 +193,12 @@ class Workshop:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a mould is asked for: a device, its silicone by name, a workshop; from Python, or from a case file.
+# Input of a mould: a device, its silicone by name, workshop settings; from Python, or from a case file.
 
 
 @dataclasses.dataclass(frozen=True)
 class Asked:
-    """A mould that is asked for.
+    """A requested mould.
 
     Attributes:
         device: The device.
@@ -218,11 +214,11 @@ class Asked:
 
     @property
     def casting(self) -> Casting | None:
-        """What the maker's sheet says of the silicone; None if it is not in the table."""
+        """Data sheet values of the silicone; None if it is not in the table."""
         return casting_of(self.silicone)
 
     def to_toml(self) -> str:
-        """Text of a file that asks for the same again."""
+        """Return the text of a file that requests the same mould."""
         silicone = {"silicone": self.silicone} if self.silicone else {}
         return tomli_w.dumps(
             {"name": self.name, "geometry": device_table(self.device), "mould": {**silicone, **to_table(self.workshop)}}
@@ -230,7 +226,7 @@ class Asked:
 
 
 def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, **settings: object) -> Asked:
-    """What is asked for, from Python.
+    """Return the request made from Python.
 
     Args:
         device: A device, a case, or a case file, whose table ``[mould]`` holds settings too.
@@ -238,14 +234,14 @@ def asked_of(device: Actuator | Case | str | Path, silicone: str | None = None, 
         settings: Fields of `Workshop`: numbers in SI units (angles in degrees), or texts with a unit.
 
     Raises:
-        MouldError, CaseError: What cannot be meant.
+        MouldError, CaseError: Invalid input.
     """
     if isinstance(device, Actuator):
         return _asked(device, device.stem, None, {}, silicone, settings)
     if isinstance(device, Case):
         return _asked(device.actuator, device.name, device, {}, silicone, settings)
     if not isinstance(device, str | Path):
-        raise MouldError(f"a mould is made of a device, a case or a case file, and not of {brief(device)}")
+        raise MouldError(f"a mould needs a device, a case or a case file, not {brief(device)}")
     case, table = _read(Path(device))
     try:
         return _asked(case.actuator, case.name, case, table, silicone, settings)
@@ -274,14 +270,14 @@ def _asked(
     unknown = given.keys() - {field.name for field in dataclasses.fields(Workshop)}
     if unknown:
         raise MouldError(
-            f"{min(unknown)!r} is no setting of a mould; {known_are(min(unknown), sorted(Workshop.__dataclass_fields__))}"
+            f"{min(unknown)!r} is not a setting of a mould; {known_are(min(unknown), sorted(Workshop.__dataclass_fields__))}"
         )
     values |= given
     return Asked(device, Workshop(**values), product, name)
 
 
 def _product(name: object, case: Case | None) -> str:
-    """The silicone's product: the one asked for, or the case's if its material is a named one.
+    """Return the silicone's product: the requested one, or the case's if its material is a named silicone.
 
     Raises:
         MouldError: There is none of that name.
@@ -296,7 +292,7 @@ def _product(name: object, case: Case | None) -> str:
 
 
 def _read(file: Path) -> tuple[Case, dict[str, object]]:
-    """A case file and its table ``[mould]``; a load is not asked for.
+    """Return a case file and its table ``[mould]``; the load is ignored.
 
     Raises:
         CaseError, MouldError: It cannot be read, or is none.
@@ -307,7 +303,7 @@ def _read(file: Path) -> tuple[Case, dict[str, object]]:
         raise CaseError(f"case file {file} {error}") from None
     table = tables.pop("mould", {})
     if not isinstance(table, dict):
-        raise MouldError(f"{file}: mould is {table!r}; it must be a table, which begins with a line [mould]")
+        raise MouldError(f"{file}: mould is {table!r}; it must be a table, starting with a line [mould]")
     try:
         return Case.from_toml(tomli_w.dumps({"load": {"pressure_cm": [1.0]}, **tables}), file.parent), table
     except CaseError as error:

@@ -1,4 +1,4 @@
-"""The sheet for the bench: what to weigh, in which order to work, how thick everything is, and what was checked."""
+"""The casting sheet: amounts, steps, dimensions and checks."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from softmodels.casting.settings import Asked
 from softmodels.common.schema import shown
 from softmodels.materials.silicones import HOUR, MINUTE
 
-READ = "to be read from the data sheet"
+READ = "see the data sheet"
 ML = 1e6
-"""ml in a m3."""
+"""ml per m3."""
 
 Row = tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class SheetTable:
-    """A table of the sheet: its heading, the names of its columns, its rows."""
+    """A table of the sheet: heading, column names, rows."""
 
     heading: str
     head: Row
@@ -29,7 +29,7 @@ class SheetTable:
 
 @dataclasses.dataclass(frozen=True)
 class BenchSheet:
-    """What a bench needs beside the bodies.
+    """Casting instructions for the bodies.
 
     Attributes:
         title: Of the sheet.
@@ -51,7 +51,7 @@ class BenchSheet:
 
 
 def bench_sheet(asked: Asked, made: Made) -> BenchSheet:
-    """The sheet of a mould."""
+    """Return the sheet of a mould."""
     return BenchSheet(
         f"Mould of {asked.name}", _about(asked, made), _amounts(asked, made), _steps(asked, made),
         _walls(asked, made), _checks(asked, made), _notes(asked),
@@ -64,7 +64,7 @@ def _about(asked: Asked, made: Made) -> list[str]:
     texts = [
         f"{type(asked.device).__name__}, {made.volume * ML:.4g} ml of silicone"
         + (f", {asked.silicone}." if asked.silicone else "; the silicone is not named."),
-        "It is cast in two halves, which are bonded in the parting plane. "
+        "It is cast in two halves, which are bonded at the parting plane. "
         + (parting.why if parting else f"The mould opens along {workshop.pull.strip()}."),
     ]
     if silicone:
@@ -79,7 +79,7 @@ def _about(asked: Asked, made: Made) -> list[str]:
         larger = workshop.scale - 1.0
         texts.append(f"All bodies are larger by {larger:.2%}, for a linear shrinkage of {workshop.shrinkage:.2%}.")
     else:
-        texts.append("The bodies are not scaled: no shrinkage that can be told is known or asked for.")
+        texts.append("The bodies are not scaled: no shrinkage is known or given.")
     return texts
 
 
@@ -88,7 +88,7 @@ def _time(seconds: float) -> str:
 
 
 def _amounts(asked: Asked, made: Made) -> SheetTable:
-    """Volumes and masses of each half and of both, with the surplus, and what that is of A and of B."""
+    """Return the volumes and masses of each half and of both, with the surplus, and the amounts of A and B."""
     silicone, more = asked.casting, 1.0 + asked.workshop.surplus
     volumes = [(cast.name, cast.facets.volume / MM**3) for cast in made.casts]
     volumes.append(("both", sum(volume for _, volume in volumes)))
@@ -125,25 +125,27 @@ def _steps(asked: Asked, made: Made) -> list[str]:
         else f"Weigh A and B in the ratio of the silicone ({READ})"
     )
     steps = [
-        "Print or mill the four bodies, lengths in mm: cups on their floors, lids on their backs, the core upwards, without "
-        "supports. Fresh resin prints keep silicones that cure by addition from curing: bake or coat them.",
-        "Put lid and cup together dry. The three pins let the lid on in one way alone; the rims must meet without a gap.",
+        "Print or mill the four bodies (lengths in mm): cups on their floors, lids on their backs with the core upwards, "
+        "without supports. Freshly printed resin inhibits platinum-cure silicone: bake or coat the prints.",
+        "Test the fit of lid and cup without silicone. The three pins allow only one orientation; the rims must close without "
+        "a gap.",
         "Coat cup, lid and core thinly with release agent.",
         f"{weigh}, mix, and draw the air out under vacuum; pour {pot}.",
-        "Fill each cup to a little above its rim. Lower the lid from one side, so that the air leaves before it, and press "
-        "it on until the rims meet and silicone stands in every vent. Top up through the pour opening.",
-        f"Weigh the lids down, and let cure for {cure}.",
-        "Lift the lids straight off, along the pins. What cured in pour opening and vents tears off at its neck; push it out.",
-        "Bend the halves out of their cups. Cut what is left of the sprues flush with the face that is bonded.",
-        "Spread a film of the same silicone, 0.1 mm, on the faces that are bonded, clear of the channels' edges. Put the "
-        f"halves on each other edge to edge, weigh them down lightly, and let cure for {cure}.",
+        "Fill each cup to a little above its rim. Lower the lid from one side, so that the air escapes ahead of it, "
+        "and press it on until the rims meet and silicone fills every vent. Top up through the pour opening.",
+        f"Put weights on the lids, and let cure for {cure}.",
+        "Lift the lids straight off, along the pins. Silicone in the pour opening and vents tears off at its neck; push it "
+        "out.",
+        "Bend the halves out of their cups. Cut the sprues flush with the bonding face.",
+        "Spread a 0.1 mm film of the same silicone on the bonding faces, clear of the channels' edges. "
+        f"Align the halves edge to edge, put a light weight on them, and let cure for {cure}.",
     ]
     if made.plug:
         steps.append(
             f"Push the tube ({shown(workshop.tube, 'm')} outside) into the inlet up to the cavity and seal it with silicone."
         )
     else:
-        steps.append("There is no inlet: pierce the part with a needle, push the tube in and seal it with silicone.")
+        steps.append("Without an inlet: pierce the part with a needle, push the tube in and seal it with silicone.")
     steps.append("Inflate gently under water: no bubbles may rise from the bond or the tube.")
     return steps
 
@@ -164,8 +166,8 @@ def _walls(asked: Asked, made: Made) -> SheetTable:
 
 def _checks(asked: Asked, made: Made) -> SheetTable:
     rows = [_checked(body) for body in made.bodies]
-    head = ("body", "watertight", "thinnest wall (mm)", "narrowest gap (mm)", "least lean of the part's walls (deg)",
-            "least draft of pins and holes (deg)", f"STL off by (um; {asked.workshop.chord * 1e6:g} allowed)")  # fmt: skip
+    head = ("body", "watertight", "thinnest wall (mm)", "narrowest gap (mm)", "smallest draft of the part's walls (deg)",
+            "smallest draft of pins and holes (deg)", f"STL error (um; {asked.workshop.chord * 1e6:g} allowed)")  # fmt: skip
     return SheetTable("Checked before writing", head, rows)
 
 
@@ -180,12 +182,10 @@ def _checked(body: MouldBody) -> Row:
 
 def _notes(asked: Asked) -> list[str]:
     notes = [
-        "Walls of the part that stand along the pull have no lean, so that the cast is the device as it was computed: silicone "
-        "is bent out of its cup. The draft is that of pins, sockets, pour opening, vents and an upright inlet.",
+        "Walls of the part parallel to the pull have no draft, so that the cast equals the computed device: the flexible "
+        "silicone is bent out of its cup. Pins, sockets, pour opening, vents and an upright inlet have draft.",
         "The laws of the table of silicones were measured on cured sheets; a bond, a pigment or a thinner changes them.",
     ]
     if asked.casting:
-        notes.append(
-            "Pot life and cure time are the maker's at 23 C; the sheet that came with the batch has the last word."
-        )
+        notes.append("Pot life and cure time are the maker's at 23 C; the data sheet of the batch takes precedence.")
     return notes

@@ -1,4 +1,4 @@
-"""The command ``curve``: any material's stress in test specimens and pressure in a balloon, without a mesh."""
+"""The command ``curve``: stress of a material in test specimens and its balloon's pressure, without a mesh."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ TABLE_POINTS = 11
 
 
 class CurveGiven(CurveFiles):
-    """What further options of the command give, by their names."""
+    """Values of the command's further options, by name."""
 
     radius: float
     thickness: float
@@ -46,17 +46,17 @@ class CurveGiven(CurveFiles):
 @click.option("--material", "names", multiple=True, metavar="NAME[:KEY=VALUE,...]",
               help="Silicone, TOML file, or law with numbers (yeoh:c1=8kPa,c2=90Pa); several are compared.")  # fmt: skip
 @click.option("--stretch", default="1:4", show_default=True, metavar="FROM:TO", help="Range of stretch.")
-@click.option("--incompressible", is_flag=True, help="Take Poisson's ratio as 0.5, whatever the material says.")
+@click.option("--incompressible", is_flag=True, help="Use a Poisson's ratio of 0.5 instead of the material's.")
 @click.option(
     "--radius", type=QuantityType("m"), default=0.02, help="The balloon's undeformed radius.  [default: 20mm]"
 )
 @click.option("--thickness", type=QuantityType("m"), default=0.001, help="Its undeformed thickness.  [default: 1mm]")
-@tensile_option("Measured curve to draw beside them, FILE[:TEST].")
+@tensile_option("Measured curve to plot for comparison, FILE[:TEST].")
 @specimen_options
-@click.option("--no-pictures", is_flag=True, help="Leave the picture out.")
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--no-pictures", is_flag=True, help="Do not draw the picture.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 @click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/curve; "
-              "results/curve-2 and so on where that holds other curves]")  # fmt: skip
+              "results/curve-2 and so on if that holds other curves]")  # fmt: skip
 def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Path | None, no_pictures: bool, quiet: bool,
           **options: Unpack[CurveGiven]) -> None:  # fmt: skip
     """Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.
@@ -87,7 +87,7 @@ def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Pa
             measured = read_curves(options, options["radius"], options["thickness"])
         if min(options["radius"], options["thickness"]) <= 0.0 or options["thickness"] > options["radius"]:
             raise TensileError(
-                "the balloon's radius and thickness must be above zero, and the wall thinner than the radius"
+                "the balloon's radius and thickness must be above zero, and the thickness less than the radius"
             )
     except (MaterialError, OwnFolderError, TensileError) as error:
         fail(str(error))
@@ -128,7 +128,7 @@ def read_material(text: str, incompressible: bool = False) -> Material:
 
 
 def as_text(one: MaterialCurves, thickness_over_radius: float) -> str:
-    """A material's table for the terminal."""
+    """Return a material's table for the terminal."""
     modulus, unit = with_prefix(one.material.shear_modulus_0, "Pa")
     nu = one.material.poisson
     lines = [f"{one.name}: {one.material.name}, shear modulus {modulus} {unit}, Poisson's ratio {nu:g}"]

@@ -1,4 +1,4 @@
-"""The whole loop on a device whose silicone is known: simulated, photographed, measured, fitted, and held against the truth."""
+"""The whole workflow on a device of known silicone: simulate, photograph, measure, fit, compare with the truth."""
 
 from __future__ import annotations
 
@@ -43,24 +43,24 @@ if TYPE_CHECKING:
 
 
 WRITTEN = ("case.toml", "photographs/", "setup.toml", "setup.png", "outlines/", "fit/", "compared.json")
-"""What the demonstration writes into its folder."""
+"""Files that the demonstration writes into its folder."""
 CENTRE = 1.3e-3
-"""Where the device's axis stands along the screen in m: nobody knows it."""
+"""Position of the device's axis along the screen in m, unknown to the fit."""
 LEAK = 0.01
-"""Share of the largest pressure that the hose loses."""
+"""Share of the largest pressure that the hose leaks."""
 HALF_WIDTH = 0.2
 """Half width in m of the support, which ends outside of the picture."""
 
 
 @dataclasses.dataclass(frozen=True)
 class DemoTruth:
-    """What the bench does not know.
+    """The true parameters, unknown to the fit.
 
     Attributes:
         actuator: The device, as a section.
         law: Its law.
         values: The law's numbers by name.
-        poisson: Poisson's ratio, which is told to the fit.
+        poisson: Poisson's ratio, which the fit takes as given.
         pressures: True pressures in Pa, rising.
     """
 
@@ -78,7 +78,7 @@ TRUTH = DemoTruth(
 
 
 def scene_of(megapixels: float) -> Scene:
-    """The measurement's demo bench with a sensor of another size; 18 is the thesis' camera."""
+    """Return the demo bench with a sensor of another size in megapixels; 18 is the thesis' camera."""
     factor = (megapixels * 1e6 / (SCENE.width * SCENE.height)) ** 0.5
     return dataclasses.replace(
         SCENE, width=round(SCENE.width * factor), height=round(SCENE.height * factor),
@@ -87,7 +87,7 @@ def scene_of(megapixels: float) -> Scene:
 
 
 def inflated(truth: DemoTruth, comm: MPI.Comm) -> tuple[DeviceModel, list[Array]]:
-    """The device with its true material, and the right half of its outline in m at each pressure."""
+    """Simulate the device with its true material; return the right half of its outline in m at each pressure."""
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
@@ -102,7 +102,7 @@ def inflated(truth: DemoTruth, comm: MPI.Comm) -> tuple[DeviceModel, list[Array]
 
 
 def polygon(half: Array) -> Array:
-    """Shadow (k, 2) in m of a device that stands level with what is around it."""
+    """Return the shadow (k, 2) in m of a device that stands level with its support."""
     places = np.vstack([half[:0:-1] * [-1.0, 1.0], half])
     places[:, 1] = np.maximum(places[:, 1], 0.0)
     sides = [[HALF_WIDTH, 0.0], [HALF_WIDTH, -HALF_WIDTH], [-HALF_WIDTH, -HALF_WIDTH], [-HALF_WIDTH, 0.0]]
@@ -136,7 +136,7 @@ def take_photographs(
 
 
 def commands(folder: Path, truth: DemoTruth) -> list[tuple[str, list[str]]]:
-    """What a user types: module or program, and its words."""
+    """Return what a user types: module or program, and its arguments."""
     setup, outlines = folder / "setup.toml", folder / "outlines"
     photographs = folder / "photographs"
     held = [word for name, value in truth.values.items() if value == 0.0 for word in ("--fix", f"{name}=0Pa")]
@@ -149,14 +149,14 @@ def commands(folder: Path, truth: DemoTruth) -> list[tuple[str, list[str]]]:
 
 
 def write_case(folder: Path, truth: DemoTruth) -> None:
-    """The case that a user would have: device and pressures, with a silicone that is not the true one."""
+    """Write the case a user would have: device and pressures, with a silicone other than the true one."""
     heights = tuple(p / pascal_per_cm() for p in truth.pressures)
     text = Case("disk", truth.actuator, DEFAULT, pressures_cm=heights).to_toml()
     (folder / "case.toml").write_text(text, encoding="utf-8")
 
 
 def compared(folder: Path, truth: DemoTruth) -> tuple[list[str], bool]:
-    """Truth against fit, a line per number, and whether every 95 % interval holds its truth."""
+    """Return a line per parameter, truth against fit, and whether every 95 % interval contains the truth."""
     about = tomllib.loads((folder / "fit" / "fitted.toml").read_text())["fit"]
     known = {**{name: value for name, value in truth.values.items() if value}, "leak": LEAK}
     lines, good = [], True
@@ -171,14 +171,14 @@ def compared(folder: Path, truth: DemoTruth) -> tuple[list[str], bool]:
 
 
 @click.command()
-@click.option("-o", "--output", type=FolderType(), help="Folder for all of it.  [default: loop; loop-2 and so on where that "
-              "is taken]")  # fmt: skip
+@click.option("-o", "--output", type=FolderType(), help="Folder for all files.  [default: loop; loop-2 and "
+              "so on if that exists]")  # fmt: skip
 @click.option("--megapixels", type=click.FloatRange(1.0, 50.0), default=18.0, show_default=True,
               help="Size of the photographs; 18 is the thesis' camera.")  # fmt: skip
 def demo(output: Path | None, megapixels: float) -> None:
-    """Go once around: simulate a known silicone, photograph it, measure the photographs, fit, and compare.
+    """Run the whole workflow: simulate a known silicone, photograph it, measure the photographs, fit, and compare.
 
-    Takes a few minutes with 18 megapixels. Exit status: 0 if every 95 % interval holds the truth, else 1.
+    Takes a few minutes with 18 megapixels. Exit status: 0 if every 95 % interval contains the truth, else 1.
     """
     import subprocess
     import sys
@@ -188,9 +188,9 @@ def demo(output: Path | None, megapixels: float) -> None:
 
     comm = start()
     if comm.size > 1:
-        fail("the demonstration runs on one process")
+        fail("the demonstration runs on one process only; start it without mpirun")
     try:
-        place = open_place(output, Path("loop"), "demonstration of the whole loop", WRITTEN)
+        place = open_place(output, Path("loop"), "demonstration of the whole workflow", WRITTEN)
         write_case(place, TRUTH)
         click.echo("simulating the true device")
         _, halves = inflated(TRUTH, comm)
@@ -206,9 +206,9 @@ def demo(output: Path | None, megapixels: float) -> None:
         click.echo(f"$ python -m {module} {' '.join(words)}")
         status = subprocess.run([*interpreter(), "-m", module, *words], check=False).returncode
         if status != DONE:
-            fail(f"{module} {words[0]} ended with exit status {status}; the files up to there are in {place}", FAILED)
+            fail(f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}", FAILED)
     lines, good = compared(place, TRUTH)
-    click.echo("\n".join(["against the truth:", *lines]))
+    click.echo("\n".join(["compared with the truth:", *lines]))
     report = {"good": good, "lines": lines}
     (place / "compared.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     sys.exit(DONE if good else FAILED)

@@ -1,4 +1,4 @@
-"""``softmodels design``: from what a device should do to the device."""
+"""``softmodels design``: find the parameters of a device that meet a design problem."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ if TYPE_CHECKING:
 
 
 FINER = 2.0
-"""How many times smaller the cells of one level finer are."""
+"""Refinement factor between two mesh levels."""
 
 
 class DesignArguments(TypedDict):
-    """What the options give, by their names."""
+    """Option values, by name."""
 
     output: Path | None
     resume: bool
@@ -67,26 +67,28 @@ class DesignArguments(TypedDict):
 @click.command("design", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/NAME; results/NAME-2 "
-              "and so on where that holds another problem]")  # fmt: skip
-@click.option("--resume", is_flag=True, help="Go on from an interrupted run; no design is evaluated again.")
-@click.option("--starts", type=click.IntRange(1, 50), default=1, show_default=True, help="Searches: from the device as given, "
-              "then from devices spread over the bounds.")  # fmt: skip
+              "and so on if that holds another problem]")  # fmt: skip
+@click.option("--resume", is_flag=True, help="Resume an interrupted run; no design is evaluated again.")
+@click.option("--starts", type=click.IntRange(1, 50), default=1, show_default=True, help="Number of searches: the first from "
+              "the given device, the others from points spread over the bounds.")  # fmt: skip
 @click.option(
-    "--evaluations", type=click.IntRange(1, 1000), default=40, show_default=True, help="Most designs of one start."
+    "--evaluations",
+    type=click.IntRange(1, 1000),
+    default=40,
+    show_default=True,
+    help="Maximum number of designs per start.",
 )
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the further starts.")
-@click.option(
-    "--confirm-finer", is_flag=True, help="Confirm the design on a mesh one level finer: cells half as large."
-)
-@click.option("--no-pictures", is_flag=True, help="Leave the runs before and after, the pictures and the report out.")
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the further starts.")
+@click.option("--confirm-finer", is_flag=True, help="Confirm the design on a finer mesh, with cells half as large.")
+@click.option("--no-pictures", is_flag=True, help="Skip the runs before and after, the pictures and the report.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def design(file: Path, **options: Unpack[DesignArguments]) -> None:
-    """Find the device that does best what a problem FILE asks for, within its limits.
+    """Find the device that best meets the objective of a problem FILE, within its limits.
 
-    The file names a case, the parameters that may change with their bounds, what is to be made large or small (maximise,
-    minimise) or a motion to be followed (follow), and what must hold (keep). Each design that is evaluated is kept in
-    iterates.csv and the folder iterates, whose cases can be run; design.toml is the best so far, whatever ends the program.
-    At the end the best design's whole path is solved on a fresh mesh, and that is what is reported.
+    The file names a case, the parameters that may change with their bounds, an objective (maximise, minimise) or
+    a target motion (follow), and limits (keep). Every evaluated design is stored in iterates.csv and
+    in the folder iterates, whose cases can be run; design.toml is always the best so far. At the end the
+    best design's whole path is solved on a new mesh, and these values are reported.
 
     \b
     Examples:
@@ -96,8 +98,8 @@ def design(file: Path, **options: Unpack[DesignArguments]) -> None:
       softmodels run results/lift/design.toml
 
     \b
-    Exit status: 0 done; 1 failed; 2 bad input; 3 the request cannot be met (the nearest design and what excludes each other are
-    reported), or the device as given has no state at a pressure it is asked at; 130 stopped.
+    Exit status: 0 done; 1 failed; 2 bad input; 3 the problem is infeasible (the closest design and the incompatible limits
+    are reported), or the given device has no state at a required pressure; 130 stopped.
     """
     try:
         problem = DesignProblem.from_file(file)
@@ -127,7 +129,7 @@ def design(file: Path, **options: Unpack[DesignArguments]) -> None:
 def _design(
     problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, how: SearchOptions, options: DesignArguments
 ) -> int:
-    """Optimise, report, draw; the exit status."""
+    """Optimise, report, draw; return the exit status."""
     from petsc4py import PETSc
 
     from softmodels.design.optimise import run_in
@@ -135,7 +137,7 @@ def _design(
     quiet = options["quiet"] or not is_root(comm)
     progress = Progress(1.0, "", StateLabels(""), quiet)
     if folder is not None:
-        progress.say(f"results go to {folder.path}")
+        progress.say(f"writing results to {folder.path}")
     for note in problem.notes:
         progress.say(f"note: {note}")
     try:
@@ -149,16 +151,16 @@ def _design(
     except (MeshingError, MeshFileError) as error:
         fail(str(error), FAILED)
     except PETSc.Error as error:
-        fail(f"PETSc stopped ({petsc_reason(error)}); what was evaluated is kept, go on with --resume", FAILED)
+        fail(f"PETSc stopped ({petsc_reason(error)}); the evaluated designs are kept; continue with --resume", FAILED)
     except MemoryError as error:
         fail(no_memory(error), FAILED)
     except (OwnFolderError, OSError) as error:
-        fail(f"the designs cannot be written ({error}); go on with --resume", FAILED)
+        fail(f"the designs cannot be written ({error}); continue with --resume", FAILED)
     return _close(result, folder, comm, quiet, options["no_pictures"])
 
 
 def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool, no_pictures: bool) -> int:
-    """Write the summary, run the device before and after, draw, and say how it ended."""
+    """Write the summary, run the initial and the final device, draw, and print how the search ended."""
     from softmodels.design.result import FILE, notes, summary
 
     if folder is not None:
@@ -184,12 +186,12 @@ def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
         for text in [*told, *filter(None, [result.agreement]), *(f"note: {note}" for note in notes(result))]:
             say(f"  {text}")
         more = "; before/ and after/ are the runs, report.html has the pictures" if drawn else ""
-        say(f"{folder.path}: design.toml is the device found, iterates.csv has all designs{more}")
+        say(f"{folder.path}: design.toml is the optimised device, iterates.csv lists all designs{more}")
     return status
 
 
 def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool) -> bool:
-    """Run the device before and after, and draw both; whether there are pictures."""
+    """Run the initial and the final device and draw both; return whether there are pictures."""
     from softmodels.cli.run import run
     from softmodels.pictures.design_files import FILES
 
@@ -197,7 +199,7 @@ def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
     if folder is not None:
         folder.own.claim(["before/", "after/", *FILES])
         if not quiet:
-            say("running the device before and after, and drawing (--no-pictures leaves this out)", err=True)
+            say("running and drawing the initial and the final device (skip with --no-pictures)", err=True)
     for name, case in (("before", result.given), ("after", result.case)):
         status = run(case, result.folder / name, quiet=True, draw=False, interrupts=asked_to_stop)
         if status not in (DONE, NO_EQUILIBRIUM):
@@ -206,7 +208,7 @@ def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
 
 
 def _draw(result: DesignResult) -> bool:
-    """Draw in a process of its own, for VTK and DOLFINx each bring an HDF5."""
+    """Return the draw in a separate process, because VTK and DOLFINx each bring their own HDF5."""
     process = start_drawing(result.problem.case, "softmodels.pictures.draw_design", str(result.folder))
     try:
         out, errors = process.communicate()

@@ -1,4 +1,4 @@
-"""``softmodels doctor``: what is installed, in which version, and whether a small solve works."""
+"""``softmodels doctor``: list installed versions and what is missing, and test a small solve."""
 
 from __future__ import annotations
 
@@ -53,13 +53,17 @@ def doctor() -> None:
         except Exception as error:
             failed += 1
             print(f"FAILED  {name:13s} {error}", flush=True)
-    print("all is well" if not failed else f"{failed} of {len(checks)} checks failed; the README says how to install")
+    print(
+        "all checks passed"
+        if not failed
+        else f"{failed} of {len(checks)} checks failed; see the installation section of the README"
+    )
     sys.exit(1 if failed else 0)
 
 
 def _version(name: str, module: str) -> str:
     version = importlib.metadata.version(name)
-    if module not in ("gmsh", "vtk", "pyvista", "h5py"):  # drawing and HDF5 are imported where they are used
+    if module not in ("gmsh", "vtk", "pyvista", "h5py"):  # drawing and HDF5 are imported only where they are used
         importlib.import_module(module)
     return version
 
@@ -89,7 +93,7 @@ def _petsc() -> str:
     pc.setOperators(matrix)
     pc.setType("cholesky")
     pc.setFactorSolverType("mumps")
-    pc.setUp()  # raises where PETSc was built without MUMPS
+    pc.setUp()  # raises if PETSc was built without MUMPS
     return f"{'.'.join(map(str, PETSc.Sys.getVersion()))}, {np.dtype(PETSc.ScalarType)}, with MUMPS"
 
 
@@ -112,7 +116,7 @@ def _mpirun() -> str:
 def _program(what: str, *names: str) -> str:
     found = next((path for name in names if (path := shutil.which(name))), None)
     if found is None:
-        raise RuntimeError(f"{what} is not on the PATH")
+        raise RuntimeError(f"{what} not found on the PATH")
     return found
 
 
@@ -122,7 +126,7 @@ def _compiler() -> str:
         return _program("a C compiler", *names)
     except RuntimeError:
         raise RuntimeError(
-            "no C compiler; the equations are compiled at run time (Debian: apt-get install gcc)"
+            "no C compiler; the equations are compiled at run time, so install one (Debian: apt-get install gcc)"
         ) from None
 
 
@@ -155,8 +159,8 @@ def _solve() -> str:
     *_, last = trace(Continuation(solver), [5150.0 / solver.system.stress_unit])
     rise = Fields(solver).figures(last.state).rises["apex"] * 1e3
     if abs(rise / EXPECTED_MM - 1) > 0.02:
-        raise RuntimeError(f"the test disk rose {rise:.4f} mm where {EXPECTED_MM} mm were expected")
+        raise RuntimeError(f"the test disk rose by {rise:.4f} mm; expected {EXPECTED_MM} mm within 2 %")
     return (
-        f"apex {rise:.4f} mm at 5.15 kPa; equations ready in {prepared - started:.1f} s, "
+        f"apex {rise:.4f} mm at 5.15 kPa; kernels ready in {prepared - started:.1f} s, "
         f"path in {time.perf_counter() - prepared:.2f} s"
     )

@@ -1,4 +1,4 @@
-"""The process that draws a run: started with the run, so that it is ready when there is something to draw."""
+"""The process that draws the pictures of a run; it starts with the run to hide its start-up time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from softmodels.runs.store import Results
 
 
 def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]:
-    """Start a module that draws in a process of its own, with nothing of MPI in its environment.
+    """Start a drawing module in a separate process, without MPI's environment variables.
 
     Args:
         case: What is drawn; its own modules are imported there too.
@@ -40,21 +40,21 @@ def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]
 
 
 def end(process: subprocess.Popen[str]) -> None:
-    """End a process, if it has not ended by itself."""
+    """End a process if it still runs."""
     if process.poll() is None:
         process.kill()
         process.communicate()
 
 
 def tell_not_drawn(out: str, errors: str, status: int, left: str) -> None:
-    """Report that there are no pictures, why, and what there is."""
+    """Report that drawing failed, why, and what is left."""
     reason = (errors or out).strip().splitlines() or [f"exit status {status}"]
     say(f"softmodels: the pictures could not be drawn ({reason[-1]}); {left}", err=True)
 
 
 @contextlib.contextmanager
 def _counter(quiet: bool) -> Iterator[Callable[[str], None]]:
-    """A line on a terminal with what is being done and the time it takes; nothing elsewhere."""
+    """Show the current step and the elapsed time on a terminal; nothing elsewhere."""
     width = columns("stderr")
     if quiet or width is None:
         yield lambda text: None
@@ -73,14 +73,14 @@ def _counter(quiet: bool) -> Iterator[Callable[[str], None]]:
 
 
 class DrawingProcess:
-    """Draws the pictures, the film and the report of a run in a process of its own, for VTK and DOLFINx each bring an HDF5.
+    """Draws pictures, film and report of a run in a separate process, because VTK and DOLFINx each bring their own HDF5.
 
     Loading what draws takes seconds, which the process spends while the path is being solved, if a core is free for that, and
     draws the device at rest there. All else has one camera and one colour scale for all states, and so waits for the last.
 
     Args:
         case: What is run.
-        few: Draw the curves, the stress and the report alone.
+        few: Draw only the curves, the stress and the report.
     """
 
     def __init__(self, case: Case, few: bool = False):
@@ -89,38 +89,38 @@ class DrawingProcess:
 
     @property
     def begins(self) -> str:
-        """What is reported before it."""
+        """Return the message before drawing."""
         if self.few:
-            return "drawing curves, stress and report (--pictures all draws all, --pictures none nothing)"
-        return "drawing pictures, film and report (--pictures few draws fewer, --pictures none nothing)"
+            return "drawing curves, stress and report (--pictures all for everything, --pictures none to skip)"
+        return "drawing pictures, film and report (--pictures few for less, --pictures none to skip)"
 
     @property
     def made(self) -> str:
-        """What there is after it, in a few words."""
+        """Return which files were drawn, in a few words."""
         return f"pictures (*.png){'' if self.few else ', film.gif, film.webp'} and report.html"
 
     def get_ready(self, ranks: int) -> None:
         """Start the process, if there are more cores than ranks."""
-        with contextlib.suppress(OSError):  # tried again, and reported, when there is something to draw
+        with contextlib.suppress(OSError):  # tried again, and reported, when drawing starts
             if cores() > ranks:
                 self._process = self._started()
 
     def _started(self) -> subprocess.Popen[str]:
-        return start_drawing(self.case, "softmodels.pictures.draw", *(["--few"] if self.few else []))
+        return start_drawing(self.case, "softmodels.pictures.draw", *(["--pictures", "few"] if self.few else []))
 
     def begin(self, results: Results) -> None:
-        """Draw what the first state shows, if the process has been started; called when that state is in the folder."""
+        """Draw the pictures of the first state, if the process runs; called once that state is stored."""
         if self._process is not None and not self.few:
             self._order(results, complete=False)
 
     def _order(self, results: Results, complete: bool) -> None:
         assert self._process is not None and self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # it has died, which is reported at the end
+        with contextlib.suppress(BrokenPipeError):  # the process has died, which is reported at the end
             self._process.stdin.write(json.dumps([str(results.folder.absolute()), results.name, complete]) + "\n")
             self._process.stdin.flush()
 
     def draw(self, results: Results, quiet: bool = False) -> float | None:
-        """Draw the results; the seconds it took, None if it failed, which is reported and costs no results.
+        """Draw the results; return the seconds it took, or None if it failed, which is reported.
 
         On a terminal the files are counted as they are drawn, beside the time, unless ``quiet``.
 
@@ -138,7 +138,7 @@ class DrawingProcess:
         return None
 
     def _followed(self, process: subprocess.Popen[str], quiet: bool) -> tuple[str, str]:
-        """What a process that draws prints to its end: the files drawn, and complaints."""
+        """Collect the output of a drawing process until it ends: the files drawn, and errors."""
         assert process.stdin is not None and process.stdout is not None and process.stderr is not None
         with contextlib.suppress(BrokenPipeError):
             process.stdin.close()
@@ -152,6 +152,6 @@ class DrawingProcess:
             return "".join(drawn), errors.result()
 
     def leave(self) -> None:
-        """End the process, whatever it is at."""
+        """End the process in any state."""
         if self._process is not None:
             end(self._process)

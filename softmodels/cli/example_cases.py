@@ -1,4 +1,4 @@
-"""The case files of ``softmodels examples``, one of each kind; each runs in seconds."""
+"""Case files of ``softmodels examples``, one of each kind; each runs in seconds."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ poisson = 0.495
 """
 
 CASES = {
-    "disk.toml": f"""# the disk of the photographs; what it is made of is for the fit to find
+    "disk.toml": f"""# the disk of the photographs; its material is to be fitted
 name = "disk"
 
 {_DISK}
 [load]
 pressure_cm = "0:177"
 """,
-    "volume.toml": f"""# past the limit point, by the cavity's volume
+    "volume.toml": f"""# past the limit point, under volume control
 name = "volume"
 
 {_THIN}
@@ -43,13 +43,13 @@ stroke_ml = "0:20"
 kind = "syringe"
 dead_volume = "5 ml"
 """,
-    "cycle.toml": f"""# a pressure raised and lowered again: the disk jumps out and back
+    "cycle.toml": f"""# loading and unloading under pressure control: the disk snaps through and back
 name = "cycle"
 
 {_THIN}{_YEOH}
 [load]
 pressure_cm = [0, 20, 36]
-cycle = true
+load_unload = true
 """,
     "contact.toml": f"""# below a rigid plate 1 mm above the disk
 name = "contact"
@@ -63,7 +63,7 @@ pressure_cm = "0:177"
 faces = "top"
 plane = "z = 17 mm"
 """,
-    "ball.toml": f"""# pressed on a rigid ball that stands half a millimetre above the disk
+    "ball.toml": f"""# pressed against a rigid ball half a millimetre above the disk
 name = "ball"
 
 {_DISK}
@@ -94,7 +94,7 @@ pressure_cm = "0:40"
 face = "bottom"
 stiffness = "100 N/m"
 """,
-    "balloon.toml": """# a balloon on its neck, past its limit point
+    "balloon.toml": """# a balloon with a neck, past its limit point
 name = "balloon"
 
 [geometry]
@@ -103,7 +103,7 @@ device = "Balloon"
 [load]
 volume_ml = "0:40:10"
 """,
-    "mypart.toml": """# a finger from a STEP file; its only closed inner shell is the cavity, and it bends up
+    "mypart.toml": """# a finger from a STEP file; its only closed inner shell is the cavity; it bends upwards
 name = "mypart"
 
 [geometry]
@@ -123,7 +123,7 @@ silicone = "ecoflex-00-30"
 [load]
 pressure_cm = "0:65"
 """,
-    "program.toml": """# a part with two cavities, a series for each: one inflated, the other filled with water and shut
+    "program.toml": """# a part with two cavities, a load series for each: one inflated, the other filled with water and closed
 name = "program"
 
 [geometry]
@@ -141,10 +141,10 @@ cavity1.pressure_cm = [10, 20, 20]
 cavity2.volume_ml = [0, 0, 0.02]
 """,
 }
-"""Text by name of the file."""
+"""File texts by file name."""
 
 PROBLEMS = {
-    "problems/higher.toml": """# softmodels design: where to put the silicone of a membrane so that its top is highest
+    "problems/higher.toml": """# softmodels design: distribute the silicone of a membrane so that its top rises highest
 name = "higher"
 
 [case.geometry]
@@ -159,11 +159,11 @@ shear_modulus = "30 kPa"
 [case.load]
 pressure_cm = "0:177"
 
-[parameters]                            # each entry of the profile: thickness over the mean one, from the middle outwards
+[parameters]                            # each entry of the profile: thickness relative to the mean, from the middle outwards
 profile = { from = 0.6, to = 1.7 }
 
 [maximise]
-quantity = "height"                     # of the top under pressure; "rise" is how far it moves, and begins lower
+quantity = "height"                     # of the top under pressure; "rise" is its displacement
 of = "apex"
 at = "177 cm"
 
@@ -172,18 +172,18 @@ quantity = "mass"
 at_most = "20.5 g"
 
 [[keep]]
-quantity = "limit_margin"               # limit pressure over the highest pressure asked at
+quantity = "limit_margin"               # limit pressure over the highest pressure of the problem
 at_least = 1.25
 
-[tolerances]                            # one standard deviation; with it all limits hold with 95 %
+[tolerances]                            # one standard deviation; all limits then hold with 95 % probability
 base = "0.1 mm"
 """,
 }
-"""Design problems, likewise."""
+"""Design problems by file name."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# More case files of ``softmodels examples``: experiments as benches have them, one of each kind.
+# Case files of ``softmodels examples`` for bench experiments, one of each kind.
 
 
 _MATERIAL = """
@@ -201,7 +201,7 @@ direction = "-z"
 """
 
 BENCH = {
-    "lifted.toml": f"""# a membrane in a clamp lifts a rigid plate of 20 g that is bonded on it
+    "lifted.toml": f"""# a clamped membrane lifts a rigid plate of 20 g that is bonded to it
 name = "lifted"
 
 [geometry]
@@ -217,7 +217,7 @@ silicone = "ecoflex-00-30"
 [load]
 volume_ml = "0:30:5"            # counted from the flat membrane; passes limit points, where pressure = "0:2 kPa" would end
 """,
-    "height.toml": f"""# the same plate held 8 mm high: the force that a load cell shows over the pressure, and where it is none
+    "height.toml": f"""# the same plate held 8 mm high: blocked force on a load cell over the pressure, down to zero force
 name = "height"
 
 [geometry]
@@ -349,4 +349,4 @@ spring = "5 N/mm"
 pressure = "0:5 kPa"
 """,
 }
-"""Text by name of the file."""
+"""File texts by file name."""

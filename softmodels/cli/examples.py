@@ -1,7 +1,7 @@
-"""``softmodels examples``: small files to try every command with, made from seeds when asked for.
+"""``softmodels examples``: write small files to try every command with, generated from fixed seeds.
 
 A device whose silicone is known is simulated and photographed as in `softmodels.cli.demo`, but small; its tensile curve, boards
-for the camera's lens, a part from a STEP file and a case of each kind stand beside it. Files that exist are left alone.
+for the camera's lens, a part from a STEP file and a case of each kind stand beside it. Existing files are kept.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MEGAPIXELS = 3.8
 LENS = (-0.06, 0.02)
 """The camera's k1 and k2: straight lines of the grid are bent by some pixels."""
 POSES = [(0, 0), (20, 0), (-20, 12), (8, 25), (12, -25), (-12, -18), (0, 30), (25, 8), (-25, -8), (15, 15)]
-"""Tilt and pan in degrees under which the board is seen."""
+"""Tilt and pan in degrees of the board relative to the camera."""
 SIDE = 0.025
 """Side of the board's squares in m."""
 NOISE = 150.0
@@ -39,11 +39,11 @@ NOISE = 150.0
 README = """Made by `softmodels examples` from fixed seeds: nothing here was measured.
 
 boards/*.jpg       a chessboard of 10 x 7 squares of 25 mm (9 x 6 inner corners), through the bench's lens
-photographs/       grid.jpg: the screen's grid of 9 mm alone; 4 to 13: a disk at rest and at nine pressures; photos.csv: the
+photographs/       grid.jpg: only the screen's grid of 9 mm; 4 to 13: a disk at rest and at nine pressures; photos.csv: the
                    levels of the water column's two tubes, which loses 1 % of its largest pressure by a leak
-disk.toml          the disk of the photographs, its silicone not yet known
+disk.toml          the disk of the photographs, silicone unknown
 pull.csv           a tensile test of its silicone
-truth.txt          what it is made of
+truth.txt          the true material
 mypart.step        a finger with one cavity that bends, mypart.toml the case of it
 twopart.step       a block with two cavities, program.toml a series for each of them
 *.toml             cases: volume, syringe, cycle, contact, ball, sheet (seminar), balloon
@@ -60,7 +60,7 @@ Try them as the README of softmodels shows, for example
 
 
 class Folder:
-    """Where examples go; never writes over a file.
+    """The folder for the examples; never overwrites a file.
 
     Attributes:
         written: What was written.
@@ -73,7 +73,7 @@ class Folder:
         self.kept: list[Path] = []
 
     def add(self, name: str, make: Callable[[Path], object]) -> None:
-        """Make a file by a function that takes its path, unless something of that name is there."""
+        """Make a file by a function that takes its path, unless it exists."""
         path = self.path / name
         if path.exists() or path.is_symlink():
             self.kept.append(path)
@@ -84,12 +84,12 @@ class Folder:
 
 
 def bench() -> Scene:
-    """The demo's camera with a smaller sensor and a lens that bends."""
+    """Return the demo's camera with a smaller sensor and a distorting lens."""
     return dataclasses.replace(scene_of(MEGAPIXELS), distortion=LENS)
 
 
 def board_scenes() -> Iterator[Scene]:
-    """The same camera in front of a board: near enough that it fills the picture, the corners too over all poses."""
+    """Place the same camera in front of a board, close enough that the poses together fill the picture."""
     scene = bench()
     for tilt, pan in POSES:
         yield dataclasses.replace(
@@ -98,7 +98,7 @@ def board_scenes() -> Iterator[Scene]:
 
 
 def tensile_curve() -> str:
-    """A tensile test of the device's silicone to stretch 3, with noise, as a machine's table."""
+    """Return a noisy tensile test of the device's silicone up to stretch 3, as a machine's table."""
     law = LawChoice.from_text(TRUTH.law, TRUTH.poisson).material(TRUTH.values)
     stretch = np.linspace(1.0, 3.0, 201)[1:]
     noisy = nominal_stress(law, stretch) + NOISE * np.random.default_rng(30).standard_normal(len(stretch))
@@ -108,7 +108,7 @@ def tensile_curve() -> str:
 
 
 def told_truth() -> str:
-    """What the example's silicone is."""
+    """Return the example's silicone in words."""
     values = ", ".join(f"{name} = {value / 1e3:g} kPa" for name, value in TRUTH.values.items())
     return f"{TRUTH.law}, {values}, Poisson's ratio {TRUTH.poisson:g}"
 
@@ -181,10 +181,10 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
 
 
 def photographs(folder: Path, tell: Callable[[str], None]) -> None:
-    """The grid alone and the inflated disk, with the table of the column's levels."""
+    """Make photographs of the grid and of the inflated disk, with the table of the column's levels."""
     from softmodels.mechanics.mpi import start
 
-    tell("simulating the disk that is photographed (compiled the first time, some ten seconds)")
+    tell("simulating the photographed disk (compiling kernels on the first run, about 10 s)")
     _, halves = inflated(TRUTH, start())
     take_photographs(folder, TRUTH, halves, bench(), tell)
     (folder / "IMG_0100.JPG").rename(folder / "grid.jpg")
@@ -195,7 +195,7 @@ def photographs(folder: Path, tell: Callable[[str], None]) -> None:
 def examples(output: Path) -> None:
     """Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.
 
-    Takes about a minute. What is in the folder already is left alone.
+    Takes about a minute. Existing files are kept.
     Exit status: 0 written, 1 failed, 2 the folder cannot be written.
     """
     from softmodels.cli.options import fail
@@ -209,10 +209,10 @@ def examples(output: Path) -> None:
         fail(f"the examples cannot be written ({error.strerror or error})", status_of(error))
     except ImportError as error:
         fail(
-            f"{error}; the photographs need FEniCSx (softmodels doctor tells what is missing); the rest is in {output}",
+            f"{error}; the photographs need FEniCSx (softmodels doctor lists what is missing); the rest is in {output}",
             1,
         )
     for path in folder.kept:
-        say(f"{path} was there already and is left alone")
+        say(f"{path} exists and is kept")
     count = len(folder.written) + len(folder.kept)
-    say(f"wrote {len(folder.written)} of {count} examples; {output}/README.txt says what is what")
+    say(f"wrote {len(folder.written)} of {count} examples; {output}/README.txt describes them")

@@ -1,4 +1,4 @@
-"""``softmodels export``: a case for CalculiX or FEBio, so that another program can check this one."""
+"""``softmodels export``: write a case for CalculiX or FEBio, to check results with another program."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from softmodels.runs.outcomes import FAILED
 @click.command(name="export", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp or NAME.feb.")
-@click.option("--quiet", is_flag=True, help="Report errors alone.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def command(file: Path, output: Path, quiet: bool) -> None:
     """Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.
 
     NAME.inp is for CalculiX (ccx NAME), NAME.feb for FEBio. Lengths in the deck are in mm, pressures in Pa. Cells have
-    displacements alone there: hold the answer against --formulation displacement.
+    only displacements there: compare the result with --formulation displacement.
 
     \b
     Examples:
@@ -36,7 +36,7 @@ def command(file: Path, output: Path, quiet: bool) -> None:
     \b
     Exit status: 0 done; 1 failed; 2 bad input; 130 stopped.
     """
-    if launched() is not None:  # dead loads start MPI, which waits for all of a launcher's ranks
+    if launched() is not None:  # dead loads start MPI, which waits for all ranks of a launcher
         start()
     if not speaks():
         return

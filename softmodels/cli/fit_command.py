@@ -1,4 +1,4 @@
-"""The command ``fit``: options to sources, sources to fits, fits to files."""
+"""The command ``fit``: read the measurements, fit the laws, write the result files."""
 
 from __future__ import annotations
 
@@ -67,55 +67,59 @@ from softmodels.runs.recording import Progress
 @click.argument("files", metavar="[CASE.toml [OUTLINES...]]...", nargs=-1, type=click.Path(path_type=Path))
 @tensile_option()
 @click.option("--heights", type=click.Path(path_type=Path), metavar="HEIGHTS.csv",
-              help="Fit the largest deflections at the pressures, as the thesis did, in place of outlines.")  # fmt: skip
+              help="Fit the largest deflections at each pressure, as in the thesis, instead of outlines.")  # fmt: skip
 @click.option("--free", multiple=True, metavar="NAME", help="With a case: free poisson, or a length such as membrane.")
-@click.option("--untrusted", is_flag=True, help="Take outlines that the measurement does not trust, too.")
+@click.option("--untrusted", is_flag=True, help="Also use outlines that the measurement flags as untrusted.")
 @heights_from_option
-@click.option("--without", multiple=True, metavar="PHOTOGRAPH", help="Leave a photograph out, such as 4.jpg.")
-@click.option("--silicone", metavar="NAME", help="What the part was cast of, such as ecoflex-00-30: its known moduli show "
-              "pressures in a wrong unit. any: in no list.  [default: the case's material]")  # fmt: skip
+@click.option(
+    "--exclude", multiple=True, metavar="PHOTOGRAPH", help="Exclude a photograph, such as 4.jpg; may be repeated."
+)
+@click.option("--silicone", metavar="NAME", help="Silicone the part was cast from, such as ecoflex-00-30: its published "
+              "moduli reveal pressures in a wrong unit. any: unlisted.  [default: the case's material]")  # fmt: skip
 @click.option("--material", "laws", default="yeoh", show_default=True, metavar="LAW,...",
               help=f"Laws to compare: {known_laws()}, or all.")  # fmt: skip
 @click.option("--stretch", metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]")
 @click.option("--stress-error", default="auto", show_default=True, metavar="ERROR",
-              help="2%+0.5kPa; constant (unweighted); auto weights by 2 % and the curve's noise. The last two take their "
-              "size from the scatter.")  # fmt: skip
+              help="2%+0.5kPa; constant (unweighted); auto weights by 2 % and the curve's noise. The last two are "
+              "scaled by the scatter.")  # fmt: skip
 @click.option("--gauge-error", default="auto", show_default=True, metavar="SHARE",
               help="Standard error of a factor on each test (cross-section, load cell), such as 5%; auto takes 3 % and 1 %, "
-              "3.2 % together; none leaves it out, and with it most of what the intervals have to hold.")  # fmt: skip
+              "3.2 % together; none omits it, which makes the intervals much too narrow.")  # fmt: skip
 @click.option(
     "--poisson", type=QuantityType(""), default=0.5, show_default=True, help="Poisson's ratio of the fitted material."
 )
-@click.option("--fix", "fixes", multiple=True, metavar="NAME=VALUE", help="Keep a parameter, such as c3=0.")
+@click.option("--fix", "fixes", multiple=True, metavar="NAME=VALUE", help="Fix a parameter, such as c3=0.")
 @click.option(
     "--bounds", "bounds", multiple=True, metavar="NAME=FROM:TO", help="Bound a parameter; an end may be empty."
 )
-@click.option("--prior", "priors", multiple=True, metavar="NAME=VALUE+-ERROR", help="What is known beforehand.")
-@click.option("--robust", is_flag=True, help="Let outliers count by their size, not by its square.")
+@click.option("--prior", "priors", multiple=True, metavar="NAME=VALUE+-ERROR", help="Prior knowledge of a parameter.")
+@click.option("--robust", is_flag=True, help="Robust loss: outliers count by their size, not its square.")
 @specimen_options
 @click.option("--radius", type=QuantityType("m"), help="A balloon's undeformed radius.")
 @click.option("--thickness", type=QuantityType("m"), help="Its undeformed thickness.")
-@click.option("--no-profiles", is_flag=True, help="Leave the profile likelihoods out: intervals from the covariance.")
-@click.option("--no-pictures", is_flag=True, help="Leave the pictures and the page out.")
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--no-profiles", is_flag=True, help="Skip the profile likelihoods: intervals from the covariance only.")
+@click.option("--no-pictures", is_flag=True, help="Skip the pictures and the report.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 @click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/fit; results/fit-2 "
-              "and so on where that holds another fit]")  # fmt: skip
+              "and so on if that holds another fit]")  # fmt: skip
 def fit_material(**options: Unpack[FitGiven]) -> None:
     """Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.
 
-    With --tensile, to curves of test machines. With a CASE (such as the case.toml in a folder of results), to outlines of
-    that device at all pressures (files or folders that python -m measurement photos has made), alone or together with curves.
-    What the bench may have got wrong is fitted too, within what is believable: an offset and a unit of pressure, a leak, a
-    unit of length, the zero plane, the axis. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' says more.
-    Gravity, masses and forces of the case are given: they act in every photograph, in that at zero pressure too.
+    With --tensile, to curves of test machines. With a CASE (such as the case.toml in a folder of results), to outlines of that
+    device at all pressures (files or folders that python -m measurement photos has made), alone or together with curves.
+    Systematic
+    errors of the bench are fitted too, within plausible bounds: an offset and a unit of pressure, a leak, a unit of
+    length, the zero plane, the axis. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' sets an expected
+    error. Gravity, masses and forces of the case are taken as known; they act in every photograph, also at zero pressure.
 
-    With several CASEs, each followed by its OUTLINES, one material is fitted to all of them, as to parts of one cast. What the
-    bench got wrong is each device's own: --fix leak is about all of them, --fix disk.leak about that whose case is called disk.
+    With several CASEs, each followed by its OUTLINES, one material is fitted to all of them, as to parts of one cast. The
+    errors
+    of the bench are fitted per device: --fix leak applies to all of them, --fix disk.leak to the one whose case is named disk.
     For each device the misfit is reported.
 
     TEST is uniaxial (default), planar (pure shear), equibiaxial or balloon (pressure against stretch or radius). A file's
-    headers say what its columns are, such as 'strain (%)' and 'stress (kPa)'; only the loading ramp up to the break counts.
-    A modulus without its fit range means nothing: choose the stretches of the device with --stretch.
+    headers name its columns, such as 'strain (%)' and 'stress (kPa)'; only the loading ramp up to the break is used.
+    A modulus is valid only in its fit range: choose the stretches of the device with --stretch.
 
     \b
     Examples:
@@ -129,8 +133,8 @@ def fit_material(**options: Unpack[FitGiven]) -> None:
       python -m softmodels.disk --material results/fit/fitted.toml
 
     \b
-    Exit status: 0 done; 1 no law could be fitted soundly: the reason is reported, and what was found is in unsound.toml, not in
-    fitted.toml; 2 bad input.
+    Exit status: 0 done; 1 no law was accepted: the reason is reported, and the rejected fit is in unsound.toml, not
+    in fitted.toml; 2 bad input.
     """
     comm = start() if options["files"] else None
     folder: list[ResultFolder] = []  # of rank 0
@@ -168,21 +172,19 @@ def fit_material(**options: Unpack[FitGiven]) -> None:
 def _closing(report: FitReport, folder: Path) -> str:
     file = folder / name_of(report.chosen)
     if report.chosen.sound:
-        return f"written to {folder}; go on with --material {file}"
-    return (
-        f"written to {folder}; no fitted.toml, for the fit is not sound: {file} is for looking at, not for a simulation"
-    )
+        return f"written to {folder}; use it with --material {file}"
+    return f"written to {folder}; no fitted.toml, because the fit was rejected: inspect {file}, do not simulate with it"
 
 
 def _put_away(folders: Sequence[ResultFolder]) -> None:
-    """Rename what an earlier fit has left, so that nobody takes it for this one's."""
+    """Rename the files of an earlier fit, so that they are not mistaken for this one's."""
     for folder in folders:
         with contextlib.suppress(OSError):
             retire(folder.path)
 
 
 def _folder(options: FitGiven) -> ResultFolder:
-    """Where the results go; taken before anything is computed."""
+    """Open the results folder before anything is computed."""
     named = [Path(text) if Path(text).exists() else Path(text.rpartition(":")[0]) for text in options["tensile"]]
     files = [*options["files"], *named, *([options["heights"]] if options["heights"] else [])]
     return open_folder(options["output"], Path("results/fit"), "fit", options, files)
@@ -191,9 +193,9 @@ def _folder(options: FitGiven) -> ResultFolder:
 def _report(options: FitGiven) -> FitReport:
     if options["files"]:
         return _device_report(options)
-    if any(options[name] for name in ("heights", "free", "untrusted", "without", "heights_from")):  # type: ignore[literal-required]
+    if any(options[name] for name in ("heights", "free", "untrusted", "exclude", "height_datum")):  # type: ignore[literal-required]
         raise FitError(
-            "--heights, --free, --untrusted, --without and --heights-from are about a device; give its case file first"
+            "--heights, --free, --untrusted, --exclude and --height-datum need a device; give its case file first"
         )
     check_curves_given({**options, "tensile": True})
     curves = _curves(options)
@@ -214,10 +216,10 @@ def _device_report(options: FitGiven) -> FitReport:
     StressError.from_text(options["stress_error"])
     pairs = _devices(options["files"])
     if options["heights"] is not None and (len(pairs) > 1 or pairs[0][1]):
-        raise OutlineFitError("fit either whole outlines or --heights: one would count the other twice")
+        raise OutlineFitError("fit either outlines or --heights, not both: the same data would count twice")
     if options["heights"] is not None and options["tensile"]:
         raise OutlineFitError(
-            "heights alone have no errors to weigh tensile curves with; give outlines, or fit them apart"
+            "heights without outlines have no errors to weigh tensile curves with; add outlines, or fit the two separately"
         )
     cases = []
     for file, files in pairs:
@@ -226,7 +228,7 @@ def _device_report(options: FitGiven) -> FitReport:
         except CaseError as error:
             raise FitError(str(error)) from None
         if options["heights"] is None and not files:
-            raise OutlineFitError(f"{file} says what was inflated; give its outlines too, or --heights heights.csv")
+            raise OutlineFitError(f"{file} describes only the device; add its outlines, or --heights heights.csv")
     lengths = {
         name: case.actuator.variable
         for name, case in zip(device_names([case.name for case in cases]), cases, strict=True)
@@ -241,7 +243,7 @@ def _device_report(options: FitGiven) -> FitReport:
 
 
 def _devices(files: Sequence[Path]) -> list[tuple[Path, list[Path]]]:
-    """Case files, each with the outlines that follow it."""
+    """Return the case files, each with the outlines that follow it."""
     pairs: list[tuple[Path, list[Path]]] = []
     for file in files:
         if not pairs or file.suffix == ".toml":

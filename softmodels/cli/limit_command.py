@@ -1,4 +1,4 @@
-"""``softmodels limit``: how much pressure a design can bear, by material, and how the workshop's tolerances scatter it."""
+"""``softmodels limit``: limit pressure of a design by material, and its scatter over fabrication tolerances."""
 
 from __future__ import annotations
 
@@ -33,7 +33,12 @@ from geometries.options import (
     device_told,
 )
 from softmodels.case.case import Case
-from softmodels.case.entries import CaseError
+from softmodels.case.entries import (
+    CaseError,
+    SeriesError,
+    one_of_text,
+    split_text,
+)
 from softmodels.case.materials import material_from
 from softmodels.cli.options import (
     DEVICE,
@@ -49,7 +54,7 @@ from softmodels.common.files import write_text
 from softmodels.common.folders import OwnFolderError, ResultFolder
 from softmodels.common.schema import shown
 from softmodels.common.terminal import say
-from softmodels.common.units import WATER_DENSITY
+from softmodels.common.units import WATER_DENSITY, UnitError, quantity
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import extrapolated
 from softmodels.materials.stability import check_rest, weakest, weakness
@@ -81,7 +86,7 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What ``softmodels limit`` reports: sentences, tables and the picture of the scatter.
+# Output of ``softmodels limit``: sentences, tables and the picture of the scatter.
 
 
 PERCENTILES = (5, 25, 50, 75, 95)
@@ -94,7 +99,7 @@ type Sampled = tuple[Mapping[str, float], Limit]
 
 @dataclasses.dataclass(frozen=True)
 class LimitColumn:
-    """What pressures are counted in: Pa in one cm of the column, and the working pressure in cm, if there is one."""
+    """Unit of the pressures: Pa in one cm of the column, and the working pressure in cm, if given."""
 
     cm: float
     working: float | None
@@ -102,14 +107,14 @@ class LimitColumn:
 
 @dataclasses.dataclass(frozen=True)
 class Scatter:
-    """The devices within the tolerances."""
+    """The sampled devices within the tolerances."""
 
     tolerances: Sequence[Tolerance]
     sampled: Sequence[Sampled]
 
     @property
     def borne(self) -> tuple[str, list[Sampled]]:
-        """What they bear: their limits; where none has one, the pressures of the largest stretch."""
+        """Return their limit pressures; if none has a limit, the pressures at the largest stretch."""
         found = [one for one in self.sampled if one[1].found]
         stretched = [one for one in self.sampled if one[1].kind == "none"]
         if found or not stretched:
@@ -118,7 +123,7 @@ class Scatter:
 
 
 def row_of(name: str, found: Limit, column: LimitColumn) -> Row:
-    """Row of a material's limit."""
+    """Return the table row of a material's limit."""
     row: Row = {
         "material": name, "kind": found.kind, "limit_cm": found.pressure / column.cm, "limit_Pa": found.pressure,
         "added_volume_ml": found.added_volume * 1e6, **{f"{k}_mm": v * 1e3 for k, v in found.rises.items()},
@@ -128,7 +133,7 @@ def row_of(name: str, found: Limit, column: LimitColumn) -> Row:
 
 
 def sentence(name: str, found: Limit, column: LimitColumn) -> str:
-    """What a device bears in a material."""
+    """Return the limit of a device in a material as a sentence."""
     radius, height = float(np.hypot(found.place[0], found.place[1])) * 1e3, found.place[2] * 1e3
     place = f"largest stretch {found.stretch:.3g}, {radius:.3g} mm from the axis at height {height:.3g} mm"
     rises = ", ".join(f"{name} {rise * 1e3:+.4g} mm" for name, rise in found.rises.items())
@@ -136,8 +141,8 @@ def sentence(name: str, found: Limit, column: LimitColumn) -> str:
     at = f"{found.pressure / column.cm:.4g} cm ({found.pressure / 1e3:.4g} kPa)"
     what = {
         "limit": f"limit pressure {at}: {state}",
-        "bifurcation": f"leaves its shape (bifurcation) at {at}: {state}",
-        "none": f"no limit up to a stretch of {LARGEST_STRETCH:g}, which it reaches at {at}: {state}",
+        "bifurcation": f"bifurcation at {at}: {state}",
+        "none": f"no limit up to a stretch of {LARGEST_STRETCH:g}, reached at {at}: {state}",
         "lost": f"no limit up to {at}, where the path was lost ({found.why}): {state}",
     }[found.kind]
     text = f"{name}: {what}"
@@ -148,7 +153,7 @@ def sentence(name: str, found: Limit, column: LimitColumn) -> str:
 
 
 def scatter_text(scatter: Scatter, column: LimitColumn) -> str:
-    """How the limit scatters, and what moves it."""
+    """Return how the limit scatters, and which parameters affect it."""
     what, counted = scatter.borne
     count = len(scatter.sampled)
     if not counted:
@@ -160,18 +165,18 @@ def scatter_text(scatter: Scatter, column: LimitColumn) -> str:
     )
     text += f"; lowest {pressures.min():.4g} cm, highest {pressures.max():.4g} cm"
     if without := count - len(counted):
-        text += f"; {without} have none or were not followed to it"
+        text += f"; {without} have no limit or were not followed to it"
     if len(pressures) > len(scatter.tolerances) + 1:
         text += _effects(scatter.tolerances, counted, pressures, what)
     if column.working is not None:
-        text += f"\n  {np.mean(pressures < column.working) * 100:.3g} % lie below the working pressure"
+        text += f"\n  {np.mean(pressures < column.working) * 100:.3g} % are below the working pressure"
     return text
 
 
 def _effects(
     tolerances: Sequence[Tolerance], counted: Sequence[Sampled], pressures: npt.NDArray[np.float64], what: str
 ) -> str:
-    """Effect of each parameter, from all at once: one alone would take the others' scatter for its own."""
+    """Return the effect of each parameter, fitted jointly so that none absorbs the scatter of another."""
     values = [[_regressor(t, changes[t.name]) for t in tolerances] for changes, _ in counted]
     slopes = np.linalg.lstsq(values - np.mean(values, axis=0), np.log(pressures / pressures.mean()), rcond=None)[0]
     text = ""
@@ -221,29 +226,29 @@ SAMPLES = 32
 
 @dataclasses.dataclass(frozen=True)
 class LimitArguments:
-    """The command's options but those of devices and laws; see `_command`."""
+    """The command's options except those of devices and laws; see `_command`."""
 
-    case_file: Path | None  # a device may have a file of its own
+    case_file: Path | None  # not called file: a device may have a field of that name
     material: tuple[str, ...]
     vary: tuple[str, ...]
     count: int | None
     normal: bool
-    working_cm: float | None
+    working_pressure: str | None
     water_density: float | None
     output: Path | None
 
 
 @dataclasses.dataclass(frozen=True)
 class LimitRequest:
-    """What is asked.
+    """The question of one command.
 
     Attributes:
-        case: A case around the device; its load is not looked at.
+        case: A case around the device; its load is ignored.
         materials: The silicones by name.
-        tolerances: Within which the device scatters; none for the nominal device alone.
+        tolerances: Within which the device scatters; none for only the nominal device.
         count: Devices within them.
-        normal: Whether they are two standard deviations.
-        column: What pressures are counted in.
+        normal: Whether the tolerances are two standard deviations.
+        column: Unit of the pressures.
     """
 
     case: Case
@@ -255,44 +260,61 @@ class LimitRequest:
 
     @classmethod
     def from_options(cls, kind: type[Actuator], given: LimitArguments, values: Mapping[str, object]) -> LimitRequest:
-        """Read it off the command's options.
+        """Make it from the command's options.
 
         Args:
-            kind: The device where no file names one.
+            kind: The device if no file names one.
             given: Those of its own.
             values: Those of the device and the law, None where not given.
 
         Raises:
-            CaseError, GeometryError, MaterialError: What cannot be meant.
+            CaseError, GeometryError, MaterialError: Invalid input.
         """
-        file, working = given.case_file, given.working_cm
+        file = given.case_file
         case = None if file is None else Case.from_file(file)
         device, materials = _asked(kind, case, file, given.material, dict(values))
         for material in materials.values():
             check_rest(material)
         tolerances = [Tolerance.parse(text, type(device)) for text in given.vary]
-        if working is not None and not working > 0:
-            raise CaseError(f"--working-cm {working:g}: the working pressure must be above zero")
         if not tolerances and (given.normal or given.count is not None):
-            raise CaseError("--samples and --normal are about tolerances; give one with --vary")
+            raise CaseError("--samples and --normal need a tolerance; give one with --vary")
         around = _as_asked(case, device, materials, given.water_density)
         count = given.count or SAMPLES
+        working = _working_cm(given.working_pressure, around.cm)
         return cls(around, materials, tolerances, count, given.normal, LimitColumn(around.cm, working))
 
 
-def limit(kind: type[Actuator], **values: object) -> None:
-    """Tell the largest pressure a device can bear, and where it is strained most there.
+def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
+    """Return a working pressure in cm of the column: a number of cm, or a text with a unit of pressure.
 
-    The device is that of a case FILE or of the options below (as a section, unless --section says otherwise; --device NAME
+    Raises:
+        CaseError: No positive pressure.
+    """
+    if text is None:
+        return None
+    try:
+        plain = not split_text(text)[1]
+        value = quantity(text, "") if plain else one_of_text("cm", text, "working pressure", pascal_in_cm)
+    except (SeriesError, UnitError) as error:
+        raise CaseError(f"--working-pressure: {error}") from None
+    if not value > 0:
+        raise CaseError(f"--working-pressure {text}: the working pressure must be above zero")
+    return value
+
+
+def limit(kind: type[Actuator], **values: object) -> None:
+    """Find the largest pressure a device can take, and the place of its largest strain.
+
+    The device is that of a case FILE or of the options below (as a section, unless --section is given; --device NAME
     has those of another one); every --material adds a row. With --vary the limit's scatter over fabrication tolerances is
     added: of any thickness or other length, and of the offset of the cavity, which on a disk sits too high in a part of the
-    same height (a thinner membrane over a thicker base). A disk's core that is shifted sideways has no effect to first
-    order, for shifts to the left and to the right do the same; it is not sampled.
+    same height (a thinner membrane over a thicker base). A sideways shift of a disk's core is not
+    sampled: by symmetry it has no first-order effect.
 
     \b
     Examples:
       softmodels limit results/disk/case.toml
-      softmodels limit --variant shadow --material ecoflex-00-30 --material dragon-skin-20 --working-cm 20
+      softmodels limit --variant shadow --material ecoflex-00-30 --material dragon-skin-20 --working-pressure 20cm
       softmodels limit --device Balloon --wall 1.5mm --material ecoflex-00-30
       softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary offset=0mm+-0.2mm
       softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
@@ -324,7 +346,7 @@ def limit(kind: type[Actuator], **values: object) -> None:
 def _open(
     given: LimitArguments, values: Mapping[str, object], question: LimitRequest, comm: MPI.Comm
 ) -> ResultFolder | None:
-    """The folder for the tables, on rank 0; None elsewhere, and where nothing is to be written."""
+    """Open the folder for the tables on rank 0; None elsewhere, or if nothing is to be written."""
     if given.output is None and not question.tolerances:
         return None
     folder: list[ResultFolder] = []
@@ -347,7 +369,7 @@ def _open(
 def _answered(
     question: LimitRequest, materials: Mapping[str, Material], comm: MPI.Comm
 ) -> tuple[dict[str, Limit], Scatter]:
-    """The limits by material and of the devices within the tolerances; ends the program where there are none."""
+    """Return the limits by material and of the devices within the tolerances; exit on an error."""
     case, sampled = question.case, list[Sampled]()
     try:
         check_varied(case.actuator, question.tolerances, comm)
@@ -360,20 +382,21 @@ def _answered(
         fail(str(error))
     except (MeshingError, BodyError, CompilingError) as error:
         fail(str(error), FAILED)
-    except OSError as error:  # the mesh is made in the folder for temporary files
+    except OSError as error:  # the mesh is made in the temporary folder
         fail(f"the mesh cannot be written ({error.strerror or error})", FAILED)
     return dict(zip(materials, limits, strict=True)), Scatter(question.tolerances, sampled)
 
 
 def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Mapping[str, Limit]) -> Iterator[str]:
-    """What has to be known of the limits."""
+    """Yield warnings about the limits."""
     device = question.case.actuator
     for name, found in limits.items():
         weak = weakest(materials[name])
         if weak is not None and found.stretch >= NEAR_STRETCH_LIMIT * weak.stretch:
             yield (
-                f"note: {weakness(materials[name])}, and the state found has stretch {found.stretch:.3g}: what gives way there "
-                "may be the law and not the device; take one that is stable over these stretches (softmodels curve shows them)"
+                f"note: {weakness(materials[name])}, and the state reaches stretch {found.stretch:.3g}: the limit may "
+                f"come from the law, not from the device; use a law that is stable over these stretches (softmodels curve "
+                f"shows them)"
             )
         if text := extrapolated(materials[name], found.stretch):
             yield f"note: {name}: {text}"
@@ -381,7 +404,7 @@ def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Ma
         yield f"note: {hidden}"
     if len(device.ratios) > 1:
         how = "in its ratios" if device.ratios != (1.0,) * len(device.ratios) else "the same"
-        yield f"note: the pressure is that of all {len(device.ratios)} cavities, {how}; softmodels run takes a series for each"
+        yield f"note: this is the pressure in all {len(device.ratios)} cavities, {how}; softmodels run takes a series for each"
 
 
 def _save(folder: ResultFolder, written: Callable[[Path], None]) -> None:
@@ -398,7 +421,7 @@ def _save(folder: ResultFolder, written: Callable[[Path], None]) -> None:
 def _as_asked(
     case: Case | None, device: Actuator, materials: Mapping[str, Material], water_density: float | None
 ) -> Case:
-    """A case around the device, with a load that is not looked at: what no case may be, no limit is asked of.
+    """Return a case of the device with a dummy load, to check the input as any case is checked.
 
     Raises:
         CaseError: See `Case`.
@@ -406,7 +429,7 @@ def _as_asked(
     for material in materials.values():
         around = case or Case("limit", device, material, pressures_cm=(1.0,))
         made = dataclasses.replace(
-            around, name="limit", actuator=device, material=material, cycle=False,
+            around, name="limit", actuator=device, material=material, load_unload=False,
             pressures_cm=(1.0,), volumes_ml=(), strokes_ml=(), program=(), supply=None,
             water_density=around.water_density if water_density is None else water_density,
         )  # fmt: skip
@@ -423,7 +446,7 @@ def _asked(
         changes = {key: value for key, value in values.items() if value is not None and key != "variant"}
         unknown = changes.keys() - {field.name for field in dataclasses.fields(device)}
         if values.get("variant") or unknown:
-            raise CaseError(f"{file} names the device already; leave out --variant and options of other devices")
+            raise CaseError(f"{file} already names the device; leave out --variant and options of other devices")
         device = dataclasses.replace(device, **changes)
         check_meaning(device, changes)
         if not names and not given:
@@ -434,7 +457,9 @@ def _asked(
             values["section"] = "axisymmetric"
         device = device_told(kind, values)
     if len(names) > 1 and given:
-        raise CaseError("parameters such as --shear-modulus belong to one --material; several are compared as they are")
+        raise CaseError(
+            "parameters such as --shear-modulus belong to one --material; with several, leave the parameters out"
+        )
     if not names:
         made = material_from(kind.silicone if case is None else None, law)
         return device, {made.name: made}
@@ -452,16 +477,15 @@ def _command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] = click
     made = click.option("--water-density", type=QuantityType("kg/m^3"), help=text)(made)
     text = "Folder for tables and picture.  [default: with --vary results/limit, or results/limit-2 and so on]"
     made = click.option("-o", "--output", type=FolderType(), help=text)(made)
-    made = click.option("--normal", is_flag=True, help="Tolerances are two standard deviations; else all in them are as "
-                        "likely.")(made)  # fmt: skip
+    made = click.option("--normal", is_flag=True, help="Tolerances are two standard deviations of a normal "
+                        "distribution; default: uniform.")(made)  # fmt: skip
     made = click.option("--samples", "count", type=click.IntRange(2, 4096),
-                        help=f"Devices within the tolerances.  [default: {SAMPLES}]")(made)  # fmt: skip
+                        help=f"Number of sampled devices.  [default: {SAMPLES}]")(made)  # fmt: skip
     made = click.option("--vary", multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
                         "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); may be "
                         "repeated.")(made)  # fmt: skip
-    made = click.option("--working-cm", type=QuantityType(""), help="Working pressure in cm of water, for the margin.")(
-        made
-    )
+    text = "Working pressure, for the margin: cm of water (20), or with a unit (2kPa)."
+    made = click.option("--working-pressure", metavar="PRESSURE", help=text)(made)
     if cls is not click.Command:
         text = f"A device, with options of its own: {', '.join(ACTUATORS)}.  [default: {kind.__name__}]"
         made = click.option(DEVICE, metavar="NAME", expose_value=False, help=text)(made)

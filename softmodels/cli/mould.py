@@ -1,4 +1,4 @@
-"""``softmodels mould``: the bodies that a device is cast in, to print or to mill, and a sheet for the bench."""
+"""``softmodels mould``: mould bodies for a device, to print or to mill, and a casting sheet."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def mould(
 ) -> None:
     """Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.
 
-    The device is parted in a plane and cast in two, which are bonded there: a cup forms the outside of each half, its lid
-    the face that is bonded, with the cavity's core on it. A disk is parted at the floor of its cavity, a slab in the plane
-    of its channels, an imported part across --pull. Everything is checked before anything is written: bodies watertight,
-    nothing undercut, no wall or gap too fine for the printer, STL as near as --chord asks, casts equal to the device.
+    The device is cast in two halves, which are bonded in the parting plane: a cup forms the outside of each half, its lid
+    the bonded face, with the cavity's core on it. The parting plane is the floor of a disk's cavity, the plane of a slab's
+    channels, or for an imported part normal to --pull. Before any file is written, these are checked: bodies watertight, no
+    undercuts, no wall or gap too fine for the printer, STL within --chord of the exact surface, casts equal to the device.
     The file needs no load; a table [mould] in it may hold the settings below.
 
     \b
@@ -73,12 +73,12 @@ def mould(
         for text in told(asked, found):
             say(text)
         if not drawn and not no_pictures:
-            say("no pictures: this machine cannot render (softmodels doctor)")
-        say(f"mould in {folder.path}; sheet.html is for the bench")
+            say("no pictures: this machine cannot render; see softmodels doctor")
+        say(f"mould in {folder.path}; sheet.html is the casting sheet")
 
 
 def told(asked: Asked, found: Made) -> list[str]:
-    """What was made, in lines."""
+    """Return a summary of the mould, line by line."""
     lines = []
     for body in found.bodies:
         assert body.checked is not None
@@ -95,12 +95,12 @@ def told(asked: Asked, found: Made) -> list[str]:
 
 def _command() -> click.Command:
     command = mould
-    command = click.option("--no-pictures", is_flag=True, help="Leave the pictures out.")(command)
-    command = click.option("--quiet", is_flag=True, help="Report errors alone.")(command)
+    command = click.option("--no-pictures", is_flag=True, help="Skip the pictures.")(command)
+    command = click.option("--quiet", is_flag=True, help="Print only errors.")(command)
     for name, field in reversed(list(about(Workshop).items())):
         default = getattr(Workshop, name)
         command = field_option(name, field, None if default == "" else default)(command)
-    command = click.option("--silicone", help="Product that is cast, such as ecoflex-00-30.  [default: the case's]")(
+    command = click.option("--silicone", help="Silicone product, such as ecoflex-00-30.  [default: the case's]")(
         command
     )
     text = "Folder for the mould.  [default: results/NAME-mould, or results/NAME-mould-2 and so on]"

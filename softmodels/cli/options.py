@@ -1,4 +1,4 @@
-"""The command line that every actuator shares, made from the fields of its geometry and of the laws."""
+"""The command line common to all actuators, generated from the fields of their geometry and of the laws."""
 
 from __future__ import annotations
 
@@ -75,11 +75,11 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Options of a command line that make a case, from the entries of its fields.
+# Command-line options of a case, generated from the entries of its fields.
 
 
 type Values = MutableMapping[str, object]
-"""What click gives a command, by the names of the options."""
+"""Option values as click passes them, by name."""
 
 
 def material_options[Command: Callable[..., object]](
@@ -104,18 +104,18 @@ def material_options[Command: Callable[..., object]](
 
 
 def taken[Given: DataclassInstance](given: type[Given], values: Values) -> Given:
-    """Take the options that a dataclass has as its fields out of a command's values."""
+    """Pop the options that are fields of a dataclass from a command's values."""
     return given(**{field.name: values.pop(field.name) for field in dataclasses.fields(given)})
 
 
 def law_taken(values: Values) -> dict[str, object]:
-    """Take the parameters of laws out of a command's values; None where not given."""
+    """Pop the material parameters from a command's values; None where not given."""
     return {name: values.pop(name) for name in material_options_of()}
 
 
 @dataclasses.dataclass(frozen=True)
 class CaseOptions:
-    """The options with which one device's case is made.
+    """The options that define a case of one device.
 
     Attributes:
         device: Its class.
@@ -126,7 +126,7 @@ class CaseOptions:
     silicone: str | None = None
 
     def add[Command: Callable[..., object]](self, command: Command) -> Command:
-        """Add them to a click command: the requested values, the device, its material, and all else a case has."""
+        """Add to a click command the options of the load, the device, its material and all other fields of a case."""
         options = {name: list(entry.options()) for name, entry in entries().items()}
         first = [*options.pop("pressures_cm"), *options.pop("volumes_ml")]
         for option in reversed([option for group in options.values() for option in group]):
@@ -137,10 +137,10 @@ class CaseOptions:
         return command
 
     def case(self, values: Values) -> Case:
-        """The case of a command's values.
+        """Return the case defined by a command's values.
 
         Raises:
-            CaseError and what else is in `softmodels.case.entries.INPUT_ERRORS`: Values that make no case.
+            CaseError and what else is in `softmodels.case.entries.INPUT_ERRORS`: Invalid values.
         """
         law, named = law_taken(values), values.pop("material")
         assert named is None or isinstance(named, str)
@@ -155,18 +155,19 @@ class CaseOptions:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How many processes solve a case: as many as pay, started under MPI's launcher by the command itself.
+# Number of processes for a case, chosen by its size; the command starts them under MPI's launcher itself.
 #
-# A command that wants several ranks starts itself again under ``mpirun``. That runs in a session of its own, for MPICH's ends
-# its processes on Ctrl-C before they can close their files; here the signal goes to the ranks, which end as one alone does.
+# A command that wants several ranks starts itself again under ``mpirun``. That runs in a separate session, because MPICH's
+# launcher ends its processes on Ctrl-C before they can close their files; here the signal goes to the ranks, which end as a
+# single process does.
 
 
 AUTO = "auto"
 EACH = 30_000
-"""Unknowns of a rank from which on another one pays: on two cores a path of 25,000 is as quick on one of them while the other
-draws, and one of 88,000 takes two thirds of the time on two."""
+"""Unknowns per rank above which another rank pays off: on two cores, a path with 25,000 unknowns is as fast on one core while
+the other draws; one with 88,000 takes two thirds of the time on two."""
 PR_SET_PDEATHSIG = 1
-"""Of Linux' prctl."""
+"""PR_SET_PDEATHSIG of Linux' prctl."""
 PER_NODE = 3.2
 """Unknowns per node of a solid mesh: three displacements, and the pressure at its corners."""
 
@@ -189,11 +190,11 @@ class RanksType(click.ParamType):
 
 
 def ranks_for(case: Case, wanted: int | None, quiet: bool = False) -> int:
-    """The number of ranks that a case is solved on, where no launcher has decided it.
+    """Return the number of ranks for a case, unless a launcher has decided it.
 
     Args:
         case: What is to be solved.
-        wanted: As many as the user says; None for as many as pay: those of the cores that have `EACH` unknowns or more.
+        wanted: Number requested by the user; None for as many as pay: those of the cores that have `EACH` unknowns or more.
         quiet: Do not report what takes its time.
 
     Raises:
@@ -201,9 +202,7 @@ def ranks_for(case: Case, wanted: int | None, quiet: bool = False) -> int:
     """
     if (size := launched()) is not None:
         if wanted and size and wanted != size:
-            raise StartError(
-                f"--ranks {wanted} asks for other ranks than the {size} that mpirun has started; leave it out"
-            )
+            raise StartError(f"--ranks {wanted} differs from the {size} ranks that mpirun has started; leave it out")
         return 1
     if wanted is None:
         paying = _unknowns(case, quiet) // EACH if cores() > 1 and _launcher() else 1
@@ -216,7 +215,7 @@ def ranks_for(case: Case, wanted: int | None, quiet: bool = False) -> int:
 
 
 def _unknowns(case: Case, quiet: bool) -> int:
-    """About how many unknowns a case has; 0 where that does not matter, or is told in a better place.
+    """Estimate the number of unknowns of a case; 0 if it does not matter or an error is reported later.
 
     The mesh is made for that, and kept: the ranks find it in the cache.
     """
@@ -231,13 +230,13 @@ def _unknowns(case: Case, quiet: bool) -> int:
             device.write(file, stopped)
             return int(PER_NODE * _nodes(file))
         except MeshingStopped:
-            raise StartError("stopped by the user while the mesh was made; nothing is solved yet", STOPPED) from None
+            raise StartError("stopped by the user during meshing; nothing was solved", STOPPED) from None
         except (GeometryError, MeshingError, MeshFileError, OSError):
-            return 0  # found again, and reported, by the run
+            return 0  # occurs again in the run, which reports it
 
 
 def _nodes(file: Path) -> int:
-    """Nodes of a mesh file of Gmsh, version 4."""
+    """Return the number of nodes in a mesh file of Gmsh, version 4."""
     with file.open("rb") as lines:
         for line in lines:
             if line.strip() == b"$Nodes":
@@ -246,14 +245,14 @@ def _nodes(file: Path) -> int:
 
 
 def _launcher() -> str | None:
-    """The launcher of the MPI in use: the wheel's stands beside Python."""
+    """Return the launcher of the MPI in use: the wheel's is beside Python."""
     own = mpich_file("mpirun")
     beside = shutil.which("mpirun", path=str(Path(sys.executable).parent))
     return beside or (str(own) if own else None) or shutil.which("mpirun")
 
 
 def start_again(ranks: int) -> int:
-    """Run this very command on so many ranks, to its end.
+    """Run this command again on several ranks; return its exit status.
 
     Returns:
         Its exit status.
@@ -273,7 +272,7 @@ def start_again(ranks: int) -> int:
             preexec_fn=_end_with_parent,
         )
     except OSError as error:
-        raise StartError(f"mpirun does not start ({error.strerror or error}); use --ranks 1", 1) from None
+        raise StartError(f"mpirun cannot be started ({error.strerror or error}); use --ranks 1", 1) from None
 
     def forward(number: int, frame: FrameType | None) -> None:
         for rank in _children(_children([process.pid])):  # of the launcher's proxies
@@ -289,18 +288,18 @@ def start_again(ranks: int) -> int:
 
 
 def _end_with_parent() -> None:
-    """Have this process end when the one that has started it does, even if that is killed; on Linux."""
+    """Make this process end when its parent ends or is killed (Linux)."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _status(returned: int) -> int:
-    """The exit status of a launcher; that of a rank whatever the launcher adds, such as a signal's."""
+    """Return the exit status of the ranks from the launcher's."""
     return 128 - returned if returned < 0 else returned
 
 
 def _children(parents: list[int]) -> list[int]:
-    """Processes that these have started."""
+    """Return the child processes of these."""
     found = []
     for status in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError, ValueError, IndexError):
@@ -311,10 +310,10 @@ def _children(parents: list[int]) -> list[int]:
 
 HELP = """Inflate {what} and write its whole load path.
 
-Pressures are heights of a water column in cm, as on the bench: {pressures} goes from rest to the end in steps the solver
-chooses; 0:177:10 also stops every 10 cm; 0,70,130,177 stops at each. Lengths, angles and stresses carry a unit (20mm,
-45deg, 30kPa). Near a limit point, where a pressure has no equilibrium any more, the run follows the cavity's volume by
-itself, finds the limit and says so.
+Pressures are heights of a water column in cm, as on the bench: {pressures} goes from rest to the end in steps chosen by the
+solver; 0:177:10 also stops every 10 cm; 0,70,130,177 stops at each. Lengths, angles and stresses carry a unit (20mm,
+45deg, 30kPa). Near a limit point, beyond which no equilibrium exists at that pressure, the run switches to volume
+control, finds the limit and reports it.
 
 \b
 Examples:
@@ -336,12 +335,12 @@ class RunOptions:
 
     Attributes:
         output: Folder for the results; None for the default.
-        resume: Go on from an interrupted run.
-        quiet: Report errors alone.
+        resume: Resume an interrupted run.
+        quiet: Print only errors.
         pictures: How much is drawn: all, few or none.
         no_pictures: Draw nothing.
-        branch: Follow the branch at the first bifurcation too.
-        ranks: On how many processes; None for as many as pay.
+        branch: Also follow the branch at the first bifurcation.
+        ranks: Number of processes; None to choose by the model's size.
         petsc: Words for PETSc.
     """
 
@@ -356,22 +355,23 @@ class RunOptions:
 
 
 def run_options[Command: Callable[..., object]](command: Command) -> Command:
-    """Options of how to run, without the case: ``--output``, ``--resume``, ``--quiet``, ``--pictures``, ``--ranks``, PETSc."""
+    """Add the run options, without those of the case: ``--output``, ``--resume``, ``--quiet``, ``--pictures``, ``--ranks``,
+    PETSc."""
     command = click.argument("petsc", nargs=-1, type=click.UNPROCESSED)(command)
     command = click.option("--no-pictures", is_flag=True, help="The same as --pictures none.")(command)
-    text = "Pictures, film and report; few: the curves, the stress and the report alone."
+    text = "Pictures, film and report; few: only the curves, the stress and the report."
     command = click.option(
         "--pictures", type=click.Choice(("all", "few", "none")), default="all", show_default=True, help=text
     )(command)
     text = "Processes to solve on; auto: a core for each 30,000 unknowns of a solid, as far as there are cores."
     command = click.option("--ranks", type=RanksType(), default=AUTO, show_default=True, help=text)(command)
-    text = "Follow the branch that leaves the path at its first bifurcation too, into the folder branch."
+    text = "Also follow the branch at the first bifurcation; its results go to the folder branch."
     command = click.option("--branch", is_flag=True, help=text)(command)
-    command = click.option("--quiet", is_flag=True, help="Say nothing but errors.")(command)
-    command = click.option("--resume", is_flag=True, help="Go on from where an interrupted run stopped.")(command)
+    command = click.option("--quiet", is_flag=True, help="Print only errors.")(command)
+    command = click.option("--resume", is_flag=True, help="Resume an interrupted run.")(command)
     text = (
-        "Folder for the results: empty, not there, or an earlier run's, whose files are replaced.  [default: results/NAME; "
-        "results/NAME-2 and so on where that holds another case]"
+        "Folder for the results: new, empty, or of an earlier run, whose files are replaced.  [default: results/NAME; "
+        "results/NAME-2 and so on if that holds another case]"
     )
     return click.option("-o", "--output", type=FolderType(), help=text)(command)
 
@@ -382,10 +382,10 @@ def device_command(
     examples: tuple[str, ...],
     pressures: str = "",
 ) -> click.Command:
-    """The click command of one actuator.
+    """Return the click command of one actuator.
 
     Args:
-        device: Its class; where no material is given it is made of its `Actuator.silicone`.
+        device: Its class; the default material is its `Actuator.silicone`.
         module: How it is started, such as ``softmodels.disk``.
         examples: Options of further examples in the help.
         pressures: The pressures shown in the help; the device's own if empty.
@@ -435,12 +435,12 @@ def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = 
     except StartError as error:
         fail(str(error), error.status)
     except ImportError as error:
-        fail(f"{error}; the simulation needs FEniCSx (softmodels doctor tells what is missing)", 1)
+        fail(f"{error}; the simulation needs FEniCSx (softmodels doctor lists what is missing)", 1)
     sys.exit(status)
 
 
 def _check_words(petsc: tuple[str, ...]) -> None:
-    """Refuse arguments that PETSc would not refuse itself, or only with a page of its own."""
+    """Reject arguments that PETSc would accept silently, or reject with a page of text."""
     for word in petsc[:1]:
         if not word.startswith("-"):
             raise CaseError(f"unexpected argument {word!r}; options start with --, and PETSc's follow after a lone --")
@@ -450,19 +450,19 @@ def _check_words(petsc: tuple[str, ...]) -> None:
 
 
 def fail(message: str, status: int = 2) -> NoReturn:
-    """Say one sentence, on one rank, and exit."""
+    """Print an error message on one rank, and exit."""
     _tell(message)
     sys.exit(status)
 
 
 def _tell(message: str) -> None:
     if speaks():
-        with contextlib.suppress(OSError):  # nobody can be told
+        with contextlib.suppress(OSError):  # stderr is closed
             say(f"softmodels: {bounded(message)}", err=True)
 
 
 def _missing(error: click.MissingParameter) -> str:
-    """What to type, where a command was given too little: the examples of its help."""
+    """Return a message for missing arguments, with the examples of the command's help."""
     context, said = error.ctx, error.format_message().rstrip(".")
     if context is None or context.command.help is None:
         return f"{said} (see --help)"
@@ -474,9 +474,9 @@ def _missing(error: click.MissingParameter) -> str:
 
 
 def main(command: click.Command) -> None:
-    """Run a click command; usage errors are one sentence and exit status 2, on one rank."""
+    """Run a click command; usage errors print one sentence on one rank; exit status 2."""
     if not speaks():
-        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (help too is said once, and the stream lives on)
+        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (help is printed once too, and the stream stays open)
     with written(_tell):
         try:
             import_own_modules()
@@ -497,20 +497,20 @@ def main(command: click.Command) -> None:
         except click.ClickException as error:
             fail(f"{error.format_message()} (see --help)")
         finally:
-            gc.unfreeze()  # for callers whose process goes on
+            gc.unfreeze()  # for callers whose process continues
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A group of commands that are imported when they are called: help, and each command, need not wait for all others.
+# A command group that imports each command on its first call, so that help and start-up stay fast.
 
 
 FOREIGN = (".step", ".stp", ".msh", ".inp", ".stl")
-"""Endings of drawings and meshes."""
+"""File endings of drawings and meshes."""
 
 
 @dataclasses.dataclass(frozen=True)
 class CommandPlace:
-    """Where a command is.
+    """Module and name of a command.
 
     Attributes:
         module: Its module.
@@ -550,11 +550,11 @@ class LazyGroup(CommandGroup):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args[0].lower().endswith((".toml", *FOREIGN)) and "run" in self.list_commands(ctx):
-            raise click.UsageError(f"{args[0]!r} is no command; did you mean softmodels run {args[0]}?", ctx)
+            raise click.UsageError(f"{args[0]!r} is not a command; did you mean softmodels run {args[0]}?", ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The list of commands in the group's help, without importing them."""
+        """Write the list of commands into the group's help, without importing them."""
         names = self.list_commands(ctx)
         limit = formatter.width - 6 - max(map(len, names))
         texts = {name: place.text for name, place in self.places.items()}
@@ -565,14 +565,14 @@ class LazyGroup(CommandGroup):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# ``--device NAME``: a command that becomes that of a registered device, with options of its own.
+# ``--device NAME``: replace a command by that of a registered device, with the device's options.
 
 
 DEVICE = "--device"
 
 
 def device_named(name: str) -> type[Actuator]:
-    """A registered device.
+    """Return a registered device by name.
 
     Args:
         name: Of its class, in small or large letters.
@@ -589,7 +589,7 @@ def device_named(name: str) -> type[Actuator]:
 
 
 def by_device(made_for: Callable[[type[Actuator]], click.Command]) -> type[click.Command]:
-    """A class of commands; one whose words hold ``--device NAME`` becomes what ``made_for`` makes for that device."""
+    """Return a class of commands that delegates to ``made_for(device)`` if the arguments hold ``--device NAME``."""
 
     class ByDevice(click.Command):
         def make_context(
@@ -609,7 +609,7 @@ def by_device(made_for: Callable[[type[Actuator]], click.Command]) -> type[click
 
 
 def _named(args: list[str]) -> str | None:
-    """The device that a command's words name, None if they name none; words after -- are PETSc's."""
+    """Return the device named in a command's arguments, or None; arguments after -- are PETSc's."""
     words = args[: args.index("--")] if "--" in args else args
     for place, word in enumerate(words, 1):
         if word == DEVICE:

@@ -1,7 +1,7 @@
-"""From a case to a folder of results: the one way in which every command runs a device.
+"""Run a case into a results folder, for every command that runs a device.
 
 Exit status: 0 all requested values reached; 1 the run failed; 2 bad input, found before anything was solved; 3 a requested
-value is not on the path (a limit point); 130 stopped by the user. Whatever happened, all steps up to it are in the folder.
+value is not on the path (a limit point); 130 stopped by the user. In every case all steps so far are in the folder.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ from softmodels.runs.simulation import Simulation
 from softmodels.runs.store import Results, ResultsError
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The end of a run: results gathered, pictures drawn, and one sentence for the user.
+# The end of a run: finalise the results, draw the pictures, print a summary.
 
 
 def close(case: Case, results: Results, status: int, message: str, quiet: bool, drawing: DrawingProcess | None) -> int:
-    """Gather the results, draw them if ``drawing`` is given, say how it ended."""
+    """Finalise the results, draw them if ``drawing`` is given, and print how the run ended."""
     stored, took = results.stored, None
     notes = notes_of(case, results.rows, results.sources(case)) if stored and status != BAD_INPUT else []
     if stored and status != BAD_INPUT:
@@ -80,7 +80,9 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
     if message:
         states = "1 state" if len(stored) == 1 else f"{len(stored)} states"
         where = (
-            f". The results up to there ({states}) are in {results.own.path}" if stored and status != BAD_INPUT else ""
+            f". The results up to this point ({states}) are in {results.own.path}"
+            if stored and status != BAD_INPUT
+            else ""
         )
         if drawing is not None and took is not None and not quiet:
             where += f": {drawing.made}, in {took:.1f} s"
@@ -91,10 +93,10 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
         row, words = results.rows[-1], state_labels(case)
         gauge = words.gauge
         volume = (
-            f"added volume {row['added_volume_ml']:.5g}{_band(row, 'added_volume_95_ml')} ml" if words.volume else ""
+            f"added volume {row['added_volume_ml']:.5g}{_band(row, 'added_volume_ci95_ml')} ml" if words.volume else ""
         )
         say(
-            f"{_loaded(row, words)}: {gauge} rise {row[f'{gauge}_mm']:+.5g}{_band(row, f'{gauge}_95_mm')} mm"
+            f"{_loaded(row, words)}: {gauge} rise {row[f'{gauge}_mm']:+.5g}{_band(row, f'{gauge}_ci95_mm')} mm"
             f"{f', {volume}' if volume else ''}{pressed(row)}, "
             f"largest stretch {row['max_stretch']:.4g}{_bears(case)} and von Mises stress {row['max_von_mises_kPa']:.4g} kPa "
             f"(at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
@@ -114,7 +116,7 @@ def close(case: Case, results: Results, status: int, message: str, quiet: bool, 
 
 
 def _solved_on() -> str:
-    """On how many ranks, where they are several."""
+    """Return the number of ranks in words, if there are several."""
     from mpi4py import MPI
 
     ranks = MPI.COMM_WORLD.size
@@ -122,26 +124,26 @@ def _solved_on() -> str:
 
 
 def _gauge(column: str, row: Row) -> str:
-    """A named place or angle with its unit."""
+    """Return a named point or angle with its value and unit."""
     name, unit = split(column)
     return f"{name.replace('_', ' ')} {row[column]:.5g}{unit if unit == '°' else f' {unit}'}"
 
 
 def _band(row: Row, column: str) -> str:
-    """Half the 95 % interval of the material's errors, behind a value; nothing where it is not known."""
+    """Return half the 95 % interval due to the material's errors, to print after a value; empty if unknown."""
     width = row.get(column, math.nan)
     return "" if math.isnan(width) or not width else f" +- {width:.3g} (95 %)"
 
 
 def _sideways(row: Row, gauge: str) -> str:
-    """What the bands behind the values are, and the pressure's own, which is another one at equal rise and at equal volume."""
-    at_volume, rising = (row.get(column, math.nan) for column in ("pressure_95_cm", at_rise(gauge)))
+    """Return what the intervals mean, and the pressure's own, which differs at equal rise and at equal volume."""
+    at_volume, rising = (row.get(column, math.nan) for column in ("pressure_ci95_cm", at_rise(gauge)))
     if math.isnan(at_volume) or not at_volume:
         return ""
     same = "" if math.isnan(rising) else f"+- {rising:.3g} cm at equal rise of the {gauge}, "
     return (
-        f"95 % by the material's errors: rise and volume at the requested value; the pressure {same}+- {at_volume:.3g} cm at "
-        "equal added volume"
+        f"95 % intervals from the material's errors: rise and volume at the requested value; pressure {same}+- "
+        f"{at_volume:.3g} cm at equal added volume"
     )
 
 
@@ -153,7 +155,7 @@ def _loaded(row: Row, words: StateLabels) -> str:
 
 
 def pressed(row: Row) -> str:
-    """The forces of the device on what stops it, as a part of the closing line."""
+    """Return the contact forces of the device, for the closing line."""
     forces = ("blocked_force_N", "contact_force_N")
     return "".join(f", {term(name).name} {row[name]:.4g} N" for name in forces if name in row)
 
@@ -164,20 +166,20 @@ def _bears(case: Case) -> str:
 
 
 def _nobody() -> contextlib.AbstractContextManager[Callable[[], bool]]:
-    """Nobody asks to stop, but for exceptions."""
+    """Return a context in which nothing asks to stop."""
     return contextlib.nullcontext(bool)
 
 
 class RunOptions(TypedDict, total=False):
-    """How a case is run; nothing of it changes a number.
+    """Options of a run; none changes a number.
 
     Attributes:
-        resume: Go on from what an interrupted run of the same case left in the folder.
+        resume: Resume an interrupted run of the same case in the folder.
         quiet: Only errors are reported.
         petsc: Words for PETSc's option database.
         draw: Make the pictures at the end, which is the default.
-        few: Of them the curves, the stress and the report alone.
-        branch: Follow the branch that leaves the path at its first bifurcation too, into the folder ``branch``.
+        few: Only the curves, the stress and the report of them.
+        branch: Also follow the branch at the first bifurcation, into the folder ``branch``.
         inputs: Files that the user has given: they are never written.
         interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
             here, as a command does by `asked_to_stop`.
@@ -219,13 +221,13 @@ def run(case: Case, folder: Path | None, **how: Unpack[RunOptions]) -> int:
             results, resumed = begin_together(
                 case, folder, how.get("resume", False), comm, draw=draw, inputs=how.get("inputs", ())
             )
-            progress.say(f"results go to {results.own.path}")
+            progress.say(f"writing results to {results.own.path}")
             if drawing is not None:
                 drawing.get_ready(comm.size)
             branch, begun = how.get("branch", False), drawing.begin if drawing is not None else None
             record(Simulation(case, comm, progress, stopped), results, resumed, branch, begun)
     except BaseException as error:  # a caller's Ctrl-C among them
-        # What PETSc refuses before anything is solved are the words it was given.
+        # What PETSc rejects before the first solve are its options.
         ended = _outcome(error, lambda: bool(petsc) and not on_root(comm, lambda: results and results.stored))
         if ended is None:
             if results is not None and is_root(comm):
@@ -238,7 +240,7 @@ def run(case: Case, folder: Path | None, **how: Unpack[RunOptions]) -> int:
 
 
 def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str] | None:
-    """Exit status and sentence of what ended a run; None for what no run foresees.
+    """Return exit status and message of the error that ended a run; None for an unexpected one.
 
     Args:
         error: What was raised.
@@ -258,13 +260,13 @@ def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str]
             return BAD_INPUT, str(error)
         case PETSc.Error():
             refused, reason = words(), petsc_reason(error)
-            more = "rerun with -- -snes_monitor -ksp_error_if_not_converged to see more"
+            more = "rerun with -- -snes_monitor -ksp_error_if_not_converged for details"
             return (
-                (BAD_INPUT, f"PETSc stopped ({reason}); check the words after --")
+                (BAD_INPUT, f"PETSc stopped ({reason}); check the options after --")
                 if refused
                 else (FAILED, f"PETSc stopped ({reason}); {more}")
             )
-        case TimeoutError():  # of an equation that is compiled late
+        case TimeoutError():  # of a form that is compiled late
             return FAILED, LONG
         case OSError():
             return FAILED, unwritten(error)
@@ -276,7 +278,7 @@ def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str]
 def _end(
     case: Case, results: Results | None, status: int, message: str, quiet: bool, drawing: DrawingProcess | None
 ) -> int:
-    """Close the run and let go of its folder."""
+    """Close the run and release its folder."""
     if results is None:
         say(f"softmodels: {bounded(message)}", err=True)
         return status

@@ -27,7 +27,7 @@ HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
 
 
 def command_of(device: type[Actuator]) -> click.Command:
-    """The command that runs a registered device."""
+    """Return the command that runs a registered device."""
     words = tuple(f"--pressure-cm {device.pressures} {options}" for options in device.examples)
     return device_command(device, f"softmodels run {DEVICE} {device.__name__}", words)
 
@@ -35,21 +35,21 @@ def command_of(device: type[Actuator]) -> click.Command:
 @click.command("run", cls=by_device(command_of), context_settings=HELP_OPTIONS)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
-    DEVICE, metavar="NAME", expose_value=False, help="A device, with options of its own, in place of a FILE: "
+    DEVICE, metavar="NAME", expose_value=False, help="A device with its own options, instead of a FILE: "
     f"{', '.join(ACTUATORS)}. softmodels run {DEVICE} NAME --help shows them.",
 )  # fmt: skip
-@click.option("--material", metavar="NAME", help="What the device is made of, in place of the case's [material]: a silicone, "
-              "or a TOML file such as the fitted.toml of softmodels fit.")  # fmt: skip
-@click.option("--band", metavar="FILE|NAME", help="A fitted material's fitted.toml, in place of the case's [band]: path.csv "
-              "and the curves get the 95 % band that its errors make. Or a silicone's name: each of its sources is solved, "
-              "and the curves get the band that they span.")  # fmt: skip
-@click.option("--solver", type=click.Choice(METHODS), help="How linear equations are solved, in place of the case's method: "
-              "by a factorisation, by iterations with multigrid, or by what the memory has room for.")  # fmt: skip
+@click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, "
+              "or a TOML file such as fitted.toml of softmodels fit.")  # fmt: skip
+@click.option("--band", metavar="FILE|NAME", help="fitted.toml of a fitted material, instead of the case's [band]: "
+              "adds the 95 % band from its errors to path.csv and the curves. Or a silicone's name: each of its sources "
+              "is solved, and the curves show the band they span.")  # fmt: skip
+@click.option("--solver", type=click.Choice(METHODS), help="Linear solver, instead of the case's: direct "
+              "(factorisation), iterative (multigrid), or auto by the available memory.")  # fmt: skip
 @run_options
 def run(file: Path, material: str | None, band: str | None, solver: str | None, **values: object) -> None:
     """Run a case FILE, such as the case.toml in a folder of results, or a device by its options.
 
-    The results go where --output says, or to results/NAME with the case's name. Words after -- go to PETSc.
+    Results are written to --output, by default results/NAME with the case's name. Words after -- go to PETSc.
 
     \b
     Examples:
@@ -62,7 +62,7 @@ def run(file: Path, material: str | None, band: str | None, solver: str | None, 
 
 
 def _of_file(file: Path, material: str | None, band: str | None, solver: str | None) -> Case:
-    """A case file's case, with another material, another band or another solver where these are given."""
+    """Return a case file's case, with the given material, band or solver."""
     more: dict[str, Mapping[str, object]] = {}
     if material is not None:
         more["material"] = to_table(material_from(material, {}))

@@ -1,4 +1,4 @@
-"""The command ``score``: laws, named silicones and fitted materials held against measurements that they were not fitted to."""
+"""The command ``score``: compare materials with measurements they were not fitted to."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ if TYPE_CHECKING:
 
 
 class ScoreGiven(CurveFiles):
-    """What further options of the command give, by their names."""
+    """Values of the command's further options, by name."""
 
     stretch: str | None
     stress_error: str
     untrusted: bool
-    heights_from: str | None
+    height_datum: str | None
     radius: float | None
     thickness: float | None
 
@@ -60,24 +60,24 @@ class ScoreGiven(CurveFiles):
 @click.option("--stretch", metavar="FROM:TO", help="Range of stretch of the curves.  [default: the whole curves]")
 @click.option("--stress-error", default="auto", show_default=True, metavar="ERROR",
               help="Standard error of the measured stress, 2%+0.5kPa; auto is 2 % and the curve's noise.")  # fmt: skip
-@click.option("--untrusted", is_flag=True, help="Take outlines that the measurement does not trust, too.")
+@click.option("--untrusted", is_flag=True, help="Also use outlines that the measurement flags as untrusted.")
 @heights_from_option
 @specimen_options
 @click.option("--radius", type=QuantityType("m"), help="A balloon's undeformed radius.")
 @click.option("--thickness", type=QuantityType("m"), help="Its undeformed thickness.")
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 @click.option("-o", "--output", type=FolderType(), help="Folder for the table scores.csv.  [default: results/score; "
-              "results/score-2 and so on where that holds other scores]")  # fmt: skip
+              "results/score-2 and so on if that holds other scores]")  # fmt: skip
 def score(
     files: tuple[Path, ...], names: tuple[str, ...], output: Path | None, quiet: bool, **options: Unpack[ScoreGiven]
 ) -> None:
     """Score materials against held-out tensile curves, or against outlines of a device.
 
-    Nothing of the material is fitted. For each measurement: the root mean square of predicted less measured, chi squared per
-    value (1 is as good as the measurement; a law that is 10 standard errors off has 100), which part of it the errors of the
-    measurement explain and which those of the material (known of a fitted.toml: the 95 % region of its covariance, the band of
-    a run), how many values lie within the 95 % band of the measurement's error, and where the material is furthest off.
-    With outlines, what the bench may have got wrong (offset of the pressure, leak, zero plane) is fitted along, as in a fit.
+    The material is not fitted. For each measurement these are reported: the root mean square of predicted minus measured;
+    chi squared per value (1: within the measurement's error; 100: a law that is 10 standard errors off); the parts of it
+    explained by the errors of the measurement and of the material (from a fitted.toml: the 95 % region of its covariance, as in
+    the band of a run); the number of values within the 95 % band of the measurement's error; and the largest deviation.
+    With outlines, systematic errors of the bench (offset of the pressure, leak, zero plane) are fitted too, as in a fit.
 
     \b
     Examples:
@@ -95,7 +95,7 @@ def score(
                 "nothing to score against; give a curve with --tensile FILE, or a case with its outlines"
             )
         if len(files) == 1:
-            raise TensileError(f"{files[0]} says what was inflated; give its outlines too")
+            raise TensileError(f"{files[0]} describes only the device; add its outlines")
         error = error_of(options["stress_error"])
         curves = []
         if options["tensile"]:
@@ -146,18 +146,18 @@ def _device(files: tuple[Path, ...], options: ScoreGiven) -> tuple[MeasuredDevic
         case = Case.from_file(files[0])
     except CaseError as error:
         raise FitError(str(error)) from None
-    device = MeasuredDevice.of(case).counting_from(options["heights_from"] or "")
+    device = MeasuredDevice.of(case).counting_from(options["height_datum"] or "")
     return device, read_outlines(files[1:], options["untrusted"])
 
 
 def _errors(names: tuple[str, ...]) -> dict[str, MaterialErrors]:
-    """The errors of materials that are a fit's files."""
+    """Return the errors of those materials that are files of a fit."""
     from softmodels.case.materials import MaterialErrors
 
     found = {}
     for name in names:
         if name.endswith(".toml"):
-            with contextlib.suppress(MaterialError):  # a material by hand, or a fit without intervals
+            with contextlib.suppress(MaterialError):  # a material without a fit, or a fit without intervals
                 found[name] = MaterialErrors.from_file(Path(name))
     return found
 
@@ -181,7 +181,7 @@ def _outline_scores(
 
 
 def as_text(scores: list[Score]) -> str:
-    """The table for a terminal, the best material of each measurement first."""
+    """Return the table for a terminal, the best material of each measurement first."""
     lines = []
     for data in dict.fromkeys(one.data for one in scores):
         lines.append(f"{data}:")

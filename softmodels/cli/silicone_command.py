@@ -1,4 +1,4 @@
-"""The command ``silicones``: every named silicone with all its sources."""
+"""The command ``silicones``: list every named silicone with all its sources."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from softmodels.materials.specimens import nominal_stress
 
 HEAD = f"  {'--material':42s} {'modulus':>10s} {'stress at stretch 1.5, 2':>26s}   {'fitted over stretch':20s}"
 PLAIN = "*"
-"""Marks the source that the plain name means."""
+"""Mark of the source used for the plain name."""
 
 
 @click.command("silicones", context_settings={"help_option_names": ["-h", "--help"]})
@@ -39,7 +39,7 @@ def silicones(products: tuple[str, ...]) -> None:
     names = [product_of(name) for name in products]
     for name in names:
         if name not in PRODUCTS:
-            fail(f"{name!r} is no silicone of the library; {known_are(name, PRODUCTS)}")
+            fail(f"{name!r} is not a silicone of the library; {known_are(name, PRODUCTS)}")
     say(HEAD)
     for name in names or PRODUCTS:
         for one in PRODUCTS[name]:
@@ -50,13 +50,13 @@ def silicones(products: tuple[str, ...]) -> None:
             say(f"  {spread_sentence(name)}")
             say(f"  {_weight(name)}")
     if not names:
-        say(f"{PLAIN} what the plain name means: the middle source in tension by the stress at stretch 1.5, of an even "
-                   "number the stiffer of the two")  # fmt: skip
-        say("softmodels silicones PRODUCT prints where and how each source was measured")
+        say(f"{PLAIN} source used for the plain name: the median one by tensile stress at stretch "
+                   "1.5 (the stiffer of the middle two)")  # fmt: skip
+        say("softmodels silicones PRODUCT prints how each source was measured")
 
 
 def _line(product: str, one: Silicone) -> str:
-    stresses = "compressed alone"
+    stresses = "only in compression"
     if one.pulled:
         stresses = ", ".join(f"{stress / 1e3:.4g}" for stress in nominal_stress(one.material, [1.5, 2.0])) + " kPa"
     span = "not published" if one.stretches is None else f"{one.stretches[0]:g} to {one.stretches[1]:g}"
@@ -66,12 +66,12 @@ def _line(product: str, one: Silicone) -> str:
 
 
 def _weight(product: str) -> str:
-    """What it weighs under gravity."""
+    """Return the density used under gravity."""
     sheet = casting_of(product)
     return (
         f"density {sheet.density:g} kg/m^3: {sheet.source}"
         if sheet
-        else f"density not known, {SILICONE_DENSITY:g} kg/m^3 taken"
+        else f"density not published, {SILICONE_DENSITY:g} kg/m^3 assumed"
     )
 
 

@@ -1,4 +1,4 @@
-"""Options of the commands that read curves."""
+"""Options of the commands that read tensile curves."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from softmodels.fitting.problem import (
 
 
 class CurveFiles(TypedDict):
-    """What `tensile_option` and `specimen_options` give a command."""
+    """Values of the options of `tensile_option` and `specimen_options`."""
 
     tensile: tuple[str, ...]
     columns: str
@@ -54,18 +54,18 @@ def tensile_option[Command: Callable[..., object]](
 
 
 def specimen_options[Command: Callable[..., object]](command: Command) -> Command:
-    """Options for what a curve's file does not say."""
+    """Add the options for what a curve's file does not contain."""
     for flag, unit, text in (
         ("--gauge-length", "m", "Undeformed length, for files with extensions."),
         ("--cross-section", "m^2", "Undeformed cross-section, such as 18mm^2, for files with forces."),
     ):
         command = click.option(flag, type=QuantityType(unit), help=text)(command)
-    text = "Columns of the files, if the headers do not say: 'strain=1[%],stress=Load[kPa]'."
+    text = "Columns of the files, if the headers do not name them: 'strain=1[%],stress=Load[kPa]'."
     return click.option("--columns", default="", metavar="KIND=COLUMN[UNIT],...", help=text)(command)
 
 
 def check_curves_given(options: Mapping[str, object]) -> None:
-    """Refuse options about curves where there are none.
+    """Reject options about curves if no curve is given.
 
     Raises:
         TensileError: The first of them.
@@ -76,18 +76,20 @@ def check_curves_given(options: Mapping[str, object]) -> None:
              "stress_error": "auto", "gauge_error": "auto"}  # fmt: skip
     for name, default in usual.items():
         if options.get(name, default) != default:
-            raise TensileError(f"--{name.replace('_', '-')} is about curves; give one with --tensile, or leave it out")
+            raise TensileError(
+                f"--{name.replace('_', '-')} applies to curves only; give one with --tensile, or leave it out"
+            )
 
 
 def read_curves(
     files: CurveFiles, radius: float | None, thickness: float | None, stretch: str | None = None
 ) -> list[TensileCurve]:
-    """The curves of ``--tensile``, within ``--stretch``, dense ones averaged (see `thinned`).
+    """Read the curves of ``--tensile`` within ``--stretch``, and average dense ones (see `thinned`).
 
     Args:
         files: The curves.
         radius, thickness: Of a balloon, undeformed, in m.
-        stretch: Range of stretch, as it is typed; None for all.
+        stretch: Range of stretch as typed; None for all.
 
     Raises:
         TensileError: A curve cannot be used, or they do not go together.
@@ -117,36 +119,36 @@ def stretch_range(text: str) -> tuple[float, float]:
     except ValueError:
         raise TensileError(f"stretch {brief(text)} is not a range; write it like 1.02:3") from None
     if not 0.0 < low < high < 100.0:
-        raise TensileError(f"stretch {text!r}: a range rises, from above 0 to below 100")
+        raise TensileError(f"stretch {text!r}: the range must rise, from above 0 to below 100")
     if high <= 1.0 <= low or low == high:
-        raise TensileError(f"stretch {text!r} holds nothing but rest")
+        raise TensileError(f"stretch {text!r} contains only the undeformed state; give a range such as 1.02:3")
     return low, high
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Options of the command ``fit`` as a value: what ``--fix``, ``--bounds``, ``--prior``, ``--free`` and the others mean.
+# Options of the command ``fit``: parse ``--fix``, ``--bounds``, ``--prior``, ``--free`` and the others.
 
 
 heights_from_option = click.option(
-    "--heights-from", type=click.Choice(HEIGHTS_FROM), default=None,
-    help="What heights count from where the case has gravity or forces, or a top that is not flat (balloon, bellows): the "
-    "upper edge of the shadow at zero pressure, the apex there, or the undeformed top.  [default: the shadow; where the "
-    "undeformed top is not flat the apex, which outlines have to state]",
+    "--height-datum", type=click.Choice(HEIGHTS_FROM), default=None,
+    help="Zero of the heights if the case has gravity or forces, or a top that is not flat (balloon, bellows): the "
+    "upper edge of the shadow at zero pressure, the apex there, or the undeformed top.  [default: the shadow; if the "
+    "undeformed top is not flat the apex, which outlines have to name]",
 )  # fmt: skip
 
 BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
-"""Units of what the bench may get wrong and is not a plain number."""
+"""Units of the bench corrections that have one."""
 
 
 class FitGiven(CurveFiles):
-    """What the options of the command give, by their names."""
+    """Option values of the command, by name."""
 
     files: tuple[Path, ...]
     heights: Path | None
     free: tuple[str, ...]
     untrusted: bool
-    heights_from: str | None
-    without: tuple[str, ...]
+    height_datum: str | None
+    exclude: tuple[str, ...]
     silicone: str | None
     laws: str
     stretch: str | None
@@ -166,7 +168,7 @@ class FitGiven(CurveFiles):
 
 
 def fit_options(options: FitGiven, changes: Mapping[str, Change]) -> FitOptions:
-    """The command's options as a value.
+    """Return the command's options as `FitOptions`.
 
     Raises:
         FitError: A gauge error that is no share, or a parameter that is to be both free and fixed.
@@ -180,20 +182,20 @@ def fit_options(options: FitGiven, changes: Mapping[str, Change]) -> FitOptions:
         stress_error=options["stress_error"],
         gauge_error=_gauge_error(options["gauge_error"]),
         free=free_of_bench(options),
-        without=options["without"],
+        exclude=options["exclude"],
         untrusted=options["untrusted"],
-        heights_from=options["heights_from"] or "",
+        height_datum=options["height_datum"] or "",
     )
 
 
 def _gauge_error(text: str) -> float:
-    """A share, or what is usual."""
+    """Return the gauge error as a fraction, or the usual one."""
     words = {"auto": USUAL_GAUGE_ERROR, "none": 0.0}
     return words[text] if text in words else quantity(text, "")
 
 
 def free_of_bench(options: FitGiven) -> tuple[str, ...]:
-    """What is free of bench and device: the defaults, ``--free`` more, ``--fix`` less.
+    """Return the free bench and device parameters: the defaults plus ``--free`` minus ``--fix``.
 
     Raises:
         OutlineFitError: A parameter is to be both.
@@ -206,7 +208,7 @@ def free_of_bench(options: FitGiven) -> tuple[str, ...]:
 
 
 def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, Change]:
-    """What ``--fix``, ``--bounds`` and ``--prior`` say about parameters of laws that are fitted to curves.
+    """Return the changes that ``--fix``, ``--bounds`` and ``--prior`` make to parameters of laws fitted to curves.
 
     Raises:
         FitError: A text that is no such change, or a name that none of the laws has.
@@ -217,7 +219,7 @@ def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, 
 
 
 def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> dict[str, Change]:
-    """The same with devices, whose variable lengths are given by their names; ``--fix leak`` keeps it at its nominal value.
+    """Return the same for devices, with variable lengths by name; ``--fix leak`` keeps its nominal value.
 
     Of several devices ``leak`` is that of each, and ``NAME.leak`` that of one.
 
@@ -242,7 +244,7 @@ def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> d
 def _changes(
     options: FitGiven, units: Mapping[str, str], unknown: Callable[[str], str], value_needed: bool
 ) -> dict[str, Change]:
-    """Changes by parameter. A curve's own factor, ``gauge1`` and so on, is known to all."""
+    """Return the changes by parameter; the curves' factors ``gauge1`` and so on are known to all laws."""
     changes: dict[str, Change] = {}
     kinds: tuple[tuple[tuple[str, ...], Callable[[str, str], Change]], ...] = (
         (options["fixes"], _read_fixed), (options["bounds"], read_bounds), (options["priors"], read_prior),

@@ -1,4 +1,4 @@
-"""Calls whose arguments are checked by name: a misspelt one is refused by a sentence with the name that was meant."""
+"""Check arguments of calls by name, with suggestions for misspelt ones."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ _OWN_FILES = tuple(str(Path(__file__).parents[2] / package) for package in error
 
 
 class ArgumentError(Spoken, TypeError):
-    """An argument that a function or a class does not take; the message is a sentence for the user."""
+    """An argument that a function or a class does not take; the message is for the user."""
 
 
 class ImplausibleWarning(UserWarning):
-    """A number that can be meant, but looks like one in another unit; the message is a sentence for the user."""
+    """A possible number that seems to be in another unit; the message is for the user."""
 
 
 def checked[T](thing: T) -> T:
-    """Let a function, or the constructor of a class, refuse arguments that it does not have; a decorator.
+    """Make a function or constructor reject unknown arguments with a message; a decorator.
 
-    A class may have a property ``doubt``, a sentence on numbers that are hardly meant: it is warned of where a user's own code
+    A class may have a property ``doubt``, a sentence on numbers that are implausible: it is warned of where a user's own code
     calls, and not where the library does.
 
     Raises:
@@ -90,18 +90,19 @@ def _refused(name: str, function: Callable[..., object], args: Sequence[object],
 
 
 def _called_by_us() -> bool:
-    """Whether the call comes from this project's own modules, which read and fit numbers that nobody typed into Python."""
+    """Return whether the call comes from this project's own modules, which read and fit numbers that nobody typed into
+    Python."""
     module = str(sys._getframe(2).f_globals.get("__name__", ""))
     return module.split(".")[0] in (*errors.OWN, "dataclasses")
 
 
 def doubt(text: str) -> None:
-    """Warn of a number that is hardly meant, at the line of the user's that gave it."""
+    """Warn of an implausible number at the user's line."""
     warnings.warn(errors.spoken(text), ImplausibleWarning, skip_file_prefixes=_OWN_FILES)
 
 
 def _refusal(name: str, signature: inspect.Signature, args: Sequence[object], kwargs: dict[str, object]) -> str:
-    """Why arguments do not fit a signature."""
+    """Return why arguments do not fit a signature."""
     kinds = inspect.Parameter
     known = [p for p in signature.parameters.values() if p.kind not in (kinds.VAR_POSITIONAL, kinds.VAR_KEYWORD)]
     by_place = [p.name for p in known if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
@@ -123,7 +124,7 @@ def _refusal(name: str, signature: inspect.Signature, args: Sequence[object], kw
 
 
 def wrong(name: str, value: object, wanted: str) -> ArgumentError:
-    """What is raised for a value of another kind than an argument takes.
+    """Return what is raised for a value of another kind than an argument takes.
 
     Args:
         name: The argument.
@@ -135,7 +136,7 @@ def wrong(name: str, value: object, wanted: str) -> ArgumentError:
 
 
 def one_of(name: str, value: object, kinds: type | tuple[type, ...], wanted: str) -> Any:
-    """A value that has to be of some classes.
+    """Return a value that has to be of some classes.
 
     Raises:
         ArgumentError: It is of another one.
@@ -151,7 +152,7 @@ def flag(name: str, value: object) -> bool:
 
 
 def place(name: str, value: object, what: str = "a file or folder") -> Path:
-    """A path from its text; `ArgumentError` for what is none."""
+    """Return a path from its text; `ArgumentError` for what is none."""
     path = one_of(name, value, (str, Path), f"the name of {what}")
     if not str(path) or "\0" in str(path):
         raise wrong(name, value, f"the name of {what}")
@@ -159,13 +160,13 @@ def place(name: str, value: object, what: str = "a file or folder") -> Path:
 
 
 def callback(name: str, value: object, or_flag: bool = False) -> None:
-    """Refuse, with `ArgumentError`, what is neither a function nor None; ``or_flag`` allows True and False too."""
+    """Reject, with `ArgumentError`, what is neither a function nor None; ``or_flag`` allows True and False too."""
     if not (value is None or callable(value) or (or_flag and isinstance(value, bool))) or isinstance(value, type):
         raise wrong(name, value, "True, False or a function" if or_flag else "a function")
 
 
 def several(name: str, value: object, kinds: type | tuple[type, ...], wanted: str) -> tuple[Any, ...]:
-    """A tuple of values of some classes, from one of them or from any number.
+    """Return a tuple of values of some classes, from one of them or from any number.
 
     Raises:
         ArgumentError: One is of another class.
@@ -178,7 +179,7 @@ def several(name: str, value: object, kinds: type | tuple[type, ...], wanted: st
 
 
 def span(name: str, value: object) -> tuple[float, float] | None:
-    """Two pure numbers, the first below the second; None for None.
+    """Return two pure numbers, the first below the second; None for None.
 
     Raises:
         ArgumentError: It is something else.
@@ -199,7 +200,7 @@ def span(name: str, value: object) -> tuple[float, float] | None:
 
 
 def whole(name: str, value: object, least: int) -> int:
-    """A whole number that is no smaller than another; `ArgumentError` for anything else."""
+    """Return a whole number that is no smaller than another; `ArgumentError` for anything else."""
     plain = value.item() if hasattr(value, "item") else value
     if isinstance(plain, bool) or not isinstance(plain, int) or plain < least:
         raise wrong(name, value, f"a whole number from {least} up")
@@ -213,7 +214,7 @@ def whole(name: str, value: object, least: int) -> int:
 def lazy_names(
     package: str, places: Mapping[str, Sequence[str]]
 ) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
-    """A package's ``__all__``, ``__getattr__`` and ``__dir__`` (PEP 562).
+    """Return a package's ``__all__``, ``__getattr__`` and ``__dir__`` (PEP 562).
 
     Args:
         package: The package's ``__name__``.
@@ -232,11 +233,11 @@ def lazy_names(
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Arrays that a caller may read and not change: what a result hands out is the result's own.
+# Read-only arrays of results.
 
 
 def read_only[Kind: np.generic](array: npt.NDArray[Kind]) -> npt.NDArray[Kind]:
-    """Return a view that refuses to be written to; ``array.copy()`` is the caller's own."""
+    """Return a read-only view; ``array.copy()`` is the caller's own."""
     view = array.view()
     view.flags.writeable = False
     return view

@@ -33,7 +33,7 @@ from softmodels.common.folders import (
 from softmodels.common.terminal import say
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How a command ends when somebody stops it or its output has nowhere to go: one sentence and a status, no traceback.
+# End commands cleanly when stopped or if the output fails: one sentence and a status, no traceback.
 #
 # Imports nothing but the standard library, so that it stands before all that takes its time.
 
@@ -45,7 +45,8 @@ LONGEST_SENTENCE = 1000
 
 
 def bounded(sentence: str) -> str:
-    """A sentence of at most `LONGEST_SENTENCE` characters: of a longer one the beginning and the end, with dots between."""
+    """Return a sentence of at most `LONGEST_SENTENCE` characters: of a longer one the beginning and the end, with dots
+    between."""
     if len(sentence) <= LONGEST_SENTENCE:
         return sentence
     half = (LONGEST_SENTENCE - 5) // 2
@@ -101,7 +102,7 @@ def stoppable(name: str, speaks: Callable[[], bool] = lambda: True) -> Iterator[
 
 @contextlib.contextmanager
 def asked_to_stop() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C or SIGTERM came in here, to be asked at moments that suit; a second one ends the process at once.
+    """Provide whether Ctrl-C or SIGTERM came in here, to be asked at moments that suit; a second one ends the process at once.
 
     For a command, whose process it is; a library's caller has handlers of their own.
     """
@@ -147,7 +148,7 @@ def written(tell: Callable[[str], Any]) -> Iterator[None]:
 
 
 def _give_up_output() -> None:
-    """What is still in the buffer goes nowhere, so that the end of the program does not stumble over it again."""
+    """Discard the buffer's contents, so that the end of the program does not fail on them again."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         sys.stdout.flush()
     with contextlib.suppress(OSError, ValueError, AttributeError):
@@ -191,8 +192,8 @@ def run_command(command: click.Command, name: str) -> None:
             sys.exit(STOPPED)
         except MemoryError:
             tell(
-                "the machine's memory is full; close other programs, or ask for less (a smaller photograph, larger cells, "
-                "fewer --jobs)"
+                "out of memory; close other programs, or reduce the problem (a smaller photograph, "
+                "larger cells, fewer --jobs)"
             )
             sys.exit(FAILED)
 
@@ -202,7 +203,7 @@ def run_command(command: click.Command, name: str) -> None:
 
 
 class FolderType(click.Path):
-    """A folder's name; an empty one, such as an unset variable leaves behind, is refused."""
+    """Type of a folder's name; an empty one, such as from an unset variable, is an error."""
 
     name = "folder"
 
@@ -218,14 +219,14 @@ class FolderType(click.Path):
 def open_folder(
     output: Path | None, default: Path, kind: str, options: Mapping[str, Any], files: Iterable[Path] = ()
 ) -> ResultFolder:
-    """A `ResultFolder` that is let go of when the command ends, however it ends."""
+    """Return a `ResultFolder` that is let go of when the command ends, however it ends."""
     folder = ResultFolder(output, default, kind, options, files)
     click.get_current_context().call_on_close(folder.leave)
     return folder
 
 
 def open_place(output: Path | None, default: Path, kind: str, names: Iterable[str]) -> Path:
-    """A folder for what several commands write one after the other, locked until the running command ends.
+    """Return a folder for what several commands write one after the other, locked until the running command ends.
 
     Args:
         output: Where the user wants it; None for the first of ``default``, ``default-2`` ... that is free or of this kind.
@@ -257,7 +258,7 @@ UNUSABLE = 2
 
 
 def trouble(folder: Path) -> str:
-    """Why files cannot be written into a folder, which need not exist yet; empty if they can."""
+    """Return why files cannot be written into a folder, which need not exist yet; empty if they can."""
     place = Path(folder)
     try:
         while not place.exists():

@@ -9,11 +9,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a sentence calls an option: ``--cell-size`` at a command line, ``cell_size`` where the caller is Python.
+# Names of options in messages: ``--cell-size`` on a command line, ``cell_size`` in Python.
 #
 # A sentence is written once, with options as the command line has them, and given its reader's words where it is read: by the
 # errors that are `Spoken`, and by `spoken` where a sentence is no error. An option is the argument of the same name, unless
-# whoever has it says otherwise with `call`. Choices that follow an option are its values.
+# the owner of it changes that with `call`. Choices that follow an option are its values.
 
 
 OWN = ("softmodels", "geometries", "measurement")
@@ -28,7 +28,7 @@ _MORE = re.compile(rf"(=\S+) or ({_VALUE})(?![\w-])")
 
 
 def call(option: str, argument: str) -> None:
-    """Say what Python has for an option.
+    """Register the Python name of an option.
 
     Args:
         option: Without the dashes in front; with a value behind it (``"supply syringe"``) only where that follows.
@@ -38,12 +38,12 @@ def call(option: str, argument: str) -> None:
 
 
 def choices(values: Iterable[object]) -> None:
-    """Say which words are values where they follow an option."""
+    """Register words that are values after an option."""
     _choices.update(value for value in values if isinstance(value, str))
 
 
 def spoken(sentence: str) -> str:
-    """A sentence in the words of its reader."""
+    """Return a message with option names for its reader."""
     if "--" not in sentence or at_command_line():
         return sentence
     # Alternatives such as --control auto or volume are values too.
@@ -69,7 +69,7 @@ def _argument(found: re.Match[str]) -> str:
 
 
 def at_command_line() -> bool:
-    """Whether one of the project's own commands is under way in this thread."""
+    """Return whether one of the project's own commands is under way in this thread."""
     click = sys.modules.get("click")
     context = click.get_current_context(silent=True) if click else None
     module = getattr(getattr(context and context.command, "callback", None), "__module__", "")
@@ -77,7 +77,7 @@ def at_command_line() -> bool:
 
 
 def meant(name: object, known: Iterable[str]) -> str:
-    """The end of a sentence: which of some names may have been meant; empty for none."""
+    """Return the end of a sentence: which of some names may have been meant; empty for none."""
     if not isinstance(name, str):
         return ""
     names = {str(one).lower(): str(one) for one in known}
@@ -86,7 +86,7 @@ def meant(name: object, known: Iterable[str]) -> str:
 
 
 def known_are(name: object, known: Iterable[str], more: str = "") -> str:
-    """The end of a sentence: what there is, and what may have been meant.
+    """Return the end of a sentence: what there is, and what may have been meant.
 
     Args:
         name: What was given.
@@ -98,23 +98,23 @@ def known_are(name: object, known: Iterable[str], more: str = "") -> str:
 
 
 class Spoken:
-    """An error whose sentence is read in the words of its reader. It stands in front of the exception it is."""
+    """Mixin of errors whose message uses option names for its reader."""
 
     def __str__(self) -> str:
         return spoken(super().__str__())
 
 
 def written(error: BaseException) -> str:
-    """An error's sentence as it was written, to be read by others later."""
+    """Return an error's sentence as it was written, to be read by others later."""
     return str(error.args[0]) if isinstance(error, Spoken) and error.args else str(error)
 
 
 class FieldError(Spoken, ValueError):
-    """A value that its field cannot take, or an entry that no field has; the message is a sentence for the user."""
+    """An invalid value of a field, or an unknown entry; the message is for the user."""
 
 
 def whole_path(file: str) -> str:
-    """A file's path from wherever the program goes later; what cannot be one stays as it is, for who reads it to refuse."""
+    """Return a file's absolute path; a text that cannot be a path is returned unchanged, so that reading it fails."""
     try:
         return str(Path(file).absolute()) if file and "\0" not in file else file
     except OSError:  # the current folder is gone
@@ -122,25 +122,25 @@ def whole_path(file: str) -> str:
 
 
 class GeometryError(Spoken, ValueError):
-    """Parameters that make no device; the message is a sentence for the user naming the field and its value."""
+    """Invalid parameters of a device; the message names the field and its value."""
 
 
 class MeshingError(Spoken, RuntimeError):
-    """The mesher failed on parameters that look possible; the message says what failed and what to try."""
+    """Meshing failed although the parameters seem valid; the message gives the cause and a fix."""
 
 
 class MeshingStopped(Exception):
-    """The caller asked for an end while a mesh was being made."""
+    """The caller stopped the meshing."""
 
 
 class MeshFileError(Spoken, ValueError):
-    """A file that is not a mesh as this project writes them; the message is a sentence for the user naming the file."""
+    """A file is not a mesh written by this project; the message names the file."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Why a file could not be read or written, in the words of the system and not of Python.
+# The operating system's reason of a file error, without Python's prefix.
 
 
 def reason(error: BaseException) -> str:
-    """``"No such file or directory"`` where Python says ``"[Errno 2] No such file or directory: 'a.csv'"``."""
+    """Return ``"No such file or directory"`` where Python has ``"[Errno 2] No such file or directory: 'a.csv'"``."""
     return getattr(error, "strerror", None) or str(error)

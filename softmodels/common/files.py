@@ -56,7 +56,7 @@ def read_file(path: Path | str, largest: int = TEXT) -> bytes:
     handle = _opened(path, largest)
     try:
         data = bytearray()
-        while part := os.read(handle, CHUNK):  # one of /proc has more bytes than its size says
+        while part := os.read(handle, CHUNK):  # one of /proc has more bytes than its stated size
             data += part
             if len(data) > largest:
                 raise UserFileError(path, _too_large(largest))
@@ -76,7 +76,7 @@ def read_text(path: Path | str, largest: int = TEXT) -> str:
 
 
 def file_digest(path: Path | str) -> str:
-    """SHA-256 of a file's content, in hexadecimal digits; `OSError` as of `check_file`."""
+    """Return SHA-256 of a file's content, in hexadecimal digits; `OSError` as of `check_file`."""
     with os.fdopen(_opened(path, GEOMETRY), "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -110,7 +110,7 @@ HIDDEN = ".softmodels"
 
 
 def is_same(one: Path, other: Path) -> bool:
-    """Whether two names are of one file, which may be reached in several ways."""
+    """Return whether two names are of one file, which may be reached in several ways."""
     try:
         return one.samefile(other)
     except OSError:
@@ -118,7 +118,7 @@ def is_same(one: Path, other: Path) -> bool:
 
 
 def version() -> str:
-    """The installed version; of a bare checkout unknown."""
+    """Return the installed version; of a bare checkout unknown."""
     import importlib.metadata
 
     try:
@@ -129,7 +129,7 @@ def version() -> str:
 
 @contextlib.contextmanager
 def replaced_whole(path: Path, aside: Path | None = None) -> Iterator[Path]:
-    """A file beside another to write to, which takes the other's place at the end of the block; if that fails it goes.
+    """Provide a file beside another to write to, which takes the other's place at the end of the block; if that fails it goes.
 
     Args:
         path: The file to replace.
@@ -152,12 +152,12 @@ def replace_text(path: Path, text: str) -> None:
 
 
 def is_inside(name: Any) -> bool:
-    """Whether a recorded name is a file's or folder's right in the folder: a record may have come from elsewhere."""
+    """Return whether a recorded name is a file's or folder's right in the folder: a record may have come from elsewhere."""
     return isinstance(name, str) and re.fullmatch(r"[^/\\\0]+/?", name) is not None and name.strip("./") != ""
 
 
 def counts(file: Path) -> bool:
-    """Whether a file in a folder makes it one that is in use: not what locking and preparing leave there."""
+    """Return whether a file in a folder makes it one that is in use: not what locking and preparing leave there."""
     return not file.name.startswith(HIDDEN)
 
 
@@ -166,7 +166,7 @@ def some(names: list[str]) -> str:
 
 
 def is_step(name: str) -> bool:
-    """Whether a file in a folder of steps is one of a run's: they come and go too often to be recorded one by one."""
+    """Return whether a file in a folder of steps is one of a run's: they come and go too often to be recorded one by one."""
     return re.fullmatch(r"\d{4,}\.h5(\.part)?", name) is not None
 
 
@@ -186,11 +186,11 @@ def remove_steps(folder: Path, names: Iterable[str] = ()) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Files that are written whole or not at all, so that no reader ever sees a part of one.
+# Write files atomically, so that no reader ever sees a partial file.
 
 
 def replace(path: Path, fill: Callable[[Path], object]) -> None:
-    """Write a file aside and rename it into place, so that no reader ever sees a part of it."""
+    """Write a file under a temporary name and rename it, so that no reader ever sees a partial file."""
     with replaced_whole(path, path.with_name(f"{path.name}.part")) as aside:
         fill(aside)
 
@@ -210,16 +210,16 @@ def replace_hdf5(path: Path, fill: Callable[[h5py.File], object]) -> None:
 
 
 def hdf5_reason(error: BaseException) -> str:
-    """The operating system's word in one of HDF5's long messages, or the message's first line."""
+    """Return the operating system's error in a long HDF5 message, or the message's first line."""
     found = re.search(r"error message = '([^']+)'", str(error))
     return found[1] if found else str(error).strip().splitlines()[0]
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a small file whole or not at all."""
+    """Write a small text file atomically."""
     replace(path, lambda aside: aside.write_text(text))
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """The same of bytes."""
+    """Write bytes atomically."""
     replace(path, lambda aside: aside.write_bytes(data))

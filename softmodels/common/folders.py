@@ -1,7 +1,7 @@
-"""Folders of results that a program may clear, because it wrote what it clears.
+"""Results folders, of which only the program's own files are replaced.
 
 A folder is taken if it is not there, is empty, or holds a record of an earlier run. The record lists the files that were
-written; they alone are ever replaced or taken away. New results are prepared in a folder inside and brought in
+written; only they are replaced or removed. New results are prepared in a folder inside and brought in
 when their first part is whole: until then the earlier ones stay. Being cut off in between loses neither, see `OwnFolder.mend`.
 """
 
@@ -47,8 +47,8 @@ from softmodels.common.files import (
 # ----------------------------------------------------------------------------------------------------------------------
 # A lock on a folder of results: one program at a time writes there, also where hosts share a file system.
 #
-# The system holds the lock and lets go of it when the process ends, however that happens. The file says who holds it, for the
-# sentence that another program is refused with. On file systems that know no locks the file alone counts.
+# The system holds the lock and lets go of it when the process ends, however that happens. The file names its holder, for the
+# sentence that another program is refused with. On file systems without locks only the file counts.
 
 
 try:
@@ -61,7 +61,7 @@ POLL = 0.2
 
 
 class InUseError(Spoken, RuntimeError):
-    """Another program writes in the folder; the message is a sentence for the user."""
+    """Another program writes in the folder; the message is for the user."""
 
 
 class FolderLock:
@@ -145,8 +145,8 @@ class FolderLock:
         who = f"process {holder.get('pid', 'unknown')} on {holder.get('host', 'this machine')}"
         since = f", since {holder['since']}" if "since" in holder else ""
         return (
-            f"{self.file.parent} is in use by {who}{since}; wait until it has ended, or take another folder (--output). "
-            f"If there is no such process any more, remove {self.file}"
+            f"{self.file.parent} is in use by {who}{since}; wait until it ends, or use another folder "
+            f"(--output). If that process no longer exists, remove {self.file}"
         )
 
 
@@ -156,7 +156,7 @@ def _me() -> dict[str, Any]:
 
 
 def _holder(handle: int) -> dict[str, Any]:
-    """Who a lock's file names; empty if it names nobody."""
+    """Return the holder in a lock's file; empty if it names none."""
     try:
         os.lseek(handle, 0, os.SEEK_SET)
         found = json.loads(os.read(handle, 4096))
@@ -166,7 +166,7 @@ def _holder(handle: int) -> dict[str, Any]:
 
 
 def _is_stale(holder: dict[str, Any]) -> bool:
-    """Whether the process that a file names has ended; of another host nobody can tell, so it is taken to be alive."""
+    """Return whether the process that a file names has ended; of another host nobody can tell, so it is taken to be alive."""
     if not holder:
         return True
     if os.name == "nt" or holder.get("host") != socket.gethostname() or not isinstance(holder.get("pid"), int):
@@ -196,7 +196,7 @@ Names = Mapping[str, list[str]]
 
 @dataclasses.dataclass(frozen=True)
 class Record:
-    """What is written down of a folder's files.
+    """Record of a folder's files.
 
     Attributes:
         kind: What the folder holds.
@@ -220,7 +220,7 @@ class Record:
 
     @classmethod
     def read(cls, path: Path) -> Record | None:
-        """That of a file; None where there is none, or none that can be understood."""
+        """Return the record in a file; None if there is none or it is not readable."""
         try:
             found = json.loads(read_text(path))
         except (OSError, ValueError, RecursionError):
@@ -257,13 +257,13 @@ class Record:
         replace_text(path, json.dumps(table, indent=1) + "\n")
 
     def of(self, files: Iterable[str]) -> Record:
-        """The record with these files, and nothing on its way any more."""
+        """Return the record with these files, and nothing on its way any more."""
         names = tuple(dict.fromkeys(files))
         inside = {name: inner for name, inner in self.inside.items() if name in names}
         return dataclasses.replace(self, files=names, inside=inside, incoming=None, incoming_about={})
 
     def inside_of(self, name: str) -> set[str]:
-        """Files that are recorded inside a folder of the program's own."""
+        """Return the files that are recorded inside a folder of the program's own."""
         return set(self.inside.get(name, ()))
 
 
@@ -311,7 +311,7 @@ class OwnFolder:
 
     @property
     def record(self) -> Record | None:
-        """What is recorded; None where there is none, or none that can be understood."""
+        """The record; None if there is none or it is not readable."""
         return Record.read(self._record)
 
     @property
@@ -325,12 +325,12 @@ class OwnFolder:
 
     @property
     def about(self) -> dict[str, Any]:
-        """What was recorded of the results beside their files."""
+        """The record's data of the results other than their files."""
         return dict(self._known.about)
 
     @property
     def is_free(self) -> bool:
-        """Whether nothing is there, not even of an earlier run."""
+        """Whether the folder is empty, without files of an earlier run."""
         try:
             return not any(counts(file) for file in self.path.iterdir())
         except FileNotFoundError:
@@ -339,7 +339,7 @@ class OwnFolder:
             return False
 
     def check(self) -> None:
-        """Refuse a folder that is not this program's to write.
+        """Reject a folder that is not this program's to write.
 
         Raises:
             OwnFolderError: It is something else, with what it is and what to do.
@@ -353,7 +353,7 @@ class OwnFolder:
             return
         if record is not None:
             raise OwnFolderError(
-                f"{self.path} holds another kind of results ({record.kind}), which are not replaced; take another "
+                f"{self.path} holds another kind of results ({record.kind}), which is not replaced; use another "
                 "folder (--output)"
             )
         if self._record.name == RECORD and not self.is_free:
@@ -365,14 +365,14 @@ class OwnFolder:
         except OSError as error:
             return f"the folder {self.path} cannot be written ({error.strerror})"
         if self._record.exists():
-            return f"{self._record} cannot be understood, so nothing in its folder is replaced; take another folder (--output)"
+            return f"{self._record} cannot be read, so nothing in its folder is replaced; use another folder (--output)"
         return (
-            f"{self.path} holds files that no run of this version has recorded as its own ({some(names)}), and nothing in it "
-            "is replaced; take a folder that is empty or not there (--output), or move those files away"
+            f"{self.path} holds files not written by a run of this version ({some(names)}), so nothing "
+            f"in it is replaced; use an empty or new folder (--output), or move those files away"
         )
 
     def check_names(self, names: Iterable[str]) -> None:
-        """Refuse names under which somebody else's files lie.
+        """Reject names under which somebody else's files lie.
 
         Raises:
             OwnFolderError: One is there and not recorded, with what to do.
@@ -381,12 +381,12 @@ class OwnFolder:
         taken = [name for name in names if name not in own and os.path.lexists(self.path / name)]
         if taken:
             raise OwnFolderError(
-                f"{self.path / taken[0]} is there and was not written by this program, so it is not replaced; move it "
-                "away, or take another folder (--output)"
+                f"{self.path / taken[0]} exists and was not written by this program, so it is not replaced; move it "
+                "away, or use another folder (--output)"
             )
 
     def check_inputs(self, inputs: Iterable[Path]) -> None:
-        """Refuse inputs that lie among the results which are to be replaced.
+        """Reject inputs that lie among the results which are to be replaced.
 
         Raises:
             OwnFolderError: One does.
@@ -395,8 +395,8 @@ class OwnFolder:
             for file in inputs:
                 if is_same(self.path / name, file):
                     raise OwnFolderError(
-                        f"{file} is read, and is one of the results in {self.path} that would be replaced; take another "
-                        "folder (--output), or read a copy of it"
+                        f"{file} is an input, and one of the results in {self.path} that would be replaced; use "
+                        "another folder (--output), or read a copy of it"
                     )
 
     # -- taking and leaving it -------------------------------------------------------------------------------------
@@ -471,7 +471,7 @@ class OwnFolder:
             self.remove(gone)
 
     def prepare(self) -> Path:
-        """An empty folder inside, for new results until `bring_in`."""
+        """Return an empty folder inside, for new results until `bring_in`."""
         shutil.rmtree(self._prepared, ignore_errors=True)
         if self.record is None:
             self._write(Record(self.kind), {})
@@ -496,8 +496,8 @@ class OwnFolder:
             for file in inner:
                 if file not in known.inside_of(name) and (self.path / name / file).exists() and not is_step(file):
                     raise OwnFolderError(
-                        f"{self.path / name / file} is there and was not written by this program, so it is not replaced; "
-                        "move it away, or take another folder (--output)"
+                        f"{self.path / name / file} exists and was not written by this program, so it is not replaced; "
+                        "move it away, or use another folder (--output)"
                     )
         # Both the earlier and the new names are the program's from here on.
         inside = {name: sorted({*inner, *known.inside_of(name)}) for name, inner in incoming.items() if inner}
@@ -573,7 +573,7 @@ def take_default(base: Path, kind: str, inputs: Mapping[str, Any]) -> OwnFolder:
 
 
 def numbered(base: Path) -> Iterator[Path]:
-    """``base``, ``base-2``, ``base-3`` and so on."""
+    """Yield ``base``, ``base-2``, ``base-3`` and so on."""
     yield base
     for number in itertools.count(2):
         yield base.with_name(f"{base.name}-{number}")
@@ -632,7 +632,7 @@ class ResultFolder:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[Path]:
-        """A folder to write all results into, which take the place of the earlier ones at the end of the block.
+        """Provide a folder to write all results into, which take the place of the earlier ones at the end of the block.
 
         Raises:
             OwnFolderError: Somebody else's file has the name of a result.
@@ -647,7 +647,7 @@ class ResultFolder:
 
 
 def fingerprint(path: Path) -> str:
-    """SHA-256 of a file, or of a folder's CSV files and their names; ``"missing"`` where there is none."""
+    """Return SHA-256 of a file, or of a folder's CSV files and their names; ``"missing"`` where there is none."""
     try:
         if path.is_dir():
             parts = [f"{file.name} {fingerprint(file)}" for file in sorted(path.glob("*.csv"))]
@@ -668,7 +668,7 @@ MARK = "softmodels"
 def check_output_file(
     path: Path, inputs: Iterable[Path], is_own: Callable[[Path], bool], what: str, option: str
 ) -> None:
-    """Refuse to write a file in the place of an input, or of a file that is not an earlier one of its kind.
+    """Reject to write a file in the place of an input, or of a file that is not an earlier one of its kind.
 
     Args:
         path: Where it is to go.
@@ -682,20 +682,18 @@ def check_output_file(
     """
     for file in inputs:
         if is_same(path, file):
-            raise OwnFolderError(
-                f"{path} is read, and {what} would be written over it; give it another name ({option})"
-            )
+            raise OwnFolderError(f"{path} is an input and would be overwritten by {what}; give another name ({option})")
     if path.is_dir():
         raise OwnFolderError(f"{path} is a folder; name a file for {what} ({option})")
     if path.exists() and not is_own(path):
         raise OwnFolderError(
-            f"{path} is there and is not {what} of this program, so it is not replaced; give another name ({option}), or "
+            f"{path} exists and is not {what} of this program, so it is not replaced; give another name ({option}), or "
             "move it away"
         )
 
 
 def has_table(name: str) -> Callable[[Path], bool]:
-    """A test whether a file is TOML with a table of some name."""
+    """Return a test whether a file is TOML with a table of some name."""
 
     def test(path: Path) -> bool:
         try:
@@ -707,7 +705,7 @@ def has_table(name: str) -> Callable[[Path], bool]:
 
 
 def is_drawn(path: Path) -> bool:
-    """Whether a picture was drawn by this program."""
+    """Return whether a picture was drawn by this program."""
     from PIL import Image
 
     try:

@@ -1,4 +1,4 @@
-"""Pages that are written: one file of HTML each, with everything inside, made from templates.
+"""Self-contained HTML pages from templates.
 
 A page fits a phone's width, and paper: a table that is wider than the screen scrolls by itself, pictures shrink. What is
 put into a template is escaped, but for what is marked as HTML.
@@ -23,7 +23,7 @@ from softmodels.common.files import read_file
 
 
 def render(template: str, package: str = "measurement", **values: object) -> str:
-    """A page from a template.
+    """Return a page from a template.
 
     Args:
         template: Its name in the package's folder ``templates``; it may build upon those here, such as ``base.html``.
@@ -40,7 +40,7 @@ def _environment(package: str) -> Environment:
     made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
 
     def raw(name: str) -> Markup:
-        """A file beside the templates as it is, such as a style sheet or a program."""
+        """Return a static file beside the templates, such as a style sheet or a program."""
         return Markup(loader.get_source(made, name)[0])
 
     made.globals["raw"] = raw
@@ -48,7 +48,7 @@ def _environment(package: str) -> Environment:
 
 
 def data_uri(data: bytes, kind: str) -> str:
-    """Bytes as an address that a page carries in itself.
+    """Return the bytes as an address that a page carries in itself.
 
     Args:
         data: Such as a PNG.
@@ -58,5 +58,5 @@ def data_uri(data: bytes, kind: str) -> str:
 
 
 def image_uri(file: Path) -> str:
-    """The same of a picture's file, PNG, GIF or WebP."""
+    """Return the same of a picture's file, PNG, GIF or WebP."""
     return data_uri(read_file(file), f"image/{file.suffix[1:]}")

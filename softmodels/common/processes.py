@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 
 
 def cores() -> int:
-    """Cores that this process may run on."""
+    """Return the cores that this process may run on."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -28,7 +28,7 @@ LARGEST = 512
 def handlers_kept() -> Iterator[None]:
     """Leave the handler of every signal as it was, whatever compiled code sets in here.
 
-    By the C library, which can be called in every thread; Python's own way works in the main thread alone.
+    By the C library, which can be called in every thread; Python's own way works only in the main thread.
     """
     if os.name != "posix":
         yield
@@ -46,7 +46,7 @@ def handlers_kept() -> Iterator[None]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# One thread at a time in what cannot be shared: Gmsh, PETSc, MPI and the compiled equations know of one caller alone.
+# One thread at a time in what cannot be shared: Gmsh, PETSc, MPI and the compiled kernels support only one caller.
 
 
 LOCK = threading.RLock()

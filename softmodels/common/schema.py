@@ -1,4 +1,4 @@
-"""Parameters that know their unit, so that checks, command lines and settings files need no list of their own.
+"""Dataclass fields with unit and help, used by checks, command lines and settings files.
 
 A device declares ``membrane: float = length_field(0.006, "thickness of the membrane")``. The kind and the help text travel in
 the dataclass field's metadata, and `settle` checks every field of every device the same way. A case's supply, sheet and
@@ -24,10 +24,10 @@ from softmodels.common.errors import (
 from softmodels.common.units import exact_text
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What kinds of values there are: how each is read from a text or a table, written, and checked where code gives it.
+# Kinds of values: reading from text or tables, writing, and checking.
 #
 # A field of a dataclass names its kind; from that come its entry in a settings file (`softmodels.common.schema`), its option
-# on a command line (`geometries.options`) and the sentences about what cannot be meant.
+# on a command line (`geometries.options`) and the messages on invalid input.
 
 
 Text = Callable[[float, str], str]
@@ -40,13 +40,13 @@ SHORTEST = 1e-5
 """Shortest length in m: the CAD kernel merges points closer than about 0.1 micrometre."""
 
 LONGEST = 10.0
-"""Longest length in m; anything above it is a number typed in another unit."""
+"""Longest length in m; above it a wrong unit is assumed."""
 
 LISTED = 4
 """Up to so many whole numbers are listed one by one in messages; of more their least and largest are."""
 
 ROUNDING = 1e-9
-"""Share by which a value may pass a bound: 10 um is 9.999999999999999e-06 m."""
+"""Relative tolerance of bounds: 10 um is 9.999999999999999e-06 m."""
 
 
 def shown(value: object, unit: str) -> str:
@@ -59,7 +59,7 @@ def shown(value: object, unit: str) -> str:
 
 
 def _given(value: object) -> str:
-    """A value that is refused, for its sentence."""
+    """Return an invalid value's text for its message."""
     from softmodels.common.units import brief  # not above, as in `shown`
 
     return brief(value)
@@ -78,18 +78,18 @@ class Kind(abc.ABC):
 
     @abc.abstractmethod
     def settled(self, name: str, value: object) -> object:
-        """A value that code gives, as a plain float, int, str, bool or tuple.
+        """Return a value that code gives, as a plain float, int, str, bool or tuple.
 
         Raises:
             FieldError: It is not of this kind.
         """
 
     def read(self, name: str, value: object) -> object:
-        """A value from a settings file or from the text of an option; see `settled`."""
+        """Return a value from a settings file or from the text of an option; see `settled`."""
         return self.settled(name, value)
 
     def write(self, value: object, text: Text) -> object:
-        """A value for a settings file, which `read` takes back."""
+        """Return a value for a settings file, which `read` takes back."""
         return list(value) if isinstance(value, tuple) else value
 
 
@@ -154,7 +154,7 @@ class Length(Quantity):
         if size < SHORTEST * (1 - ROUNDING):
             raise FieldError(f"{name} is {size * 1e6:.6g} um; lengths below {SHORTEST * 1e6:g} um cannot be modelled")
         if size > LONGEST * (1 + ROUNDING):
-            raise FieldError(f"{name} is {shown(size, 'm')}; above {LONGEST:g} m this looks like a mistaken unit")
+            raise FieldError(f"{name} is {shown(size, 'm')}; above {LONGEST:g} m this suggests a wrong unit")
         return plain
 
 
@@ -273,7 +273,7 @@ __all__ = ["LONGEST", "About", "about", "angle_field", "angles_field", "choice_f
 
 @dataclasses.dataclass(frozen=True)
 class About:
-    """What a field's metadata hold.
+    """Metadata of a field.
 
     Attributes:
         kind: Of its values.
@@ -298,7 +298,8 @@ class About:
     usual: float = math.inf
 
     def idle(self, thing: Any) -> str:
-        """Name of the field that makes this one mean nothing in a value of the dataclass; empty if it means something."""
+        """Return the name of the field that makes this one ineffective in a value of the dataclass; empty if it is
+        effective."""
         if self.unless and getattr(thing, self.unless[0]) == self.unless[1]:
             return self.unless[0]
         return self.instead if self.instead and getattr(thing, self.instead) else ""
@@ -310,12 +311,12 @@ def field_of(kind: Kind, text: str, default: Any = dataclasses.MISSING, **more: 
 
 
 def about(thing: Any) -> Mapping[str, About]:
-    """What is known of the fields of a dataclass or of a value of one, by name."""
+    """Return the metadata of the fields of a dataclass or its instance, by name."""
     return {field.name: field.metadata["about"] for field in dataclasses.fields(thing) if "about" in field.metadata}
 
 
 def doubt_of(thing: Any) -> str:
-    """Which number of a value of a dataclass is hardly meant: a sentence, empty if none."""
+    """Return a sentence on an implausible value of a dataclass; empty if none."""
     from softmodels.common.units import example
 
     for name, field in about(thing).items():
@@ -396,11 +397,11 @@ def settle(thing: Any, error: type[ValueError] = GeometryError) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Between dataclasses whose fields know their kind and tables of a settings file, without losing a bit.
+# Lossless conversion between dataclasses and tables of a settings file.
 
 
 def to_table(thing: Any, text: Text = exact_text) -> dict[str, Any]:
-    """The fields of a value for a TOML table.
+    """Return the fields of a value for a TOML table.
 
     Args:
         thing: A value of a dataclass whose fields come from `softmodels.common.schema`.
@@ -417,7 +418,7 @@ def to_table(thing: Any, text: Text = exact_text) -> dict[str, Any]:
 
 
 def from_table(kind: type, table: Mapping[str, Any], where: str, what: str = "") -> dict[str, Any]:
-    """The values of a table by the names of a dataclass's fields; what is None is left out.
+    """Return the values of a table by the names of a dataclass's fields; what is None is left out.
 
     Args:
         kind: The dataclass.
@@ -444,7 +445,7 @@ def from_table(kind: type, table: Mapping[str, Any], where: str, what: str = "")
 
 
 def from_options(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of options, which are numbers in their units already, by the names of a dataclass's fields.
+    """Return the values of options, which are numbers in their units already, by the names of a dataclass's fields.
 
     Args:
         kind: The dataclass.

@@ -37,7 +37,7 @@ _ENDS = re.compile(rb"</(?:\w+:)?(?:row|si)>")
 ZIP, OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 """First bytes of a workbook, and of one in the format before 2007 or with a password."""
 ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
-"""What a spreadsheet shows in place of a value; a row that begins with one is no comment."""
+"""What a spreadsheet shows instead of a value; a row that begins with one is no comment."""
 
 
 class Worksheet:
@@ -53,7 +53,7 @@ class Worksheet:
 
     @functools.cached_property
     def rows(self) -> list[Line]:
-        """Rows with anything in them, without comments.
+        """Non-empty rows without comments.
 
         Raises:
             csv.Error: The text is no table with this separator.
@@ -61,7 +61,7 @@ class Worksheet:
         return [(number, cells) for number, cells in self._read() if any(cell.strip() for cell in cells)]
 
     def place(self, number: int) -> str:
-        """Where a row is, for messages."""
+        """Return where a row is, for messages."""
         return f"row {number} of the sheet {self.name!r}" if self.name else f"line {number}"
 
 
@@ -70,7 +70,8 @@ def _is_comment(cell: str) -> bool:
 
 
 def read_sheets(path: Path) -> list[Worksheet]:
-    """The sheets of a workbook, hidden ones left out, or a text's readings by each separator; told apart by their content.
+    """Return the sheets of a workbook, hidden ones left out, or a text's readings by each separator; distinguished by their
+    content.
 
     Text is UTF-8, UTF-16 with its mark, or else Latin-1, which older test machines write. Cells come as spreadsheets show
     them: a number in a cell of percents is ``"12.5 %"``. A formula that was never evaluated comes as ``"=A1*2"``.
@@ -92,7 +93,7 @@ def read_sheets(path: Path) -> list[Worksheet]:
 def pick[Found](
     path: Path, sheets: Sequence[Worksheet], table: Callable[[Worksheet], Found | None]
 ) -> tuple[Worksheet, Found] | None:
-    """The sheet that has a table, and what ``table`` makes of it; None if there is none.
+    """Return the sheet that has a table, and what ``table`` makes of it; None if there is none.
 
     Raises:
         UserFileError: Several sheets have one, or the text is no table with any separator.
@@ -112,8 +113,8 @@ def pick[Found](
     if len(found) > 1:
         raise UserFileError(
             path,
-            f"there is a table on each of {named([sheet for sheet, _ in found])}; save the sheet to be read as CSV, or as "
-            "a workbook of its own",
+            f"there is a table on each of {named([sheet for sheet, _ in found])}; save the right sheet as CSV, "
+            "or as a separate workbook",
         )
     if not found and trouble is not None:
         raise UserFileError(path, f"it is not a table ({trouble})")
@@ -121,7 +122,7 @@ def pick[Found](
 
 
 def named(sheets: Sequence[Worksheet]) -> str:
-    """The sheets of a workbook in a sentence; empty for a text."""
+    """Return the sheets of a workbook in a sentence; empty for a text."""
     names = [repr(sheet.name) for sheet in sheets if sheet.name]
     if len(names) > 10:
         names = [*names[:10], "others"]
@@ -130,7 +131,7 @@ def named(sheets: Sequence[Worksheet]) -> str:
 
 
 def records(rows: Sequence[Line]) -> list[tuple[int, dict[str, str]]]:
-    """Rows below the first by its names; cells that a short row does not have are empty."""
+    """Return the rows below the first by its names; cells that a short row does not have are empty."""
     if not rows:
         return []
     names = [name.strip() for name in rows[0][1]]
@@ -161,7 +162,7 @@ def _cells(lines: Sequence[tuple[int, str]], separator: str) -> Iterator[Line]:
 def _workbook(path: Path, data: bytes) -> list[Worksheet]:
     broken = UserFileError(
         path,
-        "it is not an Excel workbook (.xlsx), or a damaged one; save it anew with a spreadsheet program, or as CSV",
+        "it is not an Excel workbook (.xlsx), or a damaged one; save it again with a spreadsheet program, or as CSV",
     )
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -169,7 +170,7 @@ def _workbook(path: Path, data: bytes) -> list[Worksheet]:
             if size > TEXT:
                 raise UserFileError(
                     path,
-                    f"unpacked, its sheets have {size / 1e6:.4g} MB, and at most {TEXT / 1e6:g} MB are read; save it as CSV",
+                    f"unpacked, its sheets have {size / 1e6:.4g} MB, but at most {TEXT / 1e6:g} MB are read; save it as CSV",
                 )
             for member in archive.infolist():
                 with archive.open(member) as part:
@@ -196,7 +197,7 @@ def _workbook(path: Path, data: bytes) -> list[Worksheet]:
 
 
 def _is_too_dense(part: IO[bytes]) -> bool:
-    """Whether a part of a workbook has so many tags and attributes in a row that its tree would fill the memory."""
+    """Return whether a part of a workbook has so many tags and attributes in a row that its tree would fill the memory."""
     count = 0
     while chunk := part.read(CHUNK):
         *rows, rest = _ENDS.split(chunk)

@@ -14,7 +14,7 @@ NARROWEST = 20
 
 
 def columns(name: str) -> int | None:
-    """Columns of the terminal that a stream (``"stdout"`` or ``"stderr"``) writes to; None if it is no terminal."""
+    """Return the columns of the terminal that a stream (``"stdout"`` or ``"stderr"``) writes to; None if it is no terminal."""
     if (given := os.environ.get(COLUMNS[name], "")).isdigit():
         return max(int(given), NARROWEST)
     stream: TextIO | None = getattr(sys, name)
@@ -28,7 +28,8 @@ def columns(name: str) -> int | None:
 
 
 def wrapped(text: str, width: int | None) -> str:
-    """A text whose lines are broken between words, their further lines indented by two more than the first; whole for None."""
+    """Return a text whose lines are broken between words, their further lines indented by two more than the first; whole for
+    None."""
     if width is None:
         return text
     lines = []
@@ -52,6 +53,6 @@ def say(text: str, err: bool = False) -> None:
 
 
 def plain(text: str) -> str:
-    """A text that matplotlib shows letter by letter; what cannot be shown, such as a line's end, is a space."""
+    """Return a text that matplotlib shows letter by letter; what cannot be shown, such as a line's end, is a space."""
     shown = "".join(letter if letter.isprintable() else " " for letter in text).replace("$", r"\$")
     return f" {shown}" if shown.startswith("_") else shown

@@ -25,7 +25,7 @@ MOST_PARTS = 100
 
 
 class TomlError(ValueError):
-    """A file that cannot be used; the message goes on from the file's name: "is not valid TOML (...)"."""
+    """An unusable file; the message continues the file's name: "is not valid TOML (...)"."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         text = read_text(path, LARGEST)
     except UnicodeDecodeError:
-        raise TomlError("cannot be read (it is no text in UTF-8; save it in that encoding)") from None
+        raise TomlError("cannot be read (it is not UTF-8 text; save it in that encoding)") from None
     except (OSError, ValueError) as error:  # a name with a zero byte in it is a ValueError
         raise TomlError(f"cannot be read ({reason(error)})") from None
     return parse_toml(text)
@@ -52,14 +52,14 @@ def parse_toml(text: str) -> dict[str, Any]:
     for place, line in enumerate(text.splitlines(), 1):
         if len(line) > LONGEST_LINE:
             raise TomlError(
-                f"is not taken: its line {place} has {len(line)} characters, and {LONGEST_LINE} are the most"
+                f"is rejected: its line {place} has {len(line)} characters, but at most {LONGEST_LINE} are allowed"
             )
         if max(part.count(".") for part in re.split("[=,]", line)) > MOST_PARTS:
-            raise TomlError(f"is not taken: a key in its line {place} has more than {MOST_PARTS} parts")
+            raise TomlError(f"is rejected: a key in its line {place} has more than {MOST_PARTS} parts")
     try:
         tables = tomllib.loads(text.removeprefix("\ufeff"))
     except RecursionError:
-        raise TomlError(f"is not taken: it has more than {DEEPEST} lists or tables in each other") from None
+        raise TomlError(f"is rejected: it nests more than {DEEPEST} lists or tables") from None
     except ValueError as error:  # TOMLDecodeError is one, and so is a whole number of 5,000 digits
         raise TomlError(f"is not valid TOML ({_first(error)})") from None
     _check(tables)
@@ -82,11 +82,11 @@ def _check(tables: dict[str, Any]) -> None:
         ]
         if not level:
             return
-    raise TomlError(f"is not taken: it has more than {DEEPEST} lists or tables in each other")
+    raise TomlError(f"is rejected: it nests more than {DEEPEST} lists or tables")
 
 
 def _plain(value: Any) -> Any:
-    """A plain value; None for a list or a table."""
+    """Return a plain value; None for a list or a table."""
     if isinstance(value, dict | list):
         return None
     if isinstance(value, int) and not -(2**63) <= value < 2**63:
@@ -95,17 +95,17 @@ def _plain(value: Any) -> Any:
 
 
 def numbers(value: Any) -> npt.NDArray[np.float64]:
-    """A list of numbers, or of lists of them, as an array.
+    """Return a list of numbers, or of lists of them, as an array.
 
     Raises:
         UnitError: An entry is no number, but a text or true.
         ValueError: Its lists are of unlike lengths.
     """
     if not isinstance(value, list):
-        raise ValueError(f"{brief(value)} is no list of numbers")
+        raise ValueError(f"{brief(value)} is not a list of numbers")
     if value and all(isinstance(part, list) for part in value):
         return np.array([numbers(part) for part in value], dtype=np.float64)
     for part in value:
         if isinstance(part, str):
-            raise UnitError(f"{brief(part)} is a text, and must be a number")
+            raise UnitError(f"{brief(part)} is a text; it must be a number")
     return np.array([number(part) for part in value], dtype=np.float64)

@@ -1,9 +1,9 @@
-"""Text with a unit in, a plain number in SI units out.
+"""Parse texts with units into plain numbers in SI units.
 
 Everything inside the project is SI; units live only where text is read or written. A bare number where a unit belongs is
 refused, because a silent guess (metres? millimetres?) looks like a solver that diverges. So is all that is not one number
 and one unit: Pint by itself drops commas (1,5mm would be 15 mm), multiplies numbers that stand side by side and evaluates
-powers of any size. It gets to see the unit alone, and that only where the unit is not one of `common_units`.
+powers of any size. It gets only the unit, and that only where the unit is not one of `common_units`.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ _ANGLES = {"degree", "radian", "milliradian", "arcminute", "arcsecond", "turn", 
 
 
 class UnitError(ValueError):
-    """A text that is not a number with a fitting unit; the message is a sentence for the user."""
+    """A text that is not a number with a fitting unit; the message is for the user."""
 
 
 @functools.cache
@@ -82,7 +82,7 @@ def _registry() -> pint.UnitRegistry:
 
 
 def brief(value: object) -> str:
-    """A value as a message shows it: its repr, cut where it is long; what it is, where it is no scalar."""
+    """Return a value as a message shows it: its repr, cut where it is long; what it is, where it is no scalar."""
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list | tuple) and len(value) > 8:
@@ -99,7 +99,7 @@ def brief(value: object) -> str:
 
 
 def number(value: Any) -> float:
-    """A finite number from its text, or from a number; nothing else is one.
+    """Return a finite number from its text, or from a number; nothing else is one.
 
     Raises:
         UnitError: A comma, spaces between digits, words, a list; too large; not finite.
@@ -121,7 +121,7 @@ def number(value: Any) -> float:
 
 
 def numbers(parts: Iterable[Any]) -> list[float]:
-    """Numbers or their texts as finite floats.
+    """Return the numbers or their texts as finite floats.
 
     Raises:
         UnitError: One is none. True is none either, though Python would take it for 1.
@@ -129,14 +129,12 @@ def numbers(parts: Iterable[Any]) -> list[float]:
     return [number(part) for part in parts]
 
 
-FORMULA = (
-    "begins with =, as a formula does, and is not a number; a workbook has its value once a spreadsheet has saved it"
-)
+FORMULA = "is a formula, not a number; save the workbook in a spreadsheet program to store its value"
 """What to say of a text that begins with ``=``."""
 
 
 def number_and_unit(text: str) -> tuple[float, str]:
-    """A quantity's number and the text of its unit, which may be empty and is not looked up.
+    """Return a quantity's number and the text of its unit, which may be empty and is not looked up.
 
     Raises:
         UnitError: See `quantity`.
@@ -173,13 +171,13 @@ def quantity(text: str | float, unit: str) -> float:
 
 
 def example(unit: str) -> str:
-    """A quantity of a unit, as a message shows it."""
+    """Return a quantity of a unit, as a message shows it."""
     return {"m": "20mm", "Pa": "20kPa", "degree": "45deg", "kg/m^3": "970kg/m^3", "m^3": "20ml", "N/m": "50kN/m",
             "m^2": "18mm^2", "kg": "20g"}.get(unit, f"1 {unit}".strip())  # fmt: skip
 
 
 def _converted(read: float, written: str, unit: str, shown: str, hint: str) -> float:
-    """A number in one unit as one in another, by Pint.
+    """Return a number in one unit as one in another, by Pint.
 
     Raises:
         UnitError: The unit is unknown, or of another kind.
@@ -211,12 +209,14 @@ def _split(text: str, what: str, hint: str = "") -> tuple[float, str]:
 
 
 def _reason(shown: str, what: str, hint: str) -> str:
-    """Why a text is no quantity."""
+    """Return why a text is no quantity."""
     if shown.startswith("="):
         return f"{brief(shown)} {FORMULA}"
     if re.match(rf"[+-]?[0-9]*,[0-9]+(?![0-9.,]|{_SPACES}[0-9])", shown):
         more = (
-            f" (or {shown.replace(',', '')}, if it parts thousands)" if re.search(r",[0-9]{3}(?![0-9])", shown) else ""
+            f" (or {shown.replace(',', '')}, if it separates thousands)"
+            if re.search(r",[0-9]{3}(?![0-9])", shown)
+            else ""
         )
         return f"{brief(shown)} has a decimal comma; write {shown.replace(',', '.')}{more}"
     if re.match(r"[+-]?[0-9][0-9.,]*,[0-9]", shown):
@@ -233,7 +233,7 @@ def _reason(shown: str, what: str, hint: str) -> str:
 
 @functools.lru_cache(maxsize=256)
 def _unit(text: str) -> Any:
-    """Pint's unit of a text, or None if there is none."""
+    """Return Pint's unit of a text, or None if there is none."""
     try:
         return _registry().parse_units(text)
     except Exception:  # Pint's parser raises what Python's tokenizer does, and more
@@ -241,7 +241,7 @@ def _unit(text: str) -> Any:
 
 
 def pascal_per_cm(density: float = WATER_DENSITY) -> float:
-    """Pressure in Pa of one centimetre of a column of liquid with this density in kg/m3."""
+    """Return the pressure in Pa of one centimetre of a column of liquid with this density in kg/m3."""
     return 0.01 * density * STANDARD_GRAVITY
 
 
@@ -249,7 +249,7 @@ _FRIENDLY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "degree": ("deg", 1.0), "m^3
 
 
 def readable(value: float, unit: str) -> str:
-    """A value for people: "0.9 mm", "14 kPa", six digits at most; for files that machines read back it is `exact_text`.
+    """Return a value for people: "0.9 mm", "14 kPa", six digits at most; for files that machines read back it is `exact_text`.
 
     Args:
         value: Value in ``unit``.
@@ -262,12 +262,12 @@ def readable(value: float, unit: str) -> str:
 
 
 def _plain(value: float) -> str:
-    """The shortest text that reads back as the float: 0.7 and not 0.69999999999999996."""
+    """Return the shortest text that reads back as the float: 0.7 and not 0.69999999999999996."""
     return repr(value).removesuffix(".0")
 
 
 def exact_text(value: float, unit: str) -> str:
-    """The shortest friendly text ("20 mm", "30 kPa") that `quantity` reads back as exactly this value.
+    """Return the shortest friendly text ("20 mm", "30 kPa") that `quantity` reads back as exactly this value.
 
     Args:
         value: Value in ``unit``.
@@ -284,11 +284,11 @@ def exact_text(value: float, unit: str) -> str:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Values for reading: in the unit that suits their size, with the digits that suit their error.
+# Format values: unit prefix by size, digits by standard error.
 
 
 def with_prefix(value: float, unit: str, error: float = math.nan) -> tuple[str, str]:
-    """A value and its unit as texts: Pa as Pa, kPa or MPa by size, m as mm; digits that suit the standard error."""
+    """Return a value and its unit as texts: Pa as Pa, kPa or MPa by size, m as mm; digits by the standard error."""
     factor, name = 1.0, unit
     if unit == "Pa":
         size = abs(value)

@@ -1,6 +1,6 @@
-"""Clamps: faces, edges or regions that are held, or gripped so that they slip in one direction.
+"""Clamps: faces, edges or regions that are held, or held so that they slip in one direction.
 
-They come on top of what holds the device by itself. A role that the device holds by itself is held as the clamp says instead:
+They are added to the device's own supports. A clamp on one of the device's own supports replaces it:
 ``[hold.bench]`` with ``face = "support"`` and ``along = "z"`` lets a glued disk slide on its bench.
 """
 
@@ -23,21 +23,23 @@ from softmodels.mechanics.component import (
     names_in,
     register_component,
 )
-from softmodels.mechanics.holds import HoldingPart
 
 if TYPE_CHECKING:
     pass
 
 
+from softmodels.mechanics.holds import HoldingPart
+
+
 @register_component
 @dataclasses.dataclass(frozen=True)
 class Clamp(HoldingPart):
-    """What is held.
+    """A support of faces, edges or regions.
 
     Attributes:
         face: Roles of faces, edges or points, or names of regions, with commas between: ``"clamp, clamp_top"``.
         along: Direction along which they are held, such as ``"z"``; all directions if empty.
-        slip: Direction in which alone they slip; none if empty.
+        slip: The only direction in which they slip; none if empty.
     """
 
     face: str = field_of(Words(), "faces, edges or regions that are held, such as top")
@@ -45,15 +47,13 @@ class Clamp(HoldingPart):
     slip: str = field_of(Words(), "direction in which they slip, such as x: they are held across it", "")
 
     table: ClassVar[str] = "hold"
-    needs: ClassVar[str] = "[hold] needs face, which is held, such as face = 'top'"
+    needs: ClassVar[str] = "[hold] needs a face, such as face = 'top'"
 
     def check(self) -> None:
         if not self.roles:
             raise ComponentError(self.needs)
         if self.along and self.slip:
-            raise ComponentError(
-                f"{self.where} has both along and slip; give the one direction that is held or that is free"
-            )
+            raise ComponentError(f"{self.where} has both along and slip; give either the held or the free direction")
         for text in filter(None, (self.along, self.slip)):
             direction(text, self.where)
 
@@ -62,7 +62,7 @@ class Clamp(HoldingPart):
         return names_in(self.face)
 
     def check_on(self, actuator: Actuator) -> None:
-        """Raise `ComponentError` where a device has no such face, or its mesh no such direction."""
+        """Raise `ComponentError` if a device has no such face, or its mesh no such direction."""
         known = list(dict.fromkeys([*actuator.faces, *actuator.regions, *(hold.role for hold in actuator.holds)]))
         for role in self.roles:
             if role not in known:
@@ -75,7 +75,7 @@ class Clamp(HoldingPart):
         return INSIDE if set(self.roles) & set(actuator.regions) else ""
 
     def holds(self, actuator: Actuator) -> list[Hold]:
-        """What it holds on a device.
+        """Return what it holds on a device.
 
         Raises:
             ComponentError: A direction that an axisymmetric section does not have.
@@ -90,7 +90,7 @@ class Clamp(HoldingPart):
         way = direction(text, self.where)
         if actuator.dimension == 2 and max(abs(way[0]), abs(way[2])) < 1 - 1e-12:
             raise ComponentError(
-                f"{self.where}: a section knows the directions x (away from its axis) and z, not {text!r}"
+                f"{self.where}: a section has only the directions x (away from its axis) and z, not {text!r}"
             )
         if self.along:
             return [way]
@@ -98,12 +98,13 @@ class Clamp(HoldingPart):
 
     @property
     def label(self) -> str:
-        """Not its name alone, which a region or a load may bear too."""
+        """Label with its kind, because a region or a load may have the same name."""
         return f"hold_{self.name}" if self.name else self.table
 
 
 def _across(way: Vector, actuator: Actuator) -> list[Vector | None]:
-    """Unit vectors square to a direction and to each other, those of the device's own planes and holds first."""
+    """Return the unit vectors perpendicular to a direction and to each other, those of the device's own planes and holds
+    first."""
     known = [plane.normal for plane in actuator.cut_planes]
     known += [hold.direction for hold in actuator.holds if hold.direction is not None]
     axes = np.eye(3)[[0, 2]] if actuator.dimension == 2 else np.eye(3)

@@ -1,12 +1,12 @@
-"""A rigid plane that faces of the device come to rest on: a bench, a plate above, the mirror plane between two chambers.
+"""Frictionless contact of faces with a rigid plane: a bench, a plate above, the mirror plane between two chambers.
 
 Contact is an energy of the penetration d of every point of the faces, per undeformed area,
 
     phi(d) = k d^3 / (6 e)                       0 < d < e
     phi(d) = k (d^2/2 - e d/2 + e^2/6)           e < d
 
-a penalty k whose onset is rounded over a depth e: its second derivative is continuous, so that Newton's method and the path's
-tangents see no jump (Wriggers 2006, Computational Contact Mechanics). It is conservative and without friction.
+a penalty k with an onset smoothed over a depth e: its second derivative is continuous, so that Newton's method and the path's
+tangents meet no jump (Wriggers 2006, Computational Contact Mechanics). It is conservative and without friction.
 A wall that meets its own mirror image presses on the plane of the mirror as on a rigid one, so the same term is the
 contact of neighbouring chambers that are each other's mirror images.
 """
@@ -86,26 +86,26 @@ soft actuators take, sinks in by 0.3 % of the size. The default disk presses on 
 1000 takes half as many iterations more."""
 SOFTEST, STIFFEST = 1.0, 1e5
 ONSET = 1e-3
-"""Depth over which the contact sets in, in sizes of the device."""
+"""Penetration over which contact sets in, relative to the device's size."""
 ONSET_PRESSURE = 0.3
-"""Pressure in shear moduli that a stiffness would have at the end of its onset, were that not rounded."""
+"""Contact pressure in shear moduli at the end of the onset, without smoothing."""
 NEAR = 1e-6
-"""Distance in sizes up to which a point lies in the plane."""
+"""Distance relative to the size up to which a point counts as in the plane."""
 
 
 def penalty(d: Expr, onset: fem.Constant) -> Expr:
-    """phi(d) / k in UFL, of a d that is not below zero."""
+    """Return phi(d) / k in UFL, of a d that is not below zero."""
     import ufl
 
     return ufl.conditional(ufl.lt(d, onset), d**3 / (6 * onset), d**2 / 2 - onset * d / 2 + onset**2 / 6)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What all contact of faces by a penalty has in common, be it with a rigid shape or with each other.
+# Base classes of penalty contact, with rigid shapes or between faces.
 
 
 class ContactPart(EnergyComponent):
-    """Faces that are pressed on; a kind is a dataclass of it with the fields below.
+    """Contact of faces; each kind is a dataclass with the fields below.
 
     Attributes:
         faces: Roles of the facets, with commas between.
@@ -123,23 +123,23 @@ class ContactPart(EnergyComponent):
         return names_in(self.faces)
 
     def try_other(self, pressed: str) -> str:
-        """What to try where it may have ended a path; ``pressed`` says that and how deep it is pressed on, a clause."""
+        """Return advice if contact may have ended a path; ``pressed`` describes the contact and its depth, as a clause."""
         return (
-            f"{pressed}: try another stiffness than {self.stiffness:g} (with a larger one they sink in less, a smaller one is "
-            "followed more easily), and smaller cells where they touch"
+            f"{pressed}: try another stiffness than {self.stiffness:g} (larger: less penetration; smaller: "
+            f"easier convergence), and smaller cells where they touch"
         )
 
     def check_stiffness(self) -> None:
-        """Refuse, with `ComponentError`, a stiffness with which no contact can be computed."""
+        """Raise `ComponentError` for a stiffness out of range."""
         if not self.softest <= self.stiffness <= STIFFEST:
             raise ComponentError(
-                f"{self.where}: the stiffness is {self.stiffness:g} shear moduli per size of the device; {self.softest:g} to "
-                f"{STIFFEST:g} are taken, and {self.usual:g} is usual"
+                f"{self.where}: the stiffness is {self.stiffness:g} shear moduli per size of the device; {self.softest:g} "
+                f"to {STIFFEST:g} are accepted (default {self.usual:g})"
             )
 
 
 class StoppingShape(Protocol):
-    """What all rigid shapes have; see `softmodels.components.contact.RigidShape`."""
+    """Common interface of rigid shapes; see `softmodels.components.contact.RigidShape`."""
 
     @property
     def where(self) -> str: ...
@@ -154,7 +154,7 @@ class StoppingShape(Protocol):
 
 
 def copies_around(actuator: Actuator, crossed: Sequence[Array]) -> int:
-    """How many copies of the slice a shape stands in.
+    """Return the number of slices that share a shape.
 
     Args:
         actuator: The device.
@@ -166,7 +166,7 @@ def copies_around(actuator: Actuator, crossed: Sequence[Array]) -> int:
 
 
 def force_of_all(actuator: Actuator, crossed: Sequence[Array], force: Array) -> Array:
-    """Force on a shape of all copies that it stands in; their mirror images take away what is square to a cut plane.
+    """Return the total force on a shape of all slices that share it; components normal to a cut plane cancel.
 
     Args:
         actuator: The device.
@@ -184,7 +184,7 @@ def force_of_all(actuator: Actuator, crossed: Sequence[Array], force: Array) -> 
 def shape_figures(
     label: str, actuator: Actuator, crossed: Sequence[Array], force: Array, depth: float
 ) -> dict[str, float]:
-    """Columns of ``path.csv`` of a rigid shape.
+    """Return the columns of ``path.csv`` of a rigid shape.
 
     Args:
         label: Of the shape.
@@ -216,7 +216,7 @@ SPECK = 1e-20
 
 
 def distance(x: Sequence[Array], numbers: Numbers) -> Array:
-    """Signed distance of a place in sizes, from components of NumPy or of UFL alike; below zero where it is stopped.
+    """Return the signed distance of a place in sizes, from components of NumPy or of UFL alike; below zero where it is stopped.
 
     Args:
         x: Three components in sizes.
@@ -233,12 +233,12 @@ def distance(x: Sequence[Array], numbers: Numbers) -> Array:
 
 
 def distances(places: Array, numbers: Numbers) -> Array:
-    """`distance` of places in sizes, shape (n, d)."""
+    """Return `distance` of places in sizes, shape (n, d)."""
     return np.asarray(distance(list(in_space(places).T), numbers))
 
 
 def slopes(places: Array, numbers: Numbers) -> tuple[Array, Array, Array]:
-    """Distances of places in sizes, shape (n, d), their gradients (n, d), and their second derivatives (n, d, d)."""
+    """Return the distances of places in sizes, shape (n, d), their gradients (n, d), and their second derivatives (n, d, d)."""
     at, along, radius, half, sign = numbers
     v = in_space(places) - at
     t = v @ along
@@ -256,9 +256,9 @@ def slopes(places: Array, numbers: Numbers) -> tuple[Array, Array, Array]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Rigid shapes that give way along a line when the device presses on them: on a spring, or with a mass that is lifted.
+# Rigid shapes movable along a guide in contact with the device: on a spring, or with a mass that is lifted.
 #
-# The place on the line is that of least energy, see `softmodels.components.pressing`; the shape does not turn.
+# The position on the line minimises the energy, see `softmodels.components.pressing`; the shape does not rotate.
 
 
 class Guided(StoppingShape, Protocol):
@@ -291,21 +291,22 @@ class StandingShape(Protocol):
 
 
 def check_guide(shape: Guided) -> None:
-    """Raise `ComponentError` for a guide without a spring or a mass, or the other way round, or one that is no direction."""
+    """Raise `ComponentError` for a guide without a spring or mass, a spring or mass without a guide, or an invalid
+    direction."""
     if not shape.guide:
         if shape.spring or shape.mass:
-            raise ComponentError(f"{shape.where}: a spring or a mass gives way along a line; say which (guide = 'z')")
+            raise ComponentError(f"{shape.where}: a spring or a mass needs a guide (guide = 'z')")
         return
     direction(shape.guide, shape.where)
     if not (shape.spring > 0.0 or shape.mass > 0.0) or min(shape.spring, shape.mass) < 0.0:
         raise ComponentError(
-            f"{shape.where}: what gives way along {shape.guide} needs a spring or a mass above zero (spring = '50 N/m', or "
+            f"{shape.where}: the guide along {shape.guide} needs a spring or a mass above zero (spring = '50 N/m', or "
             "mass = '20 g')"
         )
 
 
 def weight_against(shape: Guided, gravity: Array) -> float:
-    """Share of a shape's weight against its guide, in N; below zero where gravity pulls it along.
+    """Return the component of a shape's weight against its guide, in N; negative if along it.
 
     Args:
         shape: The shape.
@@ -318,8 +319,8 @@ def check_weight(shape: Guided, gravity: Array) -> None:
     """Raise `ComponentError` for a mass without a spring that gravity does not pull against its guide."""
     if not shape.spring and weight_against(shape, gravity) <= ALONG * shape.mass * float(np.linalg.norm(gravity)):
         raise ComponentError(
-            f"{shape.where}: gravity along ({', '.join(f'{x:.3g}' for x in gravity)}) m/s^2 does not pull the mass against its "
-            f"guide, {shape.guide}, so nothing holds it there; turn the guide or gravity round, or give it a spring "
+            f"{shape.where}: gravity along ({', '.join(f'{x:.3g}' for x in gravity)}) m/s^2 does not press the mass "
+            f"against its stand along the guide {shape.guide}; reverse the guide or gravity, or add a spring "
             "(spring = '50 N/m')"
         )
 
@@ -328,16 +329,16 @@ def check_guide_on(shape: Guided, actuator: Actuator, crossed: Sequence[Array]) 
     """Raise `ComponentError` for a guide that leaves the symmetry of the device's model."""
     guide = shape.gives_way
     if actuator.dimension == 2 and abs(guide[2]) < 1 - ALONG:
-        raise ComponentError(f"{shape.where}: beside an axisymmetric section a shape gives way along z or -z")
+        raise ComponentError(f"{shape.where}: with an axisymmetric section the guide must be z or -z")
     if any(abs(float(normal @ guide)) > ALONG for normal in crossed):
         raise ComponentError(
-            f"{shape.where}: along {shape.guide} the shape would leave the cut plane that it stands in; take a guide in that "
-            f"plane, or use {actuator.fuller}"
+            f"{shape.where}: along {shape.guide} the shape would leave its cut plane; use a guide "
+            f"in that plane, or {actuator.fuller}"
         )
 
 
 class GuidedShapeTerm(PressingTerm[GivingWay]):
-    """The energy of contact with such a shape and of what holds it.
+    """The energy of contact with such a shape and of its spring or weight.
 
     Args:
         shape: The shape.
@@ -352,7 +353,7 @@ class GuidedShapeTerm(PressingTerm[GivingWay]):
         self._per_pascal, self._s = 0.0, 0.0
 
     def _stand(self) -> Stand:
-        """What holds it, the slice's share of it, with forces in shear moduli times squared sizes."""
+        """Return its spring or weight for the modelled slice, with forces in shear moduli times squared sizes."""
         size, share = self.actuator.size, copies_around(self.actuator, self.standing.crossed)
         unit = float(self.setting.per_pascal.value) / size / share
         return Stand(self.shape.spring * unit, weight_against(self.shape, self.setting.gravity) * unit / size, ONSET)
@@ -363,7 +364,7 @@ class GuidedShapeTerm(PressingTerm[GivingWay]):
         return found
 
     def _take(self, w: Array) -> None:
-        if self._per_pascal != float(self.setting.per_pascal.value):  # spring and weight keep their newtons
+        if self._per_pascal != float(self.setting.per_pascal.value):  # spring and weight are constant in newtons
             self._per_pascal = float(self.setting.per_pascal.value)
             self._state[:] = np.nan
         super()._take(w)
@@ -381,15 +382,15 @@ class GuidedShapeTerm(PressingTerm[GivingWay]):
         here, size, label = self._pressed.here, equations.length_unit, self.shape.label
         force = equations.stress_unit * size**2 * here.forces.sum(axis=0)
         found = shape_figures(label, self.actuator, self.standing.crossed, force, here.depth * size)
-        return found | {f"{label}_way_mm": self._pressed.s * size * 1e3}
+        return found | {f"{label}_travel_mm": self._pressed.s * size * 1e3}
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Rigid shapes that stand still and that faces rub on; the law is in `softmodels.components.pressing`.
+# Fixed rigid shapes with friction; the law is in `softmodels.components.pressing`.
 
 
 MOST = 3.0
-"""Largest coefficient of friction that is taken: rubber on dry glass has 1 to 2."""
+"""Largest accepted coefficient of friction: rubber on dry glass has 1 to 2."""
 
 
 class RubbedShape(StoppingShape, Protocol):
@@ -404,20 +405,20 @@ class RubbedShape(StoppingShape, Protocol):
 
 
 def check_friction(shape: RubbedShape) -> None:
-    """Raise `ComponentError` for a coefficient that is none, or friction on a shape that gives way."""
+    """Raise `ComponentError` for an invalid coefficient, or friction on a movable shape."""
     if not 0.0 <= shape.friction <= MOST:
         raise ComponentError(
-            f"{shape.where}: a coefficient of friction of {shape.friction:g} cannot be meant; 0 to {MOST:g} are taken "
-            "(silicone on smooth plastic has some 0.3 to 1)"
+            f"{shape.where}: a coefficient of friction of {shape.friction:g} is out of range; give 0 to "
+            f"{MOST:g} (silicone on smooth plastic: 0.3 to 1)"
         )
     if shape.slip and not shape.friction:
         raise ComponentError(
-            f"{shape.where}: a slip belongs to a coefficient of friction (friction = 0.5); give both or neither"
+            f"{shape.where}: a slip needs a coefficient of friction (friction = 0.5); give both or neither"
         )
     if shape.friction and shape.guide:
         raise ComponentError(
-            f"{shape.where}: friction is computed on shapes that stand still, and this one gives way along {shape.guide}; "
-            "leave out the guide or the friction"
+            f"{shape.where}: friction needs a fixed shape, but this one moves along {shape.guide}; "
+            f"leave out the guide or the friction"
         )
 
 
@@ -453,7 +454,7 @@ class RubbingShapeTerm(PressingTerm[Rubbed]):
         else:
             self._take(w)
             self.grip = self._pressed.kept()
-        self._state[:] = np.nan  # what follows is asked of what is remembered now
+        self._state[:] = np.nan  # the following calls use the current history
 
     def admits(self, before: Array, after: Array) -> bool:
         return self.standing.clear(self.nodes.moved(before), self.nodes.moved(after))
@@ -472,16 +473,17 @@ class RubbingShapeTerm(PressingTerm[Rubbed]):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The energy of faces that a sphere, a cylinder or a capsule stops: as a form, and as sums over samples for one that moves.
+# The contact energy with a sphere, a cylinder or a capsule: as a form, and as sums over samples for a movable one.
 
 
 WAY = 8
-"""Places on the straight way of a node from state to state at which its depth is looked at."""
+"""Number of points on a node's straight path between states at which its penetration is checked."""
 HARDENS = 0.25
-"""Share of the depth at which a state is refused from which the shape grows harder. The energy is of the undeformed area, which
-a wrapped membrane stretches to ten or twenty times itself, so that it would sink in ten or twenty times as deep."""
+"""Fraction of the rejected penetration above which the shape stiffens. The energy is of the undeformed area, which
+a wrapped membrane stretches to ten or twenty times itself, so that it would penetrate ten or twenty times as deep."""
 HARDER = 16.0
-"""How steeply: at the refused depth the contact is 1 + HARDER (1 - HARDENS)^2 / (2 HARDENS), some 19, times as hard."""
+"""Rate of stiffening: at the rejected penetration the contact is 1 + HARDER (1 - HARDENS)^2 / (2 HARDENS), some 19, times as
+hard."""
 SOON = 0.1
 """Distance in sizes of the device that counts as near."""
 
@@ -499,13 +501,14 @@ class RoundShape(StoppingShape, Protocol):
 
 
 def clear(numbers: Numbers, deepest: float, start: Array, end: Array) -> bool:
-    """Whether nodes may go from places to places, shape (n, d) each, without getting deeper than ``deepest`` into a shape."""
+    """Return whether nodes can move between positions, shape (n, d) each, without penetrating a shape by more than
+    ``deepest``."""
     way = (start + t * (end - start) for t in np.linspace(0.0, 1.0, WAY + 1)[1:])
     return all(float(distances(places, numbers).min(initial=math.inf)) > -deepest for places in way)
 
 
 def check_rest(shape: RoundShape, body: Body) -> None:
-    """Refuse a shape that lies in the device at rest.
+    """Reject a shape that penetrates the undeformed device.
 
     Raises:
         ComponentError: It does.
@@ -516,13 +519,13 @@ def check_rest(shape: RoundShape, body: Body) -> None:
     if deepest > NEAR:
         side = "outside of the hollow" if shape.hollow else "in the"
         raise ComponentError(
-            f"{shape.where}: at rest the device lies {deepest * size * 1e3:.4g} mm deep {side} {shape.shape}; move it away"
+            f"{shape.where}: the undeformed device is {deepest * size * 1e3:.4g} mm deep {side} {shape.shape}; move it away"
             + ("" if shape.shape == "plane" else ", or give it another radius")
         )
 
 
 class ShapeTerm(EnergyTerm):
-    """A shape that stands still, with the force on it.
+    """A fixed shape, with the force on it.
 
     Args:
         shape: The shape.
@@ -550,7 +553,7 @@ class ShapeTerm(EnergyTerm):
         components = [place[0], place[1], place[2]] if mesh.topology.dim == 3 else [place[0], 0.0, place[1]]
         depth = ufl.max_value(-distance(components, constants), 0.0)
         energy = stiffness * (penalty(depth, onset) + HARDER / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
-        push = ufl.diff(energy, place)  # on the shape; the device takes the opposite
+        push = ufl.diff(energy, place)  # on the shape; the device gets the opposite force
         self.energies, self._forces = [], []
         for role in shape.roles:
             area = body.sheet_face(role)[0]
@@ -562,7 +565,7 @@ class ShapeTerm(EnergyTerm):
         check_rest(self.shape, body)
 
     def move_to(self, at: npt.ArrayLike) -> None:
-        """Put the shape somewhere else, in m: an indenter that comes down from state to state."""
+        """Move the shape to a position in m, such as an indenter from state to state."""
         place = np.asarray(at, dtype=float) / self.body.actuator.size
         self.numbers = (place, *self.numbers[1:])
         self._place.value = place
@@ -589,7 +592,7 @@ class ShapeTerm(EnergyTerm):
 
 
 class SampledShapeTerm(PressingTerm[PressedByDistance]):
-    """The same energy as sums over samples, for a shape that gives way (`softmodels.components.contact`).
+    """The same energy as sums over samples, for a movable shape (`softmodels.components.contact`).
 
     Args:
         shape: The shape.
@@ -622,14 +625,14 @@ class SampledShapeTerm(PressingTerm[PressedByDistance]):
         return slopes(places, self.numbers)
 
     def clear(self, start: Array, end: Array) -> bool:
-        """Whether nodes may go from places to places, shape (n, d) each, without passing through the shape."""
+        """Return whether nodes can move between positions, shape (n, d) each, without passing through the shape."""
         return clear(self.numbers, self.deepest, start, end)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Rigid shapes from an STL file, that faces of the device come to rest on, from outside or from within.
+# Contact of faces with a rigid shape from an STL file, from outside or inside.
 #
-# The distance from the file's triangles is the smooth gap of `softmodels.components.pressing`, with samples that stand still:
+# The distance from the file's triangles is the smooth gap of `softmodels.components.pressing`, with fixed samples:
 # exact on flat parts, rounded at edges over the kernel's radius, and twice differentiable everywhere. A sphere of radius r
 # appears larger by a tenth of the kernel's radius squared over r.
 
@@ -637,16 +640,16 @@ class SampledShapeTerm(PressingTerm[PressedByDistance]):
 Indices = npt.NDArray[np.int64]
 
 ROUNDING = 0.4
-"""Radius of the kernel in edges of the stopped facets, where the user gives none."""
+"""Default radius of the kernel in edges of the contact facets."""
 MAX_SURFACE_DEPTH = 0.3
-"""Depth in radii of the kernel at which a state is refused: the wall is seen up to a radius behind it, and then no more."""
+"""Penetration in kernel radii at which a state is rejected: the wall is detected only up to one radius behind it."""
 STRIDE = 0.5
-"""Radii that a node moves between two looks at its depth."""
+"""Motion of a node in kernel radii between two checks of its penetration."""
 MOST_LOOKS = 60
 SAME = 1e-6
-"""Share of the shape's extent by which its corners may miss their mirror images."""
+"""Tolerance relative to the shape's extent for mirror images of its corners."""
 PROBED = 50
-"""Nodes whose place within the shape is looked for by its winding number: touching surfaces are found by the gap."""
+"""Number of nodes checked by the winding number; touching surfaces are found by the gap."""
 
 
 class FileShape(StoppingShape, Protocol):
@@ -663,7 +666,7 @@ class FileShape(StoppingShape, Protocol):
 
 
 def surface_of(shape: FileShape) -> tuple[Array, Indices]:
-    """Corners in m where they stand, shape (n, 3), and triangles of a shape's file, counter-clockwise from outside.
+    """Return the corners in m where they stand, shape (n, 3), and triangles of a shape's file, counter-clockwise from outside.
 
     Raises:
         ComponentError: It cannot be read, is not closed, or its triangles turn different ways.
@@ -682,30 +685,32 @@ def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
     points, triangles = read_surfaces(file, unit)
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     if len(np.unique(edges, axis=0)) < len(edges):
-        raise GeometryError(f"the triangles of {file} turn different ways; repair it in the program that wrote it")
+        raise GeometryError(
+            f"the triangles of {file} are not consistently oriented; repair the file in the program that wrote it"
+        )
     corners = points[triangles]
     volume = float(np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))) / 6
     return points, triangles if volume > 0.0 else triangles[:, ::-1]
 
 
 def _same(points: Array) -> float:
-    """Distance in m below which places on a shape are the same."""
+    """Return the distance in m below which places on a shape are the same."""
     return SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 def crossed_by_file(shape: FileShape, actuator: Actuator) -> list[Array]:
-    """Normals of the cut planes that a shape crosses; `ComponentError` as for `surface_of`."""
+    """Return the normals of the cut planes that a shape crosses; `ComponentError` as for `surface_of`."""
     points, _ = surface_of(shape)
     near, normals = _same(points), [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
     return [n for n in normals if (points @ n).min() < -near and (points @ n).max() > near]
 
 
 def check_file_on(shape: FileShape, actuator: Actuator) -> None:
-    """Raise `ComponentError` for a file that cannot be read, or a shape that cannot stand beside this device."""
+    """Raise `ComponentError` for an unreadable file, or a shape unsuitable for this device."""
     points, _ = surface_of(shape)
     if actuator.dimension == 2:
         raise ComponentError(
-            f"{shape.where}: beside an axisymmetric section a shape is one of revolution; take the solid (section = 'solid')"
+            f"{shape.where}: an axisymmetric section needs an axisymmetric shape; use the solid (section = 'solid')"
         )
     from scipy.spatial import cKDTree
 
@@ -717,8 +722,8 @@ def check_file_on(shape: FileShape, actuator: Actuator) -> None:
         image = points - 2 * np.outer(points @ n, n)
         if cKDTree(points).query(image)[0].max() > near:
             raise ComponentError(
-                f"{shape.where}: {shape.file} crosses the cut plane {plane.name} and is not its own mirror image there, "
-                "corner by corner; model the whole device"
+                f"{shape.where}: {shape.file} crosses the cut plane {plane.name} and its vertices are "
+                f"not mirror-symmetric; model the whole device"
             )
 
 
@@ -745,8 +750,8 @@ class FileShapeTerm(PressingTerm[PressedOn]):
             self.wall = FixedWall.of(points / size, triangles[:, ::-1] if shape.hollow else triangles, radius)
         except TooFineError:
             raise ComponentError(
-                f"{shape.where}: {shape.file} is large against a rounding of {radius * size * 1e3:.3g} mm; take a larger "
-                "rounding, or cut off what the device does not come near"
+                f"{shape.where}: {shape.file} is large against a rounding of {radius * size * 1e3:.3g} mm; use a "
+                "larger rounding, or cut off the parts far from the device"
             ) from None
         self.penalty = Penalty(shape.stiffness, ONSET_PRESSURE / shape.stiffness)
         self.move(nodes.places)
@@ -758,8 +763,8 @@ class FileShapeTerm(PressingTerm[PressedOn]):
         if self._pressed.depth > NEAR or bool((inside != self.shape.hollow).any()):
             side = "outside of the hollow" if self.shape.hollow else "in the"
             raise ComponentError(
-                f"{self.shape.where}: at rest the device lies {side} shape of {self.shape.file}, or touches it; "
-                "move it away (at)"
+                f"{self.shape.where}: the undeformed device is {side} shape of {self.shape.file}, or "
+                f"touches it; move the shape away (at)"
             )
 
     def pressed(self, places: Array) -> PressedOn:
@@ -769,7 +774,7 @@ class FileShapeTerm(PressingTerm[PressedOn]):
         return self.clear(self.nodes.moved(before), self.nodes.moved(after))
 
     def clear(self, start: Array, end: Array) -> bool:
-        """Whether nodes may go from places to places, shape (n, 3) each, without passing through the shape."""
+        """Return whether nodes may go from places to places, shape (n, 3) each, without passing through the shape."""
         farthest, limit = (
             float(np.linalg.norm(end - start, axis=1).max(initial=0.0)),
             MAX_SURFACE_DEPTH * self.wall.radius,
@@ -786,7 +791,8 @@ class FileShapeTerm(PressingTerm[PressedOn]):
 
 
 def _winding(places: Array, corners: Array) -> Array:
-    """How often a closed surface goes around places, shape (n,): the solid angle of its triangles, shape (t, 3, 3), over 4 pi.
+    """Return how often a closed surface goes around places, shape (n,): the solid angle of its triangles, shape (t, 3, 3), over
+    4 pi.
 
     Van Oosterom and Strackee 1983, doi 10.1109/TBME.1983.325207.
     """
@@ -801,23 +807,23 @@ def _winding(places: Array, corners: Array) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Rigid shapes that faces of the device come to rest on: a sphere, a cylinder, a capsule, from outside or from within; a plane.
+# Contact of faces with rigid shapes: a sphere, a cylinder, a capsule, from outside or inside; a plane.
 #
 # With the signed distance g of a deformed place x to the shape, the energy per undeformed area is that of a plane's contact,
-# phi(max(-g, 0)), as above. A shape stands still, and faces may rub on it, or gives way along a line.
+# phi(max(-g, 0)); see `softmodels.components.contact`. A shape is fixed, optionally with friction, or movable along a guide.
 
 
 SHAPES = ("sphere", "cylinder", "capsule", "plane", "stl")
 ENDLESS = 1e3
 """Half length of a cylinder in sizes of the device."""
 MAX_SHAPE_DEPTH = 0.05
-"""Depth in sizes of the device at which a state is refused: the device would have passed over the shape."""
+"""Penetration relative to the size at which a state is rejected: the device would pass through the shape."""
 
 
 @register_component
 @dataclasses.dataclass(frozen=True)
 class RigidShape(ContactPart):
-    """A rigid shape, and the faces that it stops.
+    """A rigid shape, and the faces in contact with it.
 
     Attributes:
         shape: One of `SHAPES`.
@@ -827,7 +833,7 @@ class RigidShape(ContactPart):
         radius: Radius in m; a plane has none.
         along: Direction of a cylinder's or capsule's axis, or of a plane's normal, which points to the device.
         length: Distance in m between the middles of a capsule's two ends.
-        hollow: Whether the device lies within the shape, as in a tube.
+        hollow: Whether the device is inside the shape, as in a tube.
         file, unit: An STL file, and the unit of its lengths.
         rounding: Length in m over which an STL file's edges are rounded; 0 for 0.4 of a stopped facet's.
         stiffness: Contact pressure per penetration, in shear moduli over `Actuator.size`.
@@ -844,10 +850,10 @@ class RigidShape(ContactPart):
         SHAPES,
         "a sphere, a cylinder without ends, a capsule (a cylinder with round ends), a plane, or an STL file",
     )
-    faces: str = field_of(Words(), "faces that it stops, such as outer or 'top, outer'", "")
+    faces: str = field_of(Words(), "faces in contact with it, such as outer or 'top, outer'", "")
     at: tuple[float, ...] = field_of(
         Several(Length(zero=True, signed=True)),
-        "middle of a sphere or capsule, a point on a cylinder's axis or in a plane, or where an STL file's origin goes",
+        "centre of a sphere or capsule, a point on a cylinder's axis or in a plane, or the position of an STL file's origin",
         (),
     )
     radius: float = length_field(0.0, "radius of the shape", zero=True)
@@ -856,51 +862,47 @@ class RigidShape(ContactPart):
         "direction of a cylinder's or capsule's axis, or of a plane's normal to the device's side",
         numbers=True,
     )
-    length: float = length_field(0.0, "distance between the middles of a capsule's round ends", zero=True)
-    hollow: bool = field_of(Flag(), "the device lies within the shape, as in a tube", False)
+    length: float = length_field(0.0, "distance between the centres of a capsule's round ends", zero=True)
+    hollow: bool = field_of(Flag(), "the device is inside the shape, as in a tube", False)
     file: str = field_of(Words(), "STL file of the shape's closed surface", "")
-    unit: str = choice_field("mm", tuple(UNITS), "unit of the STL file's lengths, which such files do not tell")
+    unit: str = choice_field("mm", tuple(UNITS), "unit of the STL file's lengths, which such files do not store")
     rounding: float = length_field(
         0.0, "length over which an STL file's edges are rounded; 0 for 0.4 of a facet's edge", zero=True
     )
     stiffness: float = field_of(
         Quantity(), "shear moduli of contact pressure per sinking in by one size of the device", STIFFNESS
     )
-    guide: str = field_of(
-        Words(), "direction along which the shape gives way, such as z; it stands still if left out", ""
-    )
+    guide: str = field_of(Words(), "direction along which the shape can move, such as z; default: fixed", "")
     spring: float = field_of(Quantity("N/m"), "spring that holds a shape with a guide", 0.0)
     mass: float = field_of(
         Quantity("kg"),
-        "mass of a shape with a guide, which gravity pulls at: it lies on a stand until it is lifted",
+        "mass of a shape with a guide, on which gravity acts: it rests on a stand until it is lifted",
         0.0,
     )
-    friction: float = field_of(
-        Quantity(), "coefficient of Coulomb friction of the faces on a shape that stands still", 0.0
-    )
+    friction: float = field_of(Quantity(), "coefficient of Coulomb friction of the faces on a fixed shape", 0.0)
 
     slip: float = length_field(
-        0.0, "way over which friction sets in, without sliding; 0 for a thousandth of the device's size", zero=True
+        0.0, "elastic slip over which friction sets in; 0 for a thousandth of the device's size", zero=True
     )
 
     table: ClassVar[str] = "contact"
     always_named: ClassVar[bool] = True
     figure_texts: ClassVar = {
         r"(\w+)_force_([xyz])_N": ("force on {0}", "of the device on that rigid shape, along the named axis"),
-        r"(\w+)_depth_mm": ("depth in {0}", "how deep the stopped faces have sunk into it"),
-        r"(\w+)_way_mm": ("way of {0}", "how far that rigid shape has given way along its guide"),
-        r"(\w+)_sliding": ("share that slides on {0}", "of the force that presses the faces on it; the rest sticks"),
-        r"(\w+)_slip_mm": ("largest slip on {0}", "how far a point of the faces has slid on it"),
-        r"(\w+)_friction_mJ": ("friction on {0}", "work that sliding on that rigid shape has taken so far"),
+        r"(\w+)_depth_mm": ("penetration of {0}", "of the faces into it"),
+        r"(\w+)_travel_mm": ("travel of {0}", "displacement of that rigid shape along its guide"),
+        r"(\w+)_sliding": ("share that slides on {0}", "of the normal force; the rest sticks"),
+        r"(\w+)_slip_mm": ("largest slip on {0}", "largest distance a point of the faces has slid on it"),
+        r"(\w+)_friction_mJ": ("friction on {0}", "work dissipated by sliding on that rigid shape so far"),
     }
 
     def check(self) -> None:
         if not self.name:
             object.__setattr__(self, "name", self.shape)
         if not self.roles:
-            raise ComponentError(f"{self.where} needs the faces that are stopped (faces = 'outer')")
+            raise ComponentError(f"{self.where} needs the faces in contact (faces = 'outer')")
         if len(self.at) != 3:
-            raise ComponentError(f"{self.where}: a place has three coordinates (at = ['0 mm', '0 mm', '30 mm'])")
+            raise ComponentError(f"{self.where}: at needs three coordinates (at = ['0 mm', '0 mm', '30 mm'])")
         self.check_stiffness()
         check_guide(self)
         check_friction(self)
@@ -908,7 +910,7 @@ class RigidShape(ContactPart):
             self._check_file()
             return
         if self.file or self.rounding:
-            raise ComponentError(f"{self.where}: a {self.shape} has no file and no rounding; shape = 'stl' has")
+            raise ComponentError(f"{self.where}: a {self.shape} has no file and no rounding; only shape = 'stl' has")
         if self.shape == "plane":
             if self.radius or self.length or self.hollow:
                 raise ComponentError(
@@ -919,18 +921,18 @@ class RigidShape(ContactPart):
             raise ComponentError(f"{self.where}: a {self.shape} needs a radius above zero (radius = '5 mm')")
         if len(self.along) != 3 or not any(self.along):
             raise ComponentError(
-                f"{self.where}: along = {list(self.along)} is no direction; write three numbers, such as [0, 1, 0]"
+                f"{self.where}: along = {list(self.along)} is not a direction; write three numbers, such as [0, 1, 0]"
             )
         if (self.length > 0.0) != (self.shape == "capsule"):
-            raise ComponentError(f"{self.where}: a capsule has a length above zero, and no other shape has one")
+            raise ComponentError(f"{self.where}: only a capsule has a length, above zero")
 
     def _check_file(self) -> None:
         if not self.file:
-            raise ComponentError(f"{self.where}: a shape from an STL file needs that file (file = 'hand.stl')")
+            raise ComponentError(f"{self.where}: an STL shape needs its file (file = 'hand.stl')")
         object.__setattr__(self, "file", whole_path(self.file))
         if self.radius or self.length:
             raise ComponentError(
-                f"{self.where}: the size of an STL file's shape is that of the file; leave out radius and length"
+                f"{self.where}: the file defines the size of an STL shape; leave out radius and length"
             )
 
     @property
@@ -961,9 +963,9 @@ class RigidShape(ContactPart):
     @property
     def in_model(self) -> str:
         kind = f"shape of {self.file}," if self.file else self.shape
-        gives = f" and gives way along {self.guide} alone, without turning" if self.guide else ""
+        gives = f" and moves only along {self.guide}, without rotation" if self.guide else ""
         rubs = f"with a coefficient of friction of {self.friction:g}" if self.friction else "without friction"
-        return f"; the rigid {kind} {self.name} stops {self.faces} alone, {rubs}{gives}"
+        return f"; the rigid {kind} {self.name} stops only {self.faces}, {rubs}{gives}"
 
     @property
     def remembers(self) -> bool:
@@ -975,17 +977,17 @@ class RigidShape(ContactPart):
         return ONSET_PRESSURE / self.stiffness
 
     def half(self, size: float) -> float:
-        """Half the length of the line in its middle, in sizes of the device."""
+        """Return half the length of the line in its middle, in sizes of the device."""
         return {"cylinder": ENDLESS, "capsule": self.length / 2 / size}.get(self.shape, 0.0)
 
     def deepest(self, size: float) -> float:
-        """Depth in sizes of the device at which a state is refused."""
+        """Return the penetration relative to the size at which a state is rejected."""
         return (
             MAX_SHAPE_DEPTH if self.hollow or self.shape == "plane" else min(MAX_SHAPE_DEPTH, 0.5 * self.radius / size)
         )
 
     def crossed(self, actuator: Actuator) -> list[Array]:
-        """Normals of the cut planes that it crosses."""
+        """Return the normals of the cut planes that it crosses."""
         if self.file:
             return crossed_by_file(self, actuator)
         normals = [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
@@ -1007,7 +1009,7 @@ class RigidShape(ContactPart):
         if actuator.dimension == 2:
             if np.abs(at[:2]).max() > 0.0 or (self.shape != "sphere" and abs(along[2]) < 1 - 1e-12):
                 raise ComponentError(
-                    f"{self.where}: beside an axisymmetric section a shape is one of revolution: at = ['0 mm', '0 mm', ...] "
+                    f"{self.where}: with an axisymmetric section the shape must be axisymmetric: at = ['0 mm', '0 mm', ...] "
                     "and along = [0, 0, 1]"
                 )
             return
@@ -1016,8 +1018,8 @@ class RigidShape(ContactPart):
             if self.shape == "plane":
                 if abs(float(along @ normal)) > 1e-9:
                     raise ComponentError(
-                        f"{self.where}: the plane is not square to the cut plane {plane.name}, and so not its own mirror image "
-                        "there; turn it, or model the whole device"
+                        f"{self.where}: the plane is not perpendicular to the cut plane {plane.name}, so it "
+                        f"breaks the symmetry; rotate it, or model the whole device"
                     )
                 continue
             beyond, lean = float(at @ normal), abs(float(along @ normal))
@@ -1027,8 +1029,8 @@ class RigidShape(ContactPart):
                 if self.shape == "cylinder" and lean > 1 - 1e-9:
                     continue
                 raise ComponentError(
-                    f"{self.where}: the {self.shape} crosses the cut plane {plane.name} and is not its own mirror image there; "
-                    f"put its middle on that plane, or model the whole device"
+                    f"{self.where}: the {self.shape} crosses the cut plane {plane.name} asymmetrically; "
+                    f"put its centre on that plane, or model the whole device"
                 )
 
     def numbers(self, size: float) -> Numbers:
@@ -1043,7 +1045,7 @@ class RigidShape(ContactPart):
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         depth = figure(f"{self.label}_depth_mm")
-        return self.try_other(f"faces press on {self.where} and have sunk {depth:.3g} mm into it") if depth else ""
+        return self.try_other(f"faces press on {self.where} with a penetration of {depth:.3g} mm") if depth else ""
 
     def term(self, setting: FormContext) -> EnergyTerm:
         check_mesh_faces(setting.body, self.roles, self.where)
@@ -1112,7 +1114,7 @@ class Obstacle(ContactPart):
 
     @property
     def in_model(self) -> str:
-        return f"; the rigid plane {self.plane} stops {self.faces} alone"
+        return f"; the rigid plane {self.plane} stops only {self.faces}"
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         if not figure("contact_force_N"):

@@ -1,6 +1,6 @@
-"""Families of fibres in the silicone or on a face of it: threads wound around a tube, the mesh of a McKibben muscle.
+"""Families of fibres in the silicone or on its faces: threads wound around a tube, the braid of a McKibben muscle.
 
-A fibre along a turns with the silicone around it and resists being stretched, nothing else. With x = a.C.a - 1, the change of
+A fibre along a rotates with the silicone around it and resists only stretching. With x = a.C.a - 1, the change of
 its squared length, and q = x^2 (the same of slack fibres, but 0 where they are shortened), the energies per undeformed volume
 or area are
 
@@ -10,7 +10,7 @@ or area are
 so that k is the slope of the force over the strain at rest: Young's modulus times the fibres' share of the section in Pa, or
 force per width in N/m on a face. The factor that Qiu & Pence call gamma is k/4; Holzapfel's k1 is k/4, his k2 is b.
 
-Fibres that bear no compression take up their load over a small strain e, ``ONSET``, so that Newton's method sees no jump:
+Fibres without compression take up load over a small strain e, ``ONSET``, so that Newton's method meets no jump:
 q = x^3 / (6 e) up to x = 2 e, x^2 - 2 e x + 4 e^2 / 3 beyond, whose second derivative is continuous.
 """
 
@@ -67,19 +67,19 @@ if TYPE_CHECKING:
 # ----------------------------------------------------------------------------------------------------------------------
 # A term of the potential that is a function of a few strains at every point of faces or regions: fibres, fabrics.
 #
-# Newton's matrix takes the stress of such a term as it is foreseen from another state, as that of a sheet: see
+# Newton's matrix uses the stress of such a term as predicted from another state, like that of a sheet: see
 # `softmodels.mechanics.potential.Potential.foresee`.
 
 
 NOWHERE = 1e-12
-"""Square of a direction's length below which a face has none: it is cut at right angles."""
+"""Squared length of a direction below which it counts as normal to the face."""
 BARE = 1e-4
-"""Mean of that square over a face below which nothing can be laid along the direction there."""
+"""Mean of that square over a face below which the direction is not usable there."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StrainSite:
-    """Where a term is integrated.
+    """Domain of integration of a term.
 
     Attributes:
         measure: Of the face or region.
@@ -93,19 +93,20 @@ class StrainSite:
 
 
 def faces(body: Body, names: Sequence[str]) -> list[StrainSite]:
-    """The faces of these names, which regions may bear too."""
+    """Return the faces of these names, which regions may bear too."""
     return [StrainSite(*body.sheet_face(name), name) for name in names]
 
 
 def regions(body: Body, names: Sequence[str]) -> list[StrainSite]:
-    """The regions of these names; the whole body if there are none."""
+    """Return the regions of these names; the whole body if there are none."""
     if not names:
         return [StrainSite(body.measures()[0], None)]
     return [StrainSite(cell_measure(body, body.regions[name]), None, name) for name in names]
 
 
 def change_along(F: Expr, direction: Expr) -> Expr:
-    """Change of squared length of a line along a direction, over its squared length: 0 where there is no direction."""
+    """Return the change of squared length of a line along a direction, over its squared length: 0 where there is no
+    direction."""
     import ufl
 
     square, moved = ufl.dot(direction, direction), ufl.dot(F, direction)
@@ -133,14 +134,14 @@ class StrainTerm(EnergyTerm):
         super().__init__([self.integral(density(self._strains(setting.displacement, place)), place) for place in where])
 
     def integral(self, integrand: Expr, place: StrainSite) -> ufl.Form:
-        """Integral over a place of the slice, in an axisymmetric section of the device."""
+        """Return the integral over a place of the slice, in an axisymmetric section of the device."""
         return integrand * self.setting.body.hoop * place.measure
 
     def _strains(self, displacement: Expr, place: StrainSite) -> Expr:
         return self.strains(self.setting.body.deformation_gradient(displacement), place)
 
     def check_laid(self, part: str, direction: Callable[[Expr], Expr], equations: Equations) -> None:
-        """Refuse faces that a direction is square to, so that nothing can be laid along it there.
+        """Reject faces normal to a direction, along which nothing can be laid.
 
         Args:
             part: What is laid there, for messages.
@@ -162,12 +163,12 @@ class StrainTerm(EnergyTerm):
             square, area = (equations.integral(equations.form(self.integral(value, place))) for value in integrands)
             if square < BARE * area:
                 raise ComponentError(
-                    f"{part}: its direction is square to the face {place.name} and has no line in it; take another angle or "
-                    "axis, or another face"
+                    f"{part}: its direction is normal to the face {place.name}; use another "
+                    f"angle or axis, or another face"
                 )
 
     def stress(self, strains: Expr) -> tuple[Expr, Expr]:
-        """Derivative of the energy by the strains, and its derivative."""
+        """Return the derivative of the energy by the strains, and its derivative."""
         import ufl
 
         x = ufl.variable(strains)
@@ -175,7 +176,7 @@ class StrainTerm(EnergyTerm):
         return first, ufl.diff(first, x)
 
     def tangent(self, foresight: MixedPointStress) -> list[ufl.Form]:
-        """Second derivatives of `energies`, their stress foreseen; see `EnergyTerm.tangent`."""
+        """Return the second derivatives of `energies`, with predicted stress; see `EnergyTerm.tangent`."""
         import ufl
 
         w, test, trial = self.setting.w, foresight.test, foresight.trial
@@ -193,16 +194,17 @@ class StrainTerm(EnergyTerm):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Directions in which a device is reinforced: along a line, around it, or in helices about it.
+# Directions of reinforcement: along a line, around it, or in helices about it.
 #
 # A direction is given by an axis through the origin and an angle from it: 0 runs along the axis, 90 degrees around it (the hoop
-# of a tube), what lies between winds a helix. Both are constants of the forms. On a face the direction is laid into the face.
+# of a tube), angles in between give a helix. Both are constants of the forms. On a face the direction is projected into the
+# face.
 
 
 TINY = 1e-20
-"""Square of a length in sizes of the device below which nothing has a direction: on the axis itself there is no hoop."""
+"""Squared length relative to the size below which no direction is defined: there is no hoop on the axis."""
 SQUARE = 1e-9
-"""Largest product of unit vectors that are taken as square to each other."""
+"""Largest scalar product of unit vectors that count as perpendicular."""
 
 
 class Helix:
@@ -222,13 +224,13 @@ class Helix:
         self.take(axis, angle)
 
     def take(self, axis: Sequence[float], angle: float) -> None:
-        """Take another axis and angle; nothing is compiled again."""
+        """Set another axis and angle, without recompiling."""
         unit = np.asarray(axis, dtype=float)
         self._axis.value[:] = unit / np.linalg.norm(unit)
         self._slopes.value[:] = math.cos(math.radians(angle)), math.sin(math.radians(angle))
 
     def field(self, body: Body, normal: Expr | None, hand: float = 1.0) -> Expr:
-        """The direction at every undeformed point, three components; not of unit length where a face cuts through it.
+        """Return the direction at every undeformed point, three components; not of unit length where a face cuts through it.
 
         Args:
             body: Mesh.
@@ -248,7 +250,7 @@ class Helix:
 
 
 def helix_at(places: Array, axis: Sequence[float], angle: float, hand: float = 1.0) -> Array:
-    """The direction of a `Helix` inside a solid, at places of shape (n, 3) in any unit: shape (n, 3)."""
+    """Return the direction of a `Helix` inside a solid, at places of shape (n, 3) in any unit: shape (n, 3)."""
     unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
     arm = np.cross(unit, places)
     around = arm / np.maximum(np.linalg.norm(arm, axis=1), TINY**0.5)[:, None]
@@ -256,17 +258,17 @@ def helix_at(places: Array, axis: Sequence[float], angle: float, hand: float = 1
 
 
 def check_axis(where: str, axis: Sequence[float], angle: float) -> None:
-    """Refuse, with `ComponentError`, an axis that is no direction, and an angle that another one stands for."""
+    """Raise `ComponentError` for an invalid axis, or an angle out of range."""
     if len(axis) != 3 or not np.linalg.norm(axis) > 0.0:
         raise ComponentError(
-            f"{where}: axis is {', '.join(f'{a:g}' for a in axis)}; it is a direction of three numbers"
+            f"{where}: axis is {', '.join(f'{a:g}' for a in axis)}; it needs three numbers, not all zero"
         )
     if abs(angle) > 90.0:
-        raise ComponentError(f"{where}: angle is {shown(angle, 'degree')}; it lies between -90 and 90 deg")
+        raise ComponentError(f"{where}: angle is {shown(angle, 'degree')}; it must be between -90 and 90 deg")
 
 
 def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: float, mirrored: bool) -> None:
-    """Refuse a direction whose images by the device's symmetry are others than itself.
+    """Reject a direction that does not have the device's symmetry.
 
     Args:
         where: What is laid along it, for messages.
@@ -282,43 +284,43 @@ def check_helix(where: str, actuator: Actuator, axis: Sequence[float], angle: fl
     if actuator.dimension == 2:
         if np.hypot(unit[0], unit[1]) > SQUARE:
             raise ComponentError(
-                f"{where}: in an axisymmetric section the axis is 0, 0, 1; take a solid section for another"
+                f"{where}: in an axisymmetric section the axis must be 0, 0, 1; use a solid section for another"
             )
         if crooked and not mirrored:
             raise ComponentError(
-                f"{where}: one helix at {shown(angle, 'degree')} twists the device, and an axisymmetric section cannot "
-                "twist; take a whole solid section, or both helices"
+                f"{where}: one helix at {shown(angle, 'degree')} twists the device, but an axisymmetric "
+                "section cannot twist; use a full solid, or both helices"
             )
     for plane in actuator.cut_planes:
         across = abs(float(unit @ np.asarray(plane.normal)))
         if actuator.dimension == 3 and SQUARE < across < 1.0 - SQUARE:
             raise ComponentError(
-                f"{where}: the axis neither lies in the plane of symmetry {plane.name} nor is square to it"
+                f"{where}: the axis must lie in the plane of symmetry {plane.name} or be perpendicular to it"
             )
         if actuator.dimension == 3 and crooked and not mirrored:
             raise ComponentError(
-                f"{where}: one helix at {shown(angle, 'degree')} is not its own image in the plane of symmetry "
-                f"{plane.name}; take a model of the whole device, or both helices"
+                f"{where}: one helix at {shown(angle, 'degree')} is not symmetric about the plane "
+                f"{plane.name}; model the whole device, or use both helices"
             )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Strong ellipticity: whether a reinforced silicone resists every change of shape by waves, however short.
+# Strong ellipticity of a reinforced silicone: whether it resists waves of any wavelength.
 #
 # Along a change m n^T of the deformation gradient, m any direction and n the wave's normal in the undeformed body, the energy
 # has the second derivative m . Q(n) m, Q being the acoustic tensor. Waves that keep the volume (m square to F^-T n) feel
-# neither the bulk modulus nor p, as J is linear along m n^T. Where one of these second derivatives is negative, a state is no
-# minimum of the energy in any neighbourhood (Hadamard): the body falls into bands as thin as anything lets them be, the cells
-# of a mesh. Compressed fibres do that, which then kink: Merodio & Ogden 2002, Material instabilities in fiber-reinforced
-# nonlinearly elastic solids under plane deformation, Arch. Mech. 54; El Hamdaoui, Merodio & Ogden 2018, J. Eng. Math. 109.
+# neither the bulk modulus nor p, as J is linear along m n^T. If one of these second derivatives is negative, a state is not a
+# minimum of the energy in any neighbourhood (Hadamard): the body forms localised bands as thin as the mesh allows.
+# Compressed fibres do that, which then kink: Merodio & Ogden 2002, Material instabilities in fiber-reinforced nonlinearly
+# elastic solids under plane deformation, Arch. Mech. 54; El Hamdaoui, Merodio & Ogden 2018, J. Eng. Math. 109.
 
 
 NORMALS = 300
-"""Of waves in the solid, evenly over the half sphere; the energy's second derivative is smooth in them."""
+"""Wave directions in the solid, evenly over the half sphere; the energy's second derivative is smooth in them."""
 NORMALS_OF_SECTION = 36
-"""The same in the plane of a section, whose waves stay in it."""
+"""Wave directions in the plane of a section, whose waves stay in it."""
 STEP = 1e-3
-"""Of the second difference: its error is about the square, and rounding a part in 1e10."""
+"""Step of the second difference: its error is about the square, and rounding 1e-10."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -339,7 +341,7 @@ class Reinforced:
 
 
 def least_resistance(material: Material, unit: float, state: Reinforced, section: bool) -> Array:
-    """The least second derivative of the energy along any wave that keeps the volume, with m and n of unit length.
+    """Return the least second derivative of the energy along any wave that keeps the volume, with m and n of unit length.
 
     Args:
         material: The silicone's law; it may be a millionfold stiffer in bulk than in shear.
@@ -375,7 +377,7 @@ def _normals(section: bool) -> Array:
 
 
 def _least_across(material: Material, unit: float, state: Reinforced, normal: Array, kept: Array) -> Array:
-    """The least over all m square to ``kept``: the lower eigenvalue of the acoustic tensor in that plane."""
+    """Return the least over all m square to ``kept``: the lower eigenvalue of the acoustic tensor in that plane."""
     other = np.where(np.abs(kept[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     first = np.cross(kept, other)
     first /= np.linalg.norm(first, axis=1)[:, None]
@@ -387,7 +389,7 @@ def _least_across(material: Material, unit: float, state: Reinforced, normal: Ar
 
 
 def _along(material: Material, unit: float, state: Reinforced, normal: Array, m: Array) -> Array:
-    """Second derivative of the energy along m normal^T; nan where the law has no energy (its chains are taut)."""
+    """Return the second derivative of the energy along m normal^T; nan where the law has no energy (chains locked)."""
     F = state.gradients
     wave = STEP * m[:, :, None] * normal[None, None, :]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -407,11 +409,11 @@ def _energy(material: Material, F: Array) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where compressed fibres kink the silicone that bears them, in a state that is loaded.
+# Kinking of the silicone by compressed fibres, in the loaded state.
 
 
 MOST_POINTS = 300
-"""Points that are looked at, those whose fibres are compressed most."""
+"""Number of points checked, those with the most compressed fibres."""
 
 Kink = tuple[float, float, tuple[float, float, float]]
 """Least resistance to a wave, in shear moduli, the change of squared length of the fibres there, and the place in m."""
@@ -426,7 +428,7 @@ def worst_kink(
     change: Expr,
     stress: tuple[Expr, Expr],
 ) -> Kink | None:
-    """Where the silicone with its fibres resists some wave least; None where no fibre is compressed.
+    """Return the point where the silicone with its fibres resists some wave least; None if no fibre is compressed.
 
     Args:
         equations: The state is loaded.
@@ -471,29 +473,29 @@ def worst_kink(
 
 
 def kinked(where: str, kink: Kink) -> PathFailure:
-    """Words for it, of the fibres of a part."""
+    """Return the message on kinking fibres of a part."""
     place = ", ".join(f"{1e3 * x:.3g}" for x in kink[2])
     shortened = 1.0 - math.sqrt(1.0 + kink[1])
     return PathFailure(
-        f"the fibres of {where} kink: near {place} mm they are shortened by {shortened:.1%}, and the silicone there no longer "
-        "keeps them straight (it has lost its ellipticity), so that they fold in bands as thin as the mesh allows",
-        "Let them go slack as threads do (slack = true), take softer fibres or a stiffer silicone, or stay below",
+        f"the fibres of {where} kink: near {place} mm they are shortened by {shortened:.1%}, and the "
+        f"reinforced silicone has lost ellipticity, so the fibres fold in bands as thin as the mesh allows",
+        "Let them go slack like threads (slack = true), use softer fibres or a stiffer silicone, or stay below",
     )
 
 
 ONSET = 0.002
-"""Strain over which fibres without compression take up their load."""
+"""Strain over which fibres without compression take up load."""
 STIFFNESSES, MODULI = (1.0, 1e7), (1.0, 1e12)
-"""Stiffnesses in N/m and moduli in Pa that are taken."""
+"""Accepted stiffnesses in N/m and moduli in Pa."""
 MOST_EXPONENT = 1e4
 
 FibreLaw = Callable[[Expression, Expression, Expression], Expression]
-"""Energy of k, q and b; see the head of this file."""
+"""Energy as a function of k, q and b; see the module docstring."""
 FIBRE_LAWS: dict[str, FibreLaw] = {}
 
 
 def fibre_law(name: str) -> Callable[[FibreLaw], FibreLaw]:
-    """Let parts find a law of fibres by its name; a decorator."""
+    """Register a fibre law by name; a decorator."""
 
     def register(law: FibreLaw) -> FibreLaw:
         FIBRE_LAWS[name] = law
@@ -515,7 +517,8 @@ def exponential(k: Expr, q: Expr, b: Expr) -> Expr:
 
 
 def taut(x: Expr, onset: float = ONSET) -> Expr:
-    """The square q of a change of squared length x, in UFL, that vanishes where it is negative; see the head of this file."""
+    """Return the square q of a change of squared length x, in UFL, that vanishes where it is negative; see the module
+    docstring."""
     import ufl
 
     e = 2 * onset
@@ -524,7 +527,7 @@ def taut(x: Expr, onset: float = ONSET) -> Expr:
 
 
 def slope_of(law: str, changes: npt.NDArray[np.float64], exponent: float, slack: bool) -> npt.NDArray[np.float64]:
-    """Derivative by x of a law's energy over k, at changes x of squared length, as numbers.
+    """Return the derivative by x of a law's energy over k, at changes x of squared length, as numbers.
 
     Args:
         law: One of `FIBRE_LAWS`.
@@ -563,25 +566,25 @@ class Fibres(EnergyComponent):
 
     on: str = field_of(
         Words(),
-        "faces or regions that they are on or in, such as 'outer' or 'outer, strip'; all of the body if empty",
+        "faces or regions with the fibres, such as 'outer' or 'outer, strip'; the whole body if empty",
         "",
     )
-    angle: float = angle_field(54.7, "between the fibres and the axis: 0 along it, 90 deg around it")
+    angle: float = angle_field(54.7, "angle between the fibres and the axis: 0 along it, 90 deg around it")
     axis: tuple[float, ...] = list_field((0.0, 0.0, 1.0), "direction of the axis, through the origin", numbers=True)
-    helices: int = choice_field(2, (1, 2), "1: wound one way, 2: two families wound both ways")
+    helices: int = choice_field(2, (1, 2), "1: a single helix, 2: two families of opposite helices")
     stiffness: float = field_of(
-        Quantity("N/m"), "of each family on a face: force per width over strain, such as '10 kN/m'", 0.0
+        Quantity("N/m"), "stiffness of each family on a face: force per width over strain, such as '10 kN/m'", 0.0
     )
     modulus: float = field_of(
-        Quantity("Pa"), "of each family in a region: force per area over strain, such as '5 MPa'", 0.0
+        Quantity("Pa"), "modulus of each family in a region: force per area over strain, such as '5 MPa'", 0.0
     )
-    law: str = field_of(Words(), "standard, or exponential: stiffer the more they are stretched", "standard")
-    exponent: float = number_field(1.0, "how fast the exponential law stiffens (Holzapfel's k2)")
+    law: str = field_of(Words(), "fibre law: standard, or exponential (stiffening with stretch)", "standard")
+    exponent: float = number_field(1.0, "exponent of the exponential law (Holzapfel's k2)")
     slack: bool = field_of(Flag(), "whether they go slack in compression", False)
 
     table: ClassVar[str] = "fibres"
     figure_texts: ClassVar = {
-        r"(\w+)_mean_stretch": ("stretch of {0}", "of those fibres, the mean over where they are"),
+        r"(\w+)_mean_stretch": ("stretch of {0}", "of those fibres, mean over their faces or regions"),
         r"(\w+)_mean_tension_kPa": ("tension of {0}", "force per undeformed area of each family, its mean"),
         r"(\w+)_mean_tension_N_per_m": ("tension of {0}", "force per undeformed width of each family, its mean"),
     }
@@ -592,7 +595,7 @@ class Fibres(EnergyComponent):
             raise ComponentError(f"{self.where}: law is {self.law!r}; it must be one of {', '.join(FIBRE_LAWS)}")
         if not 0.0 < self.exponent <= MOST_EXPONENT:
             raise ComponentError(
-                f"{self.where}: exponent is {self.exponent:g}; it lies above 0, up to {MOST_EXPONENT:g}"
+                f"{self.where}: exponent is {self.exponent:g}; it must be above 0 and at most {MOST_EXPONENT:g}"
             )
         if (self.stiffness == 0.0) == (self.modulus == 0.0):
             raise ComponentError(
@@ -602,7 +605,7 @@ class Fibres(EnergyComponent):
             if value and not least <= value <= most:
                 name = "stiffness" if unit == "N/m" else "modulus"
                 raise ComponentError(
-                    f"{self.where}: {name} is {value:g} {unit}; {least:g} to {most:g} {unit} are taken"
+                    f"{self.where}: {name} is {value:g} {unit}; {least:g} to {most:g} {unit} are accepted"
                 )
 
     def undesigned(self, actuator: Actuator) -> str:
@@ -619,9 +622,7 @@ class Fibres(EnergyComponent):
         elif self.on:
             check_faces(self.where, actuator, names_in(self.on))
         else:
-            raise ComponentError(
-                f"{self.where}: on is empty; a stiffness in N/m is of fibres on a face, name it (on = 'outer')"
-            )
+            raise ComponentError(f"{self.where}: on is empty; a stiffness in N/m needs a face (on = 'outer')")
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         if self.modulus:
@@ -629,16 +630,16 @@ class Fibres(EnergyComponent):
                 ""
                 if self.slack
                 else (
-                    "; they bear compression, and where they are shortened with a stress of about the silicone's shear modulus "
-                    "they kink it (Rosen 1965): slack = true lets them go slack instead"
+                    "; they take compression, and kink the silicone at a compressive stress of about its "
+                    "shear modulus (Rosen 1965): with slack = true they go slack instead"
                 )
             )
             return (
-                f"the fibres of {self.where} have a modulus of {self.modulus / 1e6:.4g} MPa: see whether the run goes on with "
-                f"a smaller one, or a finer mesh{kinks}"
+                f"the fibres of {self.where} have a modulus of {self.modulus / 1e6:.4g} MPa: try a smaller "
+                f"one, or a finer mesh{kinks}"
             )
         return (
-            f"the fibres of {self.where} have {self.stiffness / 1e3:.4g} kN/m: see whether the run goes on with softer ones"
+            f"the fibres of {self.where} have {self.stiffness / 1e3:.4g} kN/m: try softer ones"
             f"{locking(self.stiffness, actuator)}"
         )
 
@@ -663,7 +664,7 @@ class FibreTerm(StrainTerm):
         super().__init__(setting, where, self._changes, self._energy)
 
     def take(self, part: Fibres) -> None:
-        """Take another angle, axis, stiffness, modulus and exponent; nothing is compiled again."""
+        """Set another angle, axis, stiffness, modulus and exponent, without recompiling."""
         self._helix.take(part.axis, part.angle)
         self._k.value = (part.stiffness or part.modulus) / self._unit
         self._b.value = part.exponent
@@ -706,7 +707,7 @@ class FibreTerm(StrainTerm):
             self._means.append([equations.form(self.integral(integrand, place)) for integrand in integrands])
 
     def breakdown(self, equations: Equations) -> PathFailure | None:
-        """Kinks of fibres that are compressed in the silicone; see `softmodels.components.fibres`."""
+        """Return the kinks of fibres that are compressed in the silicone; see `softmodels.components.fibres`."""
         if self.in_face or self._part.slack:
             return None
         body, u, found = self.setting.body, self.setting.displacement, []
@@ -738,9 +739,9 @@ class FibreTerm(StrainTerm):
 #
 #     W = (k1 E11^2 + 2 v k2 E11 E22 + k2 E22^2) / (2 (1 - r v^2)) + 2 g E12^2
 #
-# (Saint-Venant and Kirchhoff's orthotropic membrane; v is the contraction across for a pull along). A fabric that bears no
-# compression lets each yarn go slack by itself, over a small strain as `softmodels.components.fibres` has it; v is 0 then. It
-# bends as freely as a sheet does, and locks as one on solid meshes: see `softmodels.components.sheets`.
+# (Saint-Venant and Kirchhoff's orthotropic membrane; v is the contraction across for a pull along). A fabric without
+# compression lets each yarn go slack separately, over a small strain as in `softmodels.components.fibres`; v is 0 then. It has
+# no bending stiffness, like a sheet, and locks like one on solid meshes: see `softmodels.components.sheets`.
 
 
 @register_component
@@ -759,17 +760,17 @@ class Fabric(EnergyComponent):
         slack: Whether its yarns bear no compression.
     """
 
-    on: str = field_of(Words(), "faces that it is bonded to, such as 'outer' or 'outer, strip'")
+    on: str = field_of(Words(), "faces to which it is bonded, such as 'outer' or 'outer, strip'")
     along: float = field_of(Quantity("N/m"), "force per width over strain along its direction, such as '50 kN/m'")
     across: float = field_of(Quantity("N/m"), "force per width over strain across its direction")
     shear: float = field_of(Quantity("N/m"), "force per width over shear angle; 0 for loose yarns", 0.0)
-    poisson: float = number_field(0.0, "contraction across over extension along; 0 of yarns that slide on each other")
-    angle: float = angle_field(0.0, "between its direction and the axis: 0 along it, 90 deg around it")
+    poisson: float = number_field(0.0, "contraction across over extension along; 0 for yarns that slide on each other")
+    angle: float = angle_field(0.0, "angle between its direction and the axis: 0 along it, 90 deg around it")
     axis: tuple[float, ...] = list_field((0.0, 0.0, 1.0), "direction of the axis, through the origin", numbers=True)
     slack: bool = field_of(Flag(), "whether its yarns go slack in compression", False)
 
     table: ClassVar[str] = "fabric"
-    needs: ClassVar[str] = "a fabric needs its face (on) and its stiffnesses along and across"
+    needs: ClassVar[str] = "a fabric needs its faces (on) and its stiffnesses along and across"
     figure_texts: ClassVar = {
         r"(\w+)_stretch_(along|across)": ("stretch of {0} {1}", "of that fabric's yarns, the mean over its face"),
     }
@@ -779,14 +780,14 @@ class Fabric(EnergyComponent):
         for name in ("along", "across"):
             value, (least, most) = getattr(self, name), STIFFNESSES
             if not least <= value <= most:
-                raise ComponentError(f"{self.where}: {name} is {value:g} N/m; {least:g} to {most:g} N/m are taken")
+                raise ComponentError(f"{self.where}: {name} is {value:g} N/m; {least:g} to {most:g} N/m are accepted")
         if not 0.0 <= self.shear <= STIFFNESSES[1]:
-            raise ComponentError(f"{self.where}: shear is {self.shear:g} N/m; 0 to {STIFFNESSES[1]:g} N/m are taken")
+            raise ComponentError(f"{self.where}: shear is {self.shear:g} N/m; 0 to {STIFFNESSES[1]:g} N/m are accepted")
         most = (self.along / self.across) ** 0.5
         if abs(self.poisson) >= most:
             raise ComponentError(
-                f"{self.where}: poisson is {self.poisson:g}; with these stiffnesses it stays below {most:.3g}, or the fabric "
-                "would gain energy by being stretched"
+                f"{self.where}: poisson is {self.poisson:g}; with these stiffnesses it must be below {most:.3g}, "
+                f"or stretching would release energy"
             )
         if self.slack and self.poisson:
             raise ComponentError(
@@ -799,14 +800,14 @@ class Fabric(EnergyComponent):
     def check_on(self, actuator: Actuator) -> None:
         names = names_in(self.on)
         if not names:
-            raise ComponentError(f"{self.where}: on is empty; name the face that the fabric is bonded to")
+            raise ComponentError(f"{self.where}: on is empty; name the face to which the fabric is bonded")
         check_faces(self.where, actuator, names)
         check_helix(self.where, actuator, self.axis, self.angle, False)
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         stiffest = max(self.along, self.across)
         return (
-            f"the fabric of {self.where} has up to {stiffest / 1e3:.4g} kN/m: see whether the run goes on with a softer one"
+            f"the fabric of {self.where} has up to {stiffest / 1e3:.4g} kN/m: try a softer one"
             f"{locking(stiffest, actuator)}"
         )
 
@@ -829,7 +830,7 @@ class FabricTerm(StrainTerm):
         super().__init__(setting, faces(setting.body, names_in(part.on)), self._changes, self._energy)
 
     def take(self, part: Fabric) -> None:
-        """Take other stiffnesses, another angle and axis; nothing is compiled again."""
+        """Set other stiffnesses, angle and axis, without recompiling."""
         self._helix.take(part.axis, part.angle)
         coupled = part.poisson * part.across
         share = 1.0 - coupled * part.poisson / part.along
@@ -856,7 +857,7 @@ class FabricTerm(StrainTerm):
         return self.setting.per_pascal * (pulled + k[3] * x[2] ** 2 / 2)
 
     def compile(self, equations: Equations) -> None:
-        """Compile the mean stretches; `ComponentError` for a face that has no such direction."""
+        """Compile the mean stretches; raise `ComponentError` for a face without such a direction."""
         import ufl
         from dolfinx import fem
 

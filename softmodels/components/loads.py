@@ -1,4 +1,4 @@
-"""Gravity, masses that hang on a device, forces and moments on its faces: dead loads, see `softmodels.mechanics.dead_loads`."""
+"""Dead loads: gravity, hanging masses, forces and moments on faces; see `softmodels.mechanics.dead_loads`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from softmodels.mechanics.regions import RegionPart
 
 STANDARD_GRAVITY = 9.81
 HEAVIEST = 25e3
-"""Density in kg/m3 above which a unit is mistaken: no metal is denser."""
+"""Density in kg/m3 above which a wrong unit is assumed: no metal is denser."""
 
 
 class DirectedLoad(LoadPart):
@@ -73,7 +73,7 @@ class FaceLoad(DirectedLoad):
 
     Attributes:
         face: Role of the facets.
-        amount: Its size on the whole device in SI units; 0 where a request or a program says it.
+        amount: Its size on the whole device in SI units; 0 where a request or a program sets it.
     """
 
     face: str
@@ -96,7 +96,7 @@ class FaceLoad(DirectedLoad):
 @register_component
 @dataclasses.dataclass(frozen=True)
 class Gravity(DirectedLoad):
-    """The device's own weight, and that of all that hangs on it.
+    """The weight of the device and of all masses on it.
 
     Attributes:
         direction: Where to, in device coordinates.
@@ -108,7 +108,7 @@ class Gravity(DirectedLoad):
     direction: str = field_of(Words(), "direction of gravity, such as -z or 0.6, 0, -0.8")
     density: float | None = field_of(
         Open(Quantity("kg/m^3")),
-        "density of the silicone; by its maker's data sheet, or 1070 kg/m^3, if left out",
+        "density of the silicone; default: from its data sheet, or 1070 kg/m^3",
         None,
     )
     magnitude: float = field_of(Quantity("m/s^2"), "acceleration of gravity", STANDARD_GRAVITY)
@@ -117,13 +117,13 @@ class Gravity(DirectedLoad):
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = 'gravity needs its direction (direction = "-z", or --gravity -z)'
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "weight_N": ("weight", "of the whole device and of what hangs on it, as far as gravity is applied"),
-        "sag_mm": ("sag", "mean displacement of all that is heavy along gravity, from the undeformed state"),
-        "sag_travel_mm": ("sag on the path", "the same from where the path begins"),
-        "weight_share": ("share of the weight", "how much of gravity is applied"),
+        "weight_N": ("weight", "of the whole device and its masses, times the applied share of gravity"),
+        "sag_mm": ("sag", "mass-weighted mean displacement along gravity, from the undeformed state"),
+        "sag_travel_mm": ("sag on the path", "the same from the start of the path"),
+        "weight_share": ("share of the weight", "applied share of gravity"),
         LOADS_ENERGY: (
             "energy of the loads",
-            "potential energy of weights and forces as they are now: less by their work on the way from the undeformed state",
+            "potential energy of weights and forces: minus their work from the undeformed state at the current magnitude",
         ),
     }
     columns: ClassVar = ("weight_N", "sag_mm", "sag_travel_mm")
@@ -132,14 +132,14 @@ class Gravity(DirectedLoad):
     def check(self) -> None:
         super().check()
         if self.name:
-            raise ComponentError(f"{self.where}: a device has one gravity, without a name; write it as [gravity]")
+            raise ComponentError(f"{self.where}: a device has only one gravity, without a name; write it as [gravity]")
         check_finite(self.magnitude, self.where, "magnitude")
         if self.density is not None:
             check_density(self.density, self.where)
 
     @property
     def acceleration(self) -> npt.NDArray[np.float64]:
-        """In m/s2, shape (3,), in device coordinates."""
+        """Acceleration in m/s2, shape (3,), in device coordinates."""
         return self.magnitude * np.asarray(self.vector)
 
     def idle(self, components: Sequence[Component]) -> bool:
@@ -160,7 +160,7 @@ class Gravity(DirectedLoad):
         whole = sum(one.amount for one in masses)
         if not whole > 0.0:
             raise ComponentError(
-                f"{self.where}: nothing has a mass; give the silicone's density, or hang a mass on a face"
+                f"{self.where}: gravity acts on no mass; give the silicone's density, or add a mass to a face"
             )
         forms = [on.constant(one.amount / whole) * form for one in masses for form in one.forms]
         return Weighed(forms, whole * self.magnitude)
@@ -173,15 +173,15 @@ class Mass(HeavyPart):
 
     Attributes:
         face: Role of the facets.
-        amount: Of all that hangs on the whole device.
+        amount: The mass on the whole device.
     """
 
     face: str = field_of(Words(), "face that the mass hangs on, such as tip")
-    amount: float = field_of(Quantity("kg"), "mass that hangs on the face, of the whole device", usual=20.0)
+    amount: float = field_of(Quantity("kg"), "mass on the face, of the whole device", usual=20.0)
 
     table: ClassVar[str] = "mass"
     optional: ClassVar[bool] = True
-    needs: ClassVar[str] = 'a mass needs the face that it hangs on and its size (face = "tip", amount = "20 g")'
+    needs: ClassVar[str] = 'a mass needs a face and an amount (face = "tip", amount = "20 g")'
 
     def check(self) -> None:
         check_finite(self.amount, self.where, "amount")
@@ -206,14 +206,12 @@ class Force(FaceLoad):
     Attributes:
         face: Role of the facets.
         direction: In device coordinates.
-        amount: Its size on the whole device; 0 where a request or a program says it.
+        amount: Its size on the whole device; 0 where a request or a program sets it.
     """
 
-    face: str = field_of(Words(), "face that the force pulls at, such as tip")
+    face: str = field_of(Words(), "loaded face, such as tip")
     direction: str = field_of(Words(), "direction of the force, such as -z or 0.6, 0, -0.8")
-    amount: float = field_of(
-        Quantity("N"), "constant force on the whole device; 0 where it is requested", 0.0, usual=1e3
-    )
+    amount: float = field_of(Quantity("N"), "constant force on the whole device; 0 if requested", 0.0, usual=1e3)
 
     table: ClassVar[str] = "force"
     optional: ClassVar[bool] = True
@@ -228,8 +226,8 @@ class Force(FaceLoad):
         r"moved_(\w+)_mm": (
             "displacement along force {0}", "mean of the loaded face along the force, from the undeformed state",
         ),
-        "travel_mm": ("travel along the force", "displacement of the loaded face from where the path begins"),
-        r"travel_(\w+)_mm": ("travel along force {0}", "displacement of the loaded face from where the path begins"),
+        "travel_mm": ("travel along the force", "displacement of the loaded face from the start of the path"),
+        r"travel_(\w+)_mm": ("travel along force {0}", "displacement of the loaded face from the start of the path"),
     }  # fmt: skip
 
     def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
@@ -249,32 +247,32 @@ class Moment(FaceLoad):
     Attributes:
         face: Role of the facets.
         axis: Direction of the axis through the face's centre, in device coordinates; right-handed.
-        amount: Its size on the whole device; 0 where a request or a program says it.
+        amount: Its size on the whole device; 0 where a request or a program sets it.
     """
 
-    face: str = field_of(Words(), "face that the moment turns, such as tip")
+    face: str = field_of(Words(), "loaded face, such as tip")
     axis: str = field_of(Words(), "axis of the moment through the face's centre, such as y, right-handed")
-    amount: float = field_of(Quantity("N*m"), "constant moment on the whole device; 0 where it is requested", 0.0)
+    amount: float = field_of(Quantity("N*m"), "constant moment on the whole device; 0 if requested", 0.0)
 
     table: ClassVar[str] = "moment"
     optional: ClassVar[bool] = True
     arm: ClassVar[int] = 3
     direction_field: ClassVar[str] = "axis"
     needs: ClassVar[str] = 'a moment needs its face and its axis (face = "tip", axis = "y")'
-    columns: ClassVar = ("moment_Nmm", "turned_deg", "turn_deg")
+    columns: ClassVar = ("moment_Nmm", "rotation_deg", "turn_deg")
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         "moment_Nmm": ("moment", "of dead forces on the whole device that rise linearly over its undeformed face"),
         r"moment_(\w+)_Nmm": (
             "moment {0}", "of dead forces on the whole device that rise linearly over its undeformed face",
         ),
-        "turned_deg": (
+        "rotation_deg": (
             "rotation by the moment", "mean of the face's displacements about the axis, weighted by their distance",
         ),
-        r"turned_(\w+)_deg": (
+        r"rotation_(\w+)_deg": (
             "rotation by moment {0}", "mean of the face's displacements about the axis, weighted by their distance",
         ),
-        "turn_deg": ("turn by the moment", "the rotation from where the path begins"),
-        r"turn_(\w+)_deg": ("turn by moment {0}", "the rotation from where the path begins"),
+        "turn_deg": ("turn by the moment", "the rotation from the start of the path"),
+        r"turn_(\w+)_deg": ("turn by moment {0}", "the rotation from the start of the path"),
     }  # fmt: skip
     column_unit: ClassVar[float] = 1e-3
     moved_column_unit: ClassVar[float] = math.pi / 180
@@ -282,13 +280,13 @@ class Moment(FaceLoad):
     def check_on(self, actuator: Actuator) -> None:
         check_on_mesh(self.where, actuator, [self.face])
         if actuator.dimension == 2:
-            raise ComponentError(f"{self.where}: an axisymmetric section takes no moment; use {actuator.fuller}")
+            raise ComponentError(f"{self.where}: an axisymmetric section cannot take a moment; use {actuator.fuller}")
         for plane in actuator.cut_planes:
             if 1 - abs(float(np.dot(self.vector, plane.normal))) > ALONG:
                 across = ", ".join(f"{x:g}" for x in plane.normal)
                 raise ComponentError(
-                    f"{self.where}: its forces are not alike on both sides of the plane square to ({across}) on which the "
-                    f"device is cut in two; take the axis square to that plane, or use {actuator.fuller}"
+                    f"{self.where}: its forces are not symmetric about the symmetry plane normal to "
+                    f"({across}) of the half model; use an axis normal to that plane, or {actuator.fuller}"
                 )
 
     def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
@@ -305,7 +303,7 @@ class Moment(FaceLoad):
 
 
 def weighed(components: Sequence[Component], material: Material) -> tuple[Component, ...]:
-    """Parts whose gravity says how dense the silicone is: as dense as this material, where they leave that out."""
+    """Return the parts with the density of gravity set: that of this material, if left out."""
     return tuple(
         dataclasses.replace(part, density=density_of(material))
         if isinstance(part, Gravity) and part.density is None
@@ -315,14 +313,14 @@ def weighed(components: Sequence[Component], material: Material) -> tuple[Compon
 
 
 def check_density(density: float, where: str) -> None:
-    """Refuse, with `ComponentError`, a density in kg/m3 that no solid has."""
+    """Raise `ComponentError` for a density in kg/m3 out of range."""
     if not 0.0 <= density <= HEAVIEST:
-        raise ComponentError(f"{where}: a density of {density:g} kg/m^3 is no solid's; silicones have 1030 to 1130")
+        raise ComponentError(f"{where}: a density of {density:g} kg/m^3 is out of range; silicones have 1030 to 1130")
 
 
 @contextlib.contextmanager
 def _on_face(part: Component) -> Iterator[None]:
-    """Name the part where the mesh lacks its face."""
+    """Name the part if its face is missing in the mesh."""
     try:
         yield
     except BodyError as error:

@@ -1,4 +1,4 @@
-"""Contact of deformable walls with each other: an energy of the smooth gap between their deformed surfaces."""
+"""Self-contact of deformable walls: an energy of the smooth gap between their deformed surfaces."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The surfaces of walls: quadratic facets, sampled at the points of a rule, with what their places and areas derive from.
+# Surfaces of walls: quadratic facets, sampled at quadrature points, with the derivatives of positions and areas.
 #
 # A facet is a line of three nodes or a triangle of six. A sample has a place y, which is linear in the nodes' places, and an
 # area vector m, normal times deformed area, out of the solid, which is linear in a line's nodes and bilinear in a triangle's.
@@ -33,7 +33,7 @@ DEGREE = 4
 
 
 def _lines(points: Array) -> tuple[Array, Array]:
-    """Shape functions, shape (q, 3), and their slopes, shape (q, 3, 1), of corner, corner and middle."""
+    """Return the shape functions, shape (q, 3), and their slopes, shape (q, 3, 1), of corner, corner and middle."""
     s = points[:, 0]
     values = np.column_stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
     slopes = np.column_stack([4 * s - 3, 4 * s - 1, 4 - 8 * s])
@@ -41,7 +41,7 @@ def _lines(points: Array) -> tuple[Array, Array]:
 
 
 def _triangles(points: Array) -> tuple[Array, Array]:
-    """The same of a triangle, shapes (q, 6) and (q, 6, 2): corners, then middles opposite to them."""
+    """Return the same of a triangle, shapes (q, 6) and (q, 6, 2): corners, then middles opposite to them."""
     r, s = points.T
     a = np.column_stack([1 - r - s, r, s])
     da = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
@@ -123,11 +123,11 @@ class Surface:
         return np.asarray((sizes if self.dimension == 2 else np.sqrt(4 / math.sqrt(3) * sizes))[self.owner])
 
     def places(self, nodes: Array) -> Array:
-        """Places of the samples, shape (s, d), where the nodes are at ``nodes``, shape (n, d)."""
+        """Return the places of the samples, shape (s, d), where the nodes are at ``nodes``, shape (n, d)."""
         return np.einsum("qa,fai->fqi", self.rule[0], nodes[self.facets]).reshape(-1, self.dimension)
 
     def _along(self, nodes: Array) -> Array:
-        """Tangents at the samples, shape (f, q, d - 1, d)."""
+        """Return the tangents at the samples, shape (f, q, d - 1, d)."""
         return np.asarray(np.einsum("qat,fai->fqti", self.rule[1], nodes[self.facets]))
 
     def _factor(self) -> Array:
@@ -139,7 +139,7 @@ class Surface:
         return (_crossed(along[:, :, 0], along[:, :, -1]) * self._factor()[..., None]).reshape(-1, self.dimension)
 
     def area_rates(self, nodes: Array) -> Array:
-        """Derivative of each sample's area vector by its facet's nodes, shape (s, d, k, d)."""
+        """Return the derivative of each sample's area vector by its facet's nodes, shape (s, d, k, d)."""
         slopes, factor, d = self.rule[1], self._factor(), self.dimension
         if d == 2:
             turned = np.array([[0.0, 1.0], [-1.0, 0.0]])
@@ -153,7 +153,8 @@ class Surface:
         return rates.reshape(-1, 3, self.facets.shape[1], 3)
 
     def area_curvatures(self, along: Array, samples: Numbers) -> Array:
-        """Second derivative of ``along . m`` by the nodes of a sample's facet, shape (p, k, d, k, d); of triangles alone.
+        """Return the second derivative of ``along . m`` by the nodes of a sample's facet, shape (p, k, d, k, d); of triangles
+        alone.
 
         Args:
             along: Shape (p, 3).
@@ -169,42 +170,42 @@ class Surface:
 
 
 def _crossed(first: Array, second: Array) -> Array:
-    """Product of two tangents, shape (..., d); in the plane the one tangent turned by a right angle."""
+    """Return the product of two tangents, shape (..., d); in the plane the one tangent turned by a right angle."""
     if first.shape[-1] == 3:
         return np.asarray(np.cross(first, second))
     return np.stack([first[..., 1], -first[..., 0]], axis=-1)
 
 
 def _cross_matrix(vectors: Array) -> Array:
-    """Matrices that stand for the cross product with vectors from the left, shape (..., 3, 3)."""
+    """Return the matrices that stand for the cross product with vectors from the left, shape (..., 3, 3)."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     o = np.zeros_like(x)
     return np.stack([np.stack(row, axis=-1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Which samples of walls may press on each other, and which of these are near.
+# Contact search: which samples of walls may touch, and which of these are near.
 
 
 REACH = 0.9
-"""Radius of the kernel in edges of the facets: twice to three times the distance of samples at rest."""
+"""Radius of the kernel in facet edges: two to three times the undeformed distance of samples."""
 OPPOSED = -0.2
-"""Largest product of normals at rest of neighbours on one wall that may come to press on each other."""
+"""Largest scalar product of the undeformed normals of neighbours on one wall that may come into contact."""
 NEIGHBOURS = 3.0
 """Distance at rest, in radii, up to which samples are neighbours on one wall."""
 MOST_IMAGES = 100
-"""Images of a slice that are taken; a wedge of 15 degrees has 24."""
+"""Maximum number of mirror images of a slice; a wedge of 15 degrees has 24."""
 SKIN = 0.4
-"""How much farther than needed pairs are looked for, so that they serve for several shapes."""
+"""Search margin, so that pairs can be reused for several shapes."""
 FACING = 0.5
-"""Sine of the angle under which a chord leaves walls that face each other, at least."""
+"""Minimum sine of the angle under which a chord leaves facing walls."""
 BEHIND = 1e-6
 """Sine of the angle under which a chord has to enter the solid at both ends, to run through silicone."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Pairs:
-    """The search for pairs: of samples that are points with samples of walls, of the walls' mirror images too.
+    """The search for pairs of samples, mirror images of the walls included.
 
     Sample j of image g has the number g s + j, where there are s samples.
 
@@ -226,7 +227,7 @@ class Pairs:
         return REACH * np.maximum(edges, float(edges @ measure / measure.sum()))
 
     def of_all(self, vectors: Array) -> Array:
-        """Vectors of all samples of all images, shape (s, d) to (g s, d)."""
+        """Return the vectors of all samples of all images, shape (s, d) to (g s, d)."""
         return np.asarray(np.einsum("gij,sj->gsi", self.images, vectors).reshape(-1, vectors.shape[1]))
 
     @functools.cached_property
@@ -236,9 +237,9 @@ class Pairs:
         return self.of_all(places), self.of_all(areas / np.linalg.norm(areas, axis=1)[:, None])
 
     def allowed(self, i: Numbers, j: Numbers) -> npt.NDArray[np.bool_]:
-        """Whether samples i may press on samples j of any image.
+        """Return whether samples i may touch samples j of any image.
 
-        It depends on the undeformed shape alone, so that the energy is a function of the displacement. Left out are
+        It depends only on the undeformed shape, so that the energy is a function of the displacement. Left out are
         neighbours on one wall that do not face each other, and two sides of a wall, between which there is silicone.
         """
         owner, walls, count = self.surface.owner, self.surface.walls, len(self.surface.owner)
@@ -254,7 +255,8 @@ class Pairs:
         return may
 
     def within(self, places: Array, reach: float) -> tuple[Numbers, Numbers]:
-        """Pairs that may press on each other and are nearer than ``reach``, sorted by the first; more may be among them.
+        """Return at least the pairs that may touch and are nearer than ``reach``, sorted by
+        the first.
 
         They are looked for a little farther, and again only once samples have moved by as much.
 
@@ -282,7 +284,7 @@ class Pairs:
         return i, j
 
     def near(self, places: Array) -> tuple[Numbers, Numbers]:
-        """Pairs that may press on each other and are nearer than the second one's radius, sorted by the first.
+        """Return the pairs that may touch and are nearer than the second one's radius, sorted by the first.
 
         Args:
             places: Of the samples, shape (s, d).
@@ -294,7 +296,7 @@ class Pairs:
 
 
 def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool_]:
-    """Which facets at rest face another one, or an image of one, across air, shape (f,).
+    """Return which facets at rest face another one, or an image of one, across air, shape (f,).
 
     Args:
         surface: The walls.
@@ -324,7 +326,7 @@ def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The smooth gap between a point and a wall, the energy of a negative one, and both's derivatives.
+# The smooth gap between a point and a wall, its penalty energy, and their derivatives.
 #
 # With r = x - y_j from a wall's samples to a point x, their area vectors m_j and a kernel K of radius R,
 #
@@ -333,16 +335,16 @@ def facing(surface: Surface, images: Array, reach: float) -> npt.NDArray[np.bool
 # the mean distance to the tangent planes of what is near: implicit moving least squares (Kolluri 2008, Provably good moving
 # least squares, ACM Trans. Algorithms 4). It is exact for a flat wall whatever its mesh; it is twice differentiable, also
 # across the edges and corners of facets, where the distance to the nearest point has kinks; and it has a sign. D is 1 in front
-# of a wall that is whole, and falls to 0 at its border. The energy of a point of undeformed area A is A c(D) phi(-gap).
+# of a continuous wall, and falls to 0 at its border. The energy of a point of undeformed area A is A c(D) phi(-gap).
 
 
 LEAST, WHOLE = 0.1, 0.4
-"""D from which a wall counts at all, and from which in full; it is 1/2 at a straight border."""
+"""D above which a wall counts partly, and fully; it is 1/2 at a straight border."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Penalty:
-    """phi(d) of a penetration d: a stiffness whose onset is rounded, as against a rigid plane.
+    """phi(d) of a penetration d: a stiffness with a smoothed onset, as for a rigid plane.
 
     Attributes:
         stiffness: Pressure per penetration.
@@ -355,7 +357,7 @@ class Penalty:
     ahead: float = dataclasses.field(default=0.0, kw_only=True)
 
     def rates(self, d: Array) -> tuple[Array, Array, Array]:
-        """phi and its first two derivatives."""
+        """Return phi and its first two derivatives."""
         k, e = self.stiffness, self.onset
         d = np.maximum(d, 0.0)
         early = d < e
@@ -365,7 +367,7 @@ class Penalty:
 
 
 def _share(D: Array) -> tuple[Array, Array, Array]:
-    """How much of a wall's border counts, and the first two derivatives: 0 to 1, twice differentiable."""
+    """Return how much of a wall's border counts, and the first two derivatives: 0 to 1, twice differentiable."""
     width = WHOLE - LEAST
     t = np.clip((D - LEAST) / width, 0.0, 1.0)
     value = t**3 * (10 - 15 * t + 6 * t**2)
@@ -373,7 +375,7 @@ def _share(D: Array) -> tuple[Array, Array, Array]:
 
 
 def kernels(r: Array, R: Array | float) -> Array:
-    """K = (1 - r.r/R^2)^3 over its own integral on a plane, and its first two derivatives by r.r, shape (3, p).
+    """Return K = (1 - r.r/R^2)^3 over its own integral on a plane, and its first two derivatives by r.r, shape (3, p).
 
     Args:
         r: Shape (p, d).
@@ -386,7 +388,7 @@ def kernels(r: Array, R: Array | float) -> Array:
 
 
 def gaps_of(N: Array, S: Array) -> Array:
-    """Gaps of points with these sums, shapes (n,) and (n, d); infinite where no wall is seen."""
+    """Return the gaps of points with these sums, shapes (n,) and (n, d); infinite if no wall is near."""
     D = np.linalg.norm(S, axis=1)
     seen = D > LEAST
     return np.where(seen, N / np.where(seen, D, 1.0), np.inf)
@@ -413,7 +415,7 @@ class Near:
 
     @classmethod
     def of(cls, pairs: Pairs, places: Array, areas: Array) -> Near:
-        """Pairs in a shape of the walls.
+        """Return the pairs in a shape of the walls.
 
         Args:
             pairs: The walls and their search.
@@ -425,7 +427,7 @@ class Near:
         return cls(i, j, image, r, pairs.of_all(areas)[number], kernels(r, R))
 
     def sums(self, count: int) -> tuple[Array, Array]:
-        """N, shape (count,), and S, shape (count, d), of each point."""
+        """Return N, shape (count,), and S, shape (count, d), of each point."""
         d = self.r.shape[1]
         along = np.einsum("pi,pi->p", self.m, self.r)
         N = np.bincount(self.i, self.K[0] * along, count)
@@ -433,15 +435,15 @@ class Near:
         return N, S
 
     def gaps(self, count: int) -> Array:
-        """Gap of each point, shape (count,); see `gaps_of`."""
+        """Return the gap of each point, shape (count,); see `gaps_of`."""
         return gaps_of(*self.sums(count))
 
     def of_points(self, chosen: np.ndarray) -> Near:
-        """Those whose points are chosen, a mask of shape (s,)."""
+        """Return those whose points are chosen, a mask of shape (s,)."""
         return self.taken(chosen[self.i])
 
     def taken(self, which: np.ndarray | slice) -> Near:
-        """Some of the pairs, or all in another order."""
+        """Return some of the pairs, or all in another order."""
         return Near(self.i[which], self.j[which], self.image[which], self.r[which], self.m[which], self.K[:, which])
 
 
@@ -461,7 +463,7 @@ class PointEnergies:
 
     @classmethod
     def of_touching(cls, on: np.ndarray, N: Array, S: Array, area: Array, penalty: Penalty) -> PointEnergies:
-        """Those of the points that touch, a mask of shape (n,); zero of all others. The rest is as for `of`."""
+        """Return those of the points that touch, a mask of shape (n,); zero of all others. The rest is as for `of`."""
         count, d = S.shape
         value, first, second = np.zeros(count), np.zeros((count, 1 + d)), np.zeros((count, 1 + d, 1 + d))
         found = cls.of(N[on], S[on], area[on], penalty)
@@ -470,7 +472,7 @@ class PointEnergies:
 
     @classmethod
     def of(cls, N: Array, S: Array, area: Array, penalty: Penalty) -> PointEnergies:
-        """Those of points with D above zero.
+        """Return those of points with D above zero.
 
         Args:
             N, S: Sums, shapes (n,) and (n, d).
@@ -498,7 +500,8 @@ class PointEnergies:
 
 
 def pair_rates(near: Near, first: Array) -> tuple[Array, Array]:
-    """Derivatives of sum e(N, S) by r and by m of each pair, shape (p, d) each, where e's by N and S are ``first``."""
+    """Return the derivatives of sum e(N, S) by r and by m of each pair, shape (p, d) each, where e's by N and S are
+    ``first``."""
     a, b = first[near.i, 0], first[near.i, 1:]
     v = a[:, None] * near.r + b
     along = np.einsum("pi,pi->p", near.m, v)
@@ -507,7 +510,7 @@ def pair_rates(near: Near, first: Array) -> tuple[Array, Array]:
 
 
 def pair_curvatures(near: Near, first: Array) -> Array:
-    """Second derivatives of a N + b . S by (r, m) of each pair, a and b held, shape (p, 2d, 2d)."""
+    """Return the second derivatives of a N + b . S by (r, m) of each pair, a and b held, shape (p, 2d, 2d)."""
     d = near.r.shape[1]
     a, b = first[near.i, 0], first[near.i, 1:]
     r, m, (K, K1, K2), eye = near.r, near.m, near.K, np.eye(d)
@@ -525,7 +528,7 @@ def pair_curvatures(near: Near, first: Array) -> Array:
 
 
 def sum_rates(near: Near) -> Array:
-    """Derivatives of each pair's share of N and S by (r, m), shape (p, 1 + d, 2d)."""
+    """Return the derivatives of each pair's share of N and S by (r, m), shape (p, 1 + d, 2d)."""
     d = near.r.shape[1]
     r, m, (K, K1, _) = near.r, near.m, near.K
     along = np.einsum("pi,pi->p", m, r)
@@ -538,16 +541,16 @@ def sum_rates(near: Near) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Energy, forces and stiffness of walls in contact, by their nodes' places.
+# Energy, forces and stiffness of walls in contact, by node positions.
 
 
 FACET_PAIRS = 500
-"""Pairs of facets whose blocks are in memory at a time."""
+"""Number of facet pairs whose blocks are in memory at a time."""
 
 
 @dataclasses.dataclass(eq=False)
 class Pressed:
-    """Walls in one shape. Every pair of walls is counted from both sides, with half the energy each.
+    """Walls in a deformed shape. Every pair of walls is counted from both sides, with half the energy each.
 
     Args:
         pairs: The walls and their search.
@@ -580,16 +583,16 @@ class Pressed:
 
     @property
     def depth(self) -> float:
-        """Deepest penetration; below zero where nothing touches."""
+        """Largest penetration; negative if nothing touches."""
         return -float(self.gaps.min(initial=np.inf))
 
     @property
     def pressed_force(self) -> float:
-        """Sum of the sizes of the forces between points and walls; a pair of walls counts once."""
+        """Sum of the force magnitudes between points and walls; a pair of walls counts once."""
         return float(-self.points.first[:, 0] @ np.linalg.norm(self.S, axis=1))
 
     def coupled(self, soon: float) -> scipy.sparse.csr_array:
-        """Nodes of all that a point touches or is near to, ``soon`` radii, true for each two, shape (n, n)."""
+        """Return which nodes are coupled through a point that touches or is within ``soon`` radii, booleans of shape (n, n)."""
         surface, near = self.surface, self._all_near
         close = self.gaps < soon * self.pairs.radius
         near = near.of_points(close)
@@ -598,7 +601,7 @@ class Pressed:
         return together(i, nodes, (len(self.gaps), len(self.nodes)))
 
     def _by_samples(self) -> tuple[Array, Array]:
-        """Derivatives of the energy by the samples' places and by their area vectors, shape (s, d) each."""
+        """Return the derivatives of the energy by the samples' places and by their area vectors, shape (s, d) each."""
         by_r, by_m = pair_rates(self.near, self.points.first)
         count, d = self.S.shape
         i, j, back = self.near.i, self.near.j, self.pairs.images[self.near.image]
@@ -635,7 +638,7 @@ class Pressed:
         return scipy.sparse.csr_array((found + found.T) / 2)
 
     def _pair_places(self, near: Near, rates: Array) -> Array:
-        """Derivative of (r, m) of pairs by the places of the nodes of both facets, shape (p, 2d, 2kd)."""
+        """Return the derivative of (r, m) of pairs by the places of the nodes of both facets, shape (p, 2d, 2kd)."""
         shapes, (d, k) = self.surface.shapes, rates.shape[1:3]
         turn = self.pairs.images[near.image]
         Z = np.zeros((len(near.i), 2 * d, 2 * k, d))
@@ -646,7 +649,7 @@ class Pressed:
         return Z.reshape(len(near.i), 2 * d, 2 * k * d)
 
     def _through_pairs(self) -> scipy.sparse.csr_array:
-        """The second derivative but for that of the area vectors. Pairs of the same two facets are added up first."""
+        """Return the second derivative without that of the area vectors. Pairs of the same two facets are added up first."""
         import scipy
 
         n, d = self.nodes.shape
@@ -683,12 +686,12 @@ class Pressed:
 
 
 def components_of(nodes: Numbers, d: int) -> Numbers:
-    """Numbers of the components of nodes, shape (p, a) to (p, a d)."""
+    """Return the numbers of the components of nodes, shape (p, a) to (p, a d)."""
     return np.asarray((d * nodes[:, :, None] + np.arange(d)).reshape(len(nodes), -1))
 
 
 def together(groups: Numbers, nodes: Numbers, shape: tuple[int, int]) -> scipy.sparse.csr_array:
-    """Whether two nodes are in a common group, for each two.
+    """Return which pairs of nodes share a group.
 
     Args:
         groups: The group of each row of ``nodes``, shape (p,).
@@ -703,7 +706,8 @@ def together(groups: Numbers, nodes: Numbers, shape: tuple[int, int]) -> scipy.s
 
 
 def scattered(blocks: Array, rows: Numbers, columns: Numbers, height: int, width: int) -> scipy.sparse.csr_array:
-    """Sum of small dense blocks, shape (p, a, b), in a sparse matrix; ``rows`` (p, a) and ``columns`` (p, b) are theirs."""
+    """Return the sum of small dense blocks, shape (p, a, b), in a sparse matrix; ``rows`` (p, a) and ``columns`` (p, b) are
+    theirs."""
     import scipy
 
     _, a, b = blocks.shape
@@ -712,11 +716,11 @@ def scattered(blocks: Array, rows: Numbers, columns: Numbers, height: int, width
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A device's faces in one shape, pressed on at each of their samples by something whose places do not matter to them.
+# Contact of a device's faces in a deformed shape, as independent sums over their samples.
 
 
 class PressedSamples(abc.ABC):
-    """Sums over samples; a kind says what each sample's energy is.
+    """Sums over samples; each kind defines the energy of a sample.
 
     Args:
         surface: The faces.
@@ -736,23 +740,24 @@ class PressedSamples(abc.ABC):
     @property
     @abc.abstractmethod
     def energy(self) -> float:
-        """Of all samples."""
+        """Energy of all samples."""
 
     @abc.abstractmethod
     def slopes(self) -> Array:
-        """Derivative of the energy by the samples' places, shape (s, d)."""
+        """Return the derivative of the energy by the samples' places, shape (s, d)."""
 
     @abc.abstractmethod
     def curvatures(self) -> Array:
-        """Second derivative by the place of each sample that touches, shape (t, d, d)."""
+        """Return the second derivative by the place of each sample that touches, shape (t, d, d)."""
 
     @abc.abstractmethod
     def soon(self, share: float) -> np.ndarray:
-        """Samples that touch or soon may, a mask of shape (s,); ``share`` is of what the kind calls near."""
+        """Return the samples that touch or soon may, a mask of shape (s,); ``share`` is relative to the kind's near
+        distance."""
 
     @property
     def depth(self) -> float:
-        """How deep a sample has sunk in at most; below zero where none has."""
+        """Largest penetration of a sample; negative if none penetrates."""
         return -float(self.gaps.min(initial=np.inf))
 
     @functools.cached_property
@@ -772,7 +777,7 @@ class PressedSamples(abc.ABC):
         return scipy.sparse.csr_array((found + found.T) / 2)
 
     def scattered(self, curvatures: Array) -> scipy.sparse.csr_array:
-        """The matrix, shape (n d, n d), of what is by the place of each sample that touches, shape (t, d, d)."""
+        """Return the matrix, shape (n d, n d), of what is by the place of each sample that touches, shape (t, d, d)."""
         import scipy
 
         n, d = self.nodes.shape
@@ -785,17 +790,17 @@ class PressedSamples(abc.ABC):
         return scattered(blocks.reshape(len(touching), dofs.shape[1], -1), dofs, dofs, n * d, n * d)
 
     def near_facets(self, share: float) -> Numbers:
-        """Nodes of the facets with a sample that touches or soon may, shape (f, k)."""
+        """Return the nodes of the facets with a sample that touches or soon may, shape (f, k)."""
         return self.surface.facets[np.unique(self.surface.owner[self.soon(share)])]
 
     def coupled(self, share: float) -> scipy.sparse.csr_array:
-        """Nodes that share such a facet, true for each two, shape (n, n)."""
+        """Return the nodes that share such a facet, true for each two, shape (n, n)."""
         facets = self.near_facets(share)
         return together(np.arange(len(facets)), facets, (len(facets), len(self.nodes)))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Faces that are pressed on by a body whose signed distance is known in closed form, with the energy of rigid shapes.
+# Contact of faces with a body of known signed distance, with the energy of rigid shapes.
 
 
 type Slopes = Callable[[Array], tuple[Array, Array, Array]]
@@ -804,7 +809,7 @@ type Slopes = Callable[[Array], tuple[Array, Array, Array]]
 
 @dataclasses.dataclass(frozen=True)
 class HardeningPenalty(Penalty):
-    """The same penalty, which grows harder with the depth.
+    """The same penalty, stiffening with the penetration.
 
     Attributes:
         soft: Depth from which it does.
@@ -821,7 +826,7 @@ class HardeningPenalty(Penalty):
 
 
 class PressedByDistance(PressedSamples):
-    """A device's faces in one shape, pressed on by such a body.
+    """A device's faces in a deformed shape, in contact with such a body.
 
     Args:
         surface: The faces.
@@ -858,16 +863,16 @@ class PressedByDistance(PressedSamples):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A wall that stands still, such as the surface of a rigid body: its samples do not move, and what comes near is pressed on.
+# Contact with a fixed wall, such as the surface of a rigid body.
 
 
 FINE = 0.5
-"""Longest edge, in radii of the kernel, of the pieces that triangles are cut into; each has one sample."""
+"""Longest edge, in kernel radii, of the pieces of a triangle with one sample each."""
 MOST_SAMPLES = 1_000_000
 
 
 class TooFineError(ValueError):
-    """A wall of too many samples."""
+    """The wall would have too many samples."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -886,7 +891,7 @@ class FixedWall:
 
     @classmethod
     def of(cls, points: Array, triangles: Numbers, radius: float) -> FixedWall:
-        """The samples of triangles, in the middles of pieces that are small against the radius.
+        """Return the samples of triangles, in the middles of pieces that are small against the radius.
 
         Args:
             points: Corners, shape (n, 3).
@@ -907,7 +912,7 @@ class FixedWall:
         return scipy.spatial.cKDTree(self.places)
 
     def near(self, places: Array) -> Near:
-        """Pairs of points, shape (n, 3), and samples nearer than the radius."""
+        """Return the pairs of points, shape (n, 3), and samples nearer than the radius."""
         import scipy
 
         found = scipy.spatial.cKDTree(places).sparse_distance_matrix(self.tree, self.radius, output_type="ndarray")
@@ -917,12 +922,13 @@ class FixedWall:
         return Near(i, j, np.zeros_like(i), r, self.areas[j], kernels(r, self.radius))
 
     def gaps(self, places: Array) -> Array:
-        """Smooth distance of points, shape (n, 3), from the wall, below zero behind it; infinite where none is near."""
+        """Return the smooth distance of points, shape (n, 3), from the wall, below zero behind it; infinite where none is
+        near."""
         return gaps_of(*self.near(places).sums(len(places)))
 
 
 def _cut(corners: Array, longest: float) -> Array:
-    """Triangles, shape (t, 3, 3), halved through their longest edges until none is longer."""
+    """Return the triangles, shape (t, 3, 3), halved through their longest edges until none is longer."""
     done: list[Array] = []
     count = 0
     while len(corners):
@@ -941,7 +947,7 @@ def _cut(corners: Array, longest: float) -> Array:
 
 
 class PressedOn(PressedSamples):
-    """A device's faces in one shape, pressed on by a fixed wall.
+    """A device's faces in a deformed shape, in contact with a fixed wall.
 
     Args:
         surface: The faces.
@@ -962,7 +968,7 @@ class PressedOn(PressedSamples):
 
     @functools.cached_property
     def _energies(self) -> PointEnergies:
-        """Of the points that touch; zero of all others."""
+        """Values of the points in contact; zero for all others."""
         return PointEnergies.of_touching(self.touching, self.N, self.S, self.surface.measure, self.penalty)
 
     @property
@@ -983,35 +989,35 @@ class PressedOn(PressedSamples):
         return np.asarray(own + np.einsum("sai,sab,sbj->sij", rates, self._energies.second[touching], rates))
 
     def soon(self, share: float) -> np.ndarray:
-        """Samples nearer than ``share`` radii of the kernel."""
+        """Return the samples nearer than ``share`` radii of the kernel."""
         return np.asarray(self.gaps < share * self.wall.radius)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Coulomb friction of faces on a body that stands still: what samples remember, their forces and their stiffness.
+# Coulomb friction of faces on a fixed body: history variables of the samples, forces and stiffness.
 #
-# A sample that touches is held where it first touched, along the body's surface, and slides once it has been drawn e from
-# there. With its way v from where it is held, n the surface's normal and f the force that presses it on:
+# A sample in contact sticks elastically to its anchor, where it first touched, and slides once displaced by e.
+# With the displacement v from the anchor, the surface normal n and the normal force f:
 #
 #     s = v - n (n . v)       t = mu |f| g(|s| / e) s / |s|       g(y) = 2 y - y^2 below 1, and 1 from there on
 #
-# Where |s| > e it slides, and is held e behind itself from then on: the return mapping of plasticity (Wriggers 2006,
+# If |s| > e it slides, and the anchor follows at a distance e: the return mapping of plasticity (Wriggers 2006,
 # Computational Contact Mechanics, doi 10.1007/978-3-540-32609-0, chapter 10), with the smooth onset of Li et al. 2020,
-# Incremental Potential Contact, doi 10.1145/3386569.3392425. From one kept state to the next the way is a straight line, so
-# states depend on the steps between them to first order. The derivative of t is not symmetric, since the pressing force goes
-# along. Newton's method has all of it; the matrix that is factorised, and with it the path's direction and the stability, has
-# it with mu |f| held: then t is the derivative of a convex function, and the matrix is symmetric.
+# Incremental Potential Contact, doi 10.1145/3386569.3392425. Between two accepted states the path is a straight line,
+# so states depend on the steps to first order. The derivative of t is not symmetric, because the normal force
+# changes too. Newton's method uses all of it; the factorised matrix, and with it the path's tangent and stability, uses it at
+# constant mu |f|: then t is the derivative of a convex function, and the matrix is symmetric.
 
 
 AT_LIMIT = 1e-9
-"""Share of e by which a way may miss it and still be counted as sliding: so are kept states, to rounding."""
+"""Tolerance relative to e for sliding, because accepted states reach e only to rounding."""
 TINY = 1e-300
-"""Added to what is divided by, where nothing presses and nothing moves."""
+"""Added to denominators to avoid division by zero."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Rubbing:
-    """A coefficient of friction, and over which way it sets in.
+    """A coefficient of friction and its elastic slip.
 
     Attributes:
         coefficient: mu.
@@ -1022,19 +1028,19 @@ class Rubbing:
     onset: float
 
     def rates(self, far: Array) -> tuple[Array, Array]:
-        """g of ways, shape (t,), and its derivative by the way."""
+        """Return g of slips, shape (t,), and its derivative by the slip."""
         y = np.minimum(far / self.onset, 1.0)
         return y * (2 - y), 2 * (1 - y) / self.onset
 
     def drawn(self, far: Array) -> Array:
-        """Integral of g up to ways, shape (t,), and not beyond e."""
+        """Return the integral of g up to ways, shape (t,), and not beyond e."""
         y = np.minimum(far / self.onset, 1.0)
         return self.onset * (y**2 - y**3 / 3)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Grip:
-    """What samples remember of the state that was kept last, in sizes and shear moduli.
+    """History variables of the samples at the last accepted state, in sizes and shear moduli.
 
     Attributes:
         held: Where they were held; of those that did not touch, where they were, shape (s, d).
@@ -1054,14 +1060,14 @@ class Grip:
 
     @classmethod
     def of_free(cls, pressed: PressedSamples) -> Grip:
-        """Of faces that nothing has held yet."""
+        """Return the history of faces without contact so far."""
         places = pressed.surface.places(pressed.nodes)
         limits, drawn, slid = np.zeros((3, len(places)))
         return cls(places, pressed.gaps, limits, drawn, slid, 0.0)
 
 
 class Rubbed(PressedSamples):
-    """A device's faces in one shape, pressed on by a body that they rub on.
+    """A device's faces in a deformed shape, in frictional contact with a body.
 
     Args:
         pressed: The same without friction.
@@ -1084,8 +1090,8 @@ class Rubbed(PressedSamples):
         self._normal = push / (self._push + TINY)[:, None]
         self.limits = rubbing.coefficient * self._push
         self._far = (self._places - grip.held)[on]
-        # What has come near since then is held where it touched: up to there it has gone by itself. A body from a file
-        # does not know how far away it was, but not farther than that way.
+        # A sample in contact since then is anchored where it touched, after a free motion. For a body from
+        # a file its earlier distance is unknown, but at most that motion.
         gone, depth = np.clip(grip.gaps[on], 0.0, np.linalg.norm(self._far, axis=1)), -self.gaps[on]
         self._share = np.where(gone > 0.0, depth / (gone + depth + TINY), 1.0)
         self._share_rate = np.where(gone > 0.0, gone / (gone + depth + TINY) ** 2, 0.0)
@@ -1099,7 +1105,7 @@ class Rubbed(PressedSamples):
 
     @property
     def energy(self) -> float:
-        """Of the contact alone: what friction takes is lost."""
+        """Energy of the contact only, without the dissipation of friction."""
         return self.pressed.energy
 
     def slopes(self) -> Array:
@@ -1108,13 +1114,14 @@ class Rubbed(PressedSamples):
         return found
 
     def curvatures(self) -> Array:
-        """Second derivative by the place of each sample that touches, the limits held: symmetric, shape (t, d, d)."""
+        """Return the second derivative by the place of each sample that touches, the limits held: symmetric, shape (t, d,
+        d)."""
         n, a = self._normal, self._along
         flat = np.eye(n.shape[1]) - _outer(n, n)
         return np.asarray(self.pressed.curvatures() + self._share[:, None, None] * (self._drawn(a) @ flat))
 
     def _drawn(self, a: Array) -> Array:
-        """Derivative of the pulls by s, the limits held, shape (t, d, d)."""
+        """Return the derivative of the pulls by s, the limits held, shape (t, d, d)."""
         eye, along = np.eye(a.shape[1]), _outer(a, a)
         across = 2 / self.rubbing.onset - self._size / self.rubbing.onset**2  # g / |s|, also where that is 0 / 0
         across = np.where(self._size < self.rubbing.onset, across, 1 / (self._size + TINY))
@@ -1122,11 +1129,11 @@ class Rubbed(PressedSamples):
         return np.asarray(self.limits[:, None, None] * drawn)
 
     def whole_curvatures(self) -> Array:
-        """The derivative of the forces itself, not symmetric, shape (t, d, d)."""
+        """Return the derivative of the forces itself, not symmetric, shape (t, d, d)."""
         n, a, way = self._normal, self._along, self._way
         eye = np.eye(n.shape[1])
         pressing = self.pressed.curvatures()
-        # The normal turns as the pressing force does, and the share goes with the depth, whose slope is n.
+        # The normal rotates with the normal force, and the share depends on the penetration, whose gradient is n.
         turn = (eye - _outer(n, n)) @ pressing / (self._push + TINY)[:, None, None]
         moved = self._share[:, None, None] * eye + (self._share_rate[:, None] * self._far)[:, :, None] * n[:, None, :]
         s = (eye - _outer(n, n)) @ moved - _dot(n, way)[:, None, None] * turn
@@ -1143,20 +1150,20 @@ class Rubbed(PressedSamples):
         return self.pressed.soon(share)
 
     def kept(self) -> Grip:
-        """What the samples remember once this state is kept."""
+        """Return the history variables once this state is accepted."""
         on, grip = self.touching, self.grip
         held = self._places.copy()
         limits, drawn, slip = np.zeros((3, len(held)))
         reach = np.minimum(self._size, self.rubbing.onset)
         held[on] -= reach[:, None] * self._along
         limits[on], drawn[on], slip[on] = self.limits, self.rubbing.drawn(self._size), self._size - reach
-        # What presses on them changes evenly along the way in between.
+        # The normal force changes linearly in between.
         lost = float(((grip.limits + limits) / 2 * (drawn - grip.drawn + slip)).sum())
         return Grip(held, self.gaps, limits, drawn, grip.slid + slip, grip.lost + lost)
 
     @property
     def sliding(self) -> float:
-        """Share of the pressing force at samples that slide; 0 where nothing is pressed on."""
+        """Share of the normal force at sliding samples; 0 without contact."""
         whole = float(self._push.sum())
         return float(self._push[self.slides].sum()) / whole if whole > 0.0 else 0.0
 
@@ -1170,28 +1177,28 @@ def _outer(a: Array, b: Array) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A body that faces press on and that gives way along a line: on a spring, or with a weight that lies on a stand.
+# Contact with a body movable along a line: on a spring, or with a weight resting on a stand.
 #
-# Its place s on the line is that of least energy, so it is no unknown of its own. With the energy phi of the faces against the
+# Its position s on the line minimises the energy, so it is not a separate unknown. With the energy phi of the faces against the
 # body where it stands, and that of its stand,
 #
 #     Phi(x) = min over s of phi(x - s a) + e(s),     Phi' = phi',     Phi'' = phi'' - v v^T / k,
 #
-# where v = phi'' A, A moves all nodes along a, and k = e'' + A.v. Directions in which Phi is unstable are those of the whole
+# where v = phi'' A, A moves all nodes along a, and k = e'' + A.v. Unstable directions of Phi are those of the whole
 # system (Haynsworth's inertia theorem, doi 10.1016/0024-3795(68)90050-5), as k is above zero where s is stable.
 
 
 MOST = 80
-"""Steps in which a place is found: Newton's, or halves of what is left."""
+"""Maximum number of steps to find the position: Newton's, or bisections."""
 CLOSE = 1e-14
-"""Step in sizes of the device at which it is found."""
+"""Convergence tolerance of the step, relative to the device's size."""
 LONGEST = 0.02
-"""Longest step, in sizes: a body that is far from the faces feels nothing of them."""
+"""Maximum step, relative to the size, because a body far from the faces feels no force."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Stand:
-    """What holds a body: a spring, and a stand that its weight presses it on.
+    """The support of a body: a spring, and a stand under its weight.
 
     The weight is taken off the stand over a short way, so that stiffnesses have no jump: the stand's force is
     ``weight * tanh(s / onset)`` above it, and grows as steeply below it.
@@ -1214,7 +1221,7 @@ class Stand:
         return self.spring * s**2 / 2 + self.weight * self.onset * (above if t > 0 else t**2 / 2)
 
     def force(self, s: float) -> float:
-        """With which it is pushed back."""
+        """Return the restoring force."""
         if self.weight <= 0.0:
             return self.spring * s + self.weight
         t = s / self.onset
@@ -1228,7 +1235,7 @@ class Stand:
 
 
 class GivingWay:
-    """Faces in one shape, pressed on by such a body.
+    """Faces in a deformed shape, in contact with such a body.
 
     Args:
         pressed: Of the nodes' places, the faces pressed on by the body in its first place.
@@ -1289,11 +1296,11 @@ class GivingWay:
         return scipy.sparse.csr_array(self.here.stiffness - less)
 
     def harder(self) -> Array:
-        """Derivative of the forces as spring and weight grow in proportion, by their share, shape (n, d)."""
+        """Return the derivative of the forces by a common factor on spring and weight, shape (n, d)."""
         return np.asarray(self.v * self.stand.force(self.s) / self.k).reshape(self.here.nodes.shape)
 
     def coupled(self, share: float) -> scipy.sparse.csr_array:
-        """All nodes near the body are, as it gives way to each of them, true for each two, shape (n, n)."""
+        """Return all nodes near the body are, as it gives way to each of them, true for each two, shape (n, n)."""
         import scipy
 
         near, n = np.unique(self.here.near_facets(share)), len(self.here.nodes)
@@ -1303,16 +1310,16 @@ class GivingWay:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What all terms have in common whose faces are pressed on, by each other or by a wall that stands still.
+# Base classes of contact terms, between faces or with a fixed wall.
 
 
 SOON = 0.2
-"""Gap below which nodes are coupled in the matrix's pattern before they touch, in what a kind calls near: for walls the
-kernel's radius."""
+"""Gap below which nodes are coupled in the matrix pattern before they touch, relative to the kernel's
+radius for walls."""
 
 
 class Pressing(Protocol):
-    """Faces in one shape, pressed on: energy, its derivatives by the nodes' places, and which nodes are coupled."""
+    """Contact of faces in a deformed shape: energy, its derivatives by node positions, and coupled nodes."""
 
     @property
     def energy(self) -> float: ...
@@ -1324,13 +1331,13 @@ class Pressing(Protocol):
 
 
 class PressingTerm[P: Pressing](AssembledTerm):
-    """The energy of faces that are pressed on; a kind says by what."""
+    """The contact energy of faces; each kind defines the counterpart."""
 
     _pressed: P
 
     @abc.abstractmethod
     def pressed(self, places: Array) -> P:
-        """The faces with their nodes at places, shape (n, d)."""
+        """Return the faces with their nodes at places, shape (n, d)."""
 
     def move(self, places: Array) -> None:
         self._pressed = self.pressed(places)

@@ -1,8 +1,8 @@
-"""Rigid parts bonded to a device: plates and rings that move but keep their shape.
+"""Rigid parts bonded to a device: plates and rings.
 
-The constraint is exact: the dofs on a part follow its own few unknowns (`softmodels.mechanics.system`), and nothing is
-penalised. Which motions there are is a matter of the device's symmetry: six in a whole solid, three in a half, the axial
-translation in a wedge or an axisymmetric section.
+The constraint is exact, without penalty: the dofs on a part follow its few unknowns (`softmodels.mechanics.system`). The
+symmetry of the model determines the free motions: six in a whole solid, three in a half, the axial translation in a wedge
+or an axisymmetric section.
 """
 
 from __future__ import annotations
@@ -35,11 +35,12 @@ from softmodels.mechanics.dead_loads import (
     Weighed,
     check_finite,
 )
-from softmodels.mechanics.rigid import STILL, Freedom, RigidPart
 
 if TYPE_CHECKING:
     pass
 
+
+from softmodels.mechanics.rigid import STILL, Freedom, RigidPart
 
 KINDS = ("free", "guided", "held")
 
@@ -60,31 +61,29 @@ class Rigid(RigidPart, HeavyPart):
     face: str = field_of(Words(), "face of the device that the rigid part is bonded to, such as top", "")
     kind: str = field_of(Choice(KINDS), "whether it is free, guided along a direction, or held", "free")
     direction: tuple[float, ...] = field_of(
-        Several(Quantity()), "direction along which it is guided, such as [0, 0, 1]; the device's lift if left out", ()
+        Several(Quantity()), "direction of the guide, such as [0, 0, 1]; default: the device's lift", ()
     )
 
-    mass: float = field_of(Quantity("kg"), "mass of the rigid part, which gravity pulls at", 0.0)
-    region: str = field_of(Words(), "region of the device that is rigid, in place of a face", "")
+    mass: float = field_of(Quantity("kg"), "mass of the rigid part, on which gravity acts", 0.0)
+    region: str = field_of(Words(), "rigid region of the device, instead of a face", "")
 
     table: ClassVar[str] = "rigid"
-    needs: ClassVar[str] = (
-        "a rigid part needs the face it is bonded to, such as face = 'top' in [rigid.plate], or a region"
-    )
+    needs: ClassVar[str] = "a rigid part needs a face, such as face = 'top' in [rigid.plate], or a region"
 
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         r"(\w+)_turn_([xyz])_deg": (
-            "turn of {0} about {1}",
+            "rotation of {0} about {1}",
             "rotation of that rigid part: component of axis times angle",
         ),
         r"(\w+)_force_N": (
             "force on {0}",
-            "with which the device, its weight included, and its air push on that rigid part, along its guide or the device's "
-            "lift; at rest it is what holds the part, or its own weight and the forces on its face",
+            "of the device (with its weight) and its air on that rigid part, along its guide or the "
+            "device's lift; it balances the support of the part, or its own weight and loads",
         ),
         r"(\w+)_force_([xyz])_N": ("force on {0} along {1}", "the same along that direction"),
         r"(\w+)_moment_([xyz])_Nmm": (
             "moment on {0} about {1}",
-            "with which the device and its air turn it about its centre",
+            "of the device and its air on it, about its centre",
         ),
     }
 
@@ -92,12 +91,12 @@ class Rigid(RigidPart, HeavyPart):
         if bool(self.face) == bool(self.region):
             raise ComponentError(f"{self.where}: {self.needs}, and not both")
         if self.region and self.mass:
-            raise ComponentError(f"{self.where}: a region weighs what its density says; leave its mass out")
+            raise ComponentError(f"{self.where}: a region's weight follows from its density; leave out the mass")
         if self.direction and self.kind != "guided":
-            raise ComponentError(f"{self.where}: a direction belongs to a guided part, and this one is {self.kind}")
+            raise ComponentError(f"{self.where}: a direction needs kind = 'guided', but this part is {self.kind}")
         if self.direction and (len(self.direction) != 3 or not np.linalg.norm(self.direction) > 0):
             raise ComponentError(
-                f"{self.where}: direction is {list(self.direction)}; it has three numbers, such as [0, 0, 1]"
+                f"{self.where}: direction is {list(self.direction)}; it needs three numbers, such as [0, 0, 1]"
             )
 
         if self.mass:
@@ -115,13 +114,13 @@ class Rigid(RigidPart, HeavyPart):
             check_regions(self.where, actuator, [self.region])
         elif self.face not in actuator.faces:
             raise ComponentError(
-                f"{self.where}: {type(actuator).__name__} has no face {self.face!r} that a rigid part can be bonded to; it has "
+                f"{self.where}: {type(actuator).__name__} has no face {self.face!r} for a rigid part; it has "
                 f"{', '.join(actuator.faces) or 'none'}"
             )
         if any(hold.role == self.face for hold in actuator.holds) and self.kind != "held":
             raise ComponentError(
-                f"{self.where}: the face {self.face!r} is the device's support, which is held, so a rigid part on it cannot "
-                "move; use another face, or kind = 'held'"
+                f"{self.where}: the face {self.face!r} is the device's fixed support, so a rigid part on it "
+                "cannot move; use another face, or kind = 'held'"
             )
         self.freedom(actuator, np.zeros(actuator.dimension))
 
@@ -129,10 +128,10 @@ class Rigid(RigidPart, HeavyPart):
         if self.region:
             return INSIDE
         turns = len(self.freedom(actuator, np.zeros(actuator.dimension)).axes) > 0
-        return "which can turn about a point that its design moves; guide it (kind = 'guided')" if turns else ""
+        return "which can rotate about a point that the design moves; guide it (kind = 'guided')" if turns else ""
 
     def freedom(self, actuator: Actuator, centre: Array) -> Freedom:
-        """The motions left to it.
+        """Return the motions left to it.
 
         Args:
             actuator: The device.
@@ -154,20 +153,20 @@ class Rigid(RigidPart, HeavyPart):
                 or np.linalg.norm(inside) < 1 - STILL
             ):
                 raise ComponentError(
-                    f"{self.where}: guided along {_shown(wanted)} it would leave the symmetry of the device's model, which "
-                    f"allows {_allowed(directions)}; use another direction, or {actuator.fuller}"
+                    f"{self.where}: a guide along {_shown(wanted)} breaks the symmetry of the device's model, "
+                    f"which allows {_allowed(directions)}; use another direction, or {actuator.fuller}"
                 )
             return Freedom(centre, inside[None, :], np.empty((0, 3)))
         if not len(directions) + len(axes):
             raise ComponentError(
-                f"{self.where}: the symmetry of the device's model leaves a rigid part no motion; use {actuator.fuller}, or "
-                "kind = 'held'"
+                f"{self.where}: the symmetry of the device's model leaves the rigid part no free motion; use "
+                f"{actuator.fuller}, or kind = 'held'"
             )
         return Freedom(centre, directions, axes)
 
 
 def symmetric_motions(actuator: Actuator) -> tuple[Array, Array]:
-    """Rigid motions that keep the device's cut planes where they are.
+    """Return the rigid motions that keep the device's cut planes where they are.
 
     Returns:
         Orthonormal directions of translations in the mesh's coordinates, shape (k, d), and axes of rotations, shape (m, 3).
@@ -179,7 +178,7 @@ def symmetric_motions(actuator: Actuator) -> tuple[Array, Array]:
     directions: list[Array] = []
     for axis in np.eye(d)[::-1]:
         left = axis.copy()
-        for _ in range(3):  # oblique normals are not square to each other: once is not enough
+        for _ in range(3):  # oblique normals are not orthogonal: once is not enough
             for known in (*_basis(normals), *directions):
                 left -= (left @ known) * known
         if np.linalg.norm(left) > 1e-6:
@@ -191,7 +190,7 @@ def symmetric_motions(actuator: Actuator) -> tuple[Array, Array]:
 
 
 def _basis(vectors: Sequence[Array]) -> list[Array]:
-    """Orthonormal vectors that span the same."""
+    """Return the orthonormal vectors that span the same."""
     found: list[Array] = []
     for vector in vectors:
         left = np.array(vector, dtype=float)

@@ -1,4 +1,4 @@
-"""A thin sheet bonded to a face of the silicone: fabric or film that limits how far it stretches.
+"""A thin sheet bonded to a face of the silicone: fabric or film that limits its stretch.
 
 The sheet shares the solid's displacements and resists stretching in its plane, not bending. It is an incompressible
 neo-Hookean membrane in plane stress, whose energy per undeformed area is
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 SOFTEST, STIFFEST = 1.0, 1e7
-"""Stiffnesses in N/m that are taken: from a tenth of a millimetre of gel to a centimetre of nylon."""
+"""Accepted stiffnesses in N/m: from 0.1 mm of gel to 1 cm of nylon."""
 HARDLY_STRETCHES = 50e3
 """Stiffness in N/m with which the seminar actuator still reaches 177 cm."""
 
@@ -61,7 +61,7 @@ class Sheet(EnergyComponent):
     face: str = field_of(Words(), "bond a thin sheet to a face of the device, such as top")
     stiffness: float = field_of(
         Quantity("N/m"),
-        "Young's modulus times thickness of the sheet, such as 50kN/m: on silicone that hardly stretches",
+        "Young's modulus times thickness of the sheet, such as 50kN/m; this one is nearly inextensible on silicone",
     )
 
     table: ClassVar[str] = "sheet"
@@ -73,16 +73,16 @@ class Sheet(EnergyComponent):
             raise ComponentError(self.needs)
         if not SOFTEST <= self.stiffness <= STIFFEST:
             raise ComponentError(
-                f"the sheet's stiffness is {self.stiffness:.4g} N/m; it is Young's modulus times thickness, and "
-                f"{SOFTEST:g} to {STIFFEST:g} N/m are taken (0.1 mm of polyester: about "
-                "400 kN/m; 50 kN/m hardly stretch on silicone)"
+                f"the sheet's stiffness is {self.stiffness:.4g} N/m; it is Young's modulus times thickness, "
+                f"{SOFTEST:g} to {STIFFEST:g} N/m (0.1 mm of polyester: about 400 kN/m; 50 kN/m is nearly inextensible on "
+                "silicone)"
             )
 
     def check_on(self, actuator: Actuator) -> None:
-        """Raise `ComponentError` where a device has no such face."""
+        """Raise `ComponentError` if a device has no such face."""
         if self.face not in actuator.faces:
             raise ComponentError(
-                f"sheet {self.face!r} is no face of {type(actuator).__name__}; a sheet goes on "
+                f"sheet {self.face!r} is not a face of {type(actuator).__name__} for a sheet; use "
                 f"{' or '.join(actuator.faces) or 'none of its faces'}"
             )
 
@@ -131,7 +131,7 @@ class SheetTerm(EnergyTerm):
 
 
 def surface_metric(F: Expr, N: Expr) -> Expr:
-    """C of the surface, in UFL: symmetric, with one eigenvalue 0, along the undeformed normal N."""
+    """Return C of the surface, in UFL: symmetric, with one eigenvalue 0, along the undeformed normal N."""
     import ufl
 
     surface = F * (ufl.Identity(3) - ufl.outer(N, N))
@@ -139,7 +139,7 @@ def surface_metric(F: Expr, N: Expr) -> Expr:
 
 
 def membrane_stress(C: Expr) -> Expr:
-    """Derivative of `membrane_energy` by C, in UFL."""
+    """Return the derivative of `membrane_energy` by C, in UFL."""
     import ufl
 
     I1 = ufl.tr(C)
@@ -148,7 +148,7 @@ def membrane_stress(C: Expr) -> Expr:
 
 
 def membrane_tangent(C: Expr, w: fem.Function, foreseen: Expr, test: Expr, trial: Expr) -> Expr:
-    """Second derivative of `membrane_energy`, its stress foreseen and not that of the state, in UFL.
+    """Return the second derivative of `membrane_energy`, with predicted instead of current stress, in UFL.
 
     Args:
         C: `surface_metric` of w.
@@ -164,7 +164,7 @@ def membrane_tangent(C: Expr, w: fem.Function, foreseen: Expr, test: Expr, trial
 
 
 def membrane_energy(F: Expr, N: Expr) -> Expr:
-    """Energy of the sheet per undeformed area and stiffness, in UFL.
+    """Return the energy of the sheet per undeformed area and stiffness, in UFL.
 
     Args:
         F: Deformation gradient of the solid at the face, 3 x 3.
@@ -179,10 +179,10 @@ def membrane_energy(F: Expr, N: Expr) -> Expr:
 
 
 def locking(stiffness: float, actuator: Actuator) -> str:
-    """What to know of a reinforcement of a face, in N/m, that locks: a clause begun with '; ', empty if it does not."""
+    """Return a warning on a face reinforcement, in N/m, that locks: a clause starting with '; ', else empty."""
     if actuator.dimension == 2 or stiffness <= HARDLY_STRETCHES:
         return ""
     return (
-        f"; {HARDLY_STRETCHES / 1e3:g} kN/m hardly stretch on silicone. On meshes of solid cells a stiffer one locks: a facet "
-        "of it cannot bend and keep its lengths everywhere. Smaller cells lock less"
+        f"; {HARDLY_STRETCHES / 1e3:g} kN/m is nearly inextensible on silicone. On solid meshes a stiffer one locks, "
+        "because its facets cannot bend without stretching. Smaller cells lock less"
     )

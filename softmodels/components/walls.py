@@ -1,4 +1,4 @@
-"""Walls of a device that press on each other where they meet: chambers of a bellows, a cavity's own walls."""
+"""Self-contact of a device's walls: chambers of a bellows, a cavity's own walls."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ from softmodels.mechanics.component import (
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Does a point go through a wall on its way from one shape to another?
+# Check whether a point passes through a wall between two shapes.
 
 
 DEEPEST = 0.3
-"""Depth in radii of the kernel at which a state is refused: a wall is seen up to a radius behind it, and then no more."""
+"""Penetration in kernel radii at which a state is rejected: a wall is detected only up to one radius behind it."""
 OWN = 0.4
-"""Distance aside from a sample, in edges of its facet, that is its own part of the wall; samples are as far apart."""
+"""Lateral distance from a sample, in facet edges, within which a wall belongs to it; the spacing of samples."""
 STRIDE = 2.0
-"""Radii that points and walls move against each other between two looks."""
+"""Relative motion of points and walls, in kernel radii, between two checks."""
 MOST_LOOKS = 60
 
 
 def passes(pairs: Pairs, before: Array, after: Array) -> bool:
-    """Whether a point gets deeper than `DEEPEST` behind a wall on straight ways between two shapes.
+    """Return whether a point gets deeper than `DEEPEST` behind a wall on straight ways between two shapes.
 
     A point that has jumped over a wall is nowhere near it any more and would feel nothing.
 
@@ -75,7 +75,7 @@ def passes(pairs: Pairs, before: Array, after: Array) -> bool:
 
 
 def _deeper(pairs: Pairs, shapes: list[Array], slack: float) -> bool:
-    """Whether a point crosses the surface at `DEEPEST` behind a sample's own part of a wall between two near shapes."""
+    """Return whether a point crosses the surface at `DEEPEST` behind a sample's own part of a wall between two near shapes."""
     surface, count = pairs.surface, len(pairs.surface.owner)
     (a, b), (m, n) = ([surface.places(x) for x in shapes], [pairs.of_all(surface.areas(x)) for x in shapes])
     i, j = pairs.within((a + b) / 2, slack + (DEEPEST + OWN) * float(pairs.radius.max()))
@@ -94,18 +94,18 @@ def _deeper(pairs: Pairs, shapes: list[Array], slack: float) -> bool:
 
 AUTO, NONE = "auto", "none"
 APART = 1e-4
-"""Least gap at rest, in sizes, of walls that a device names itself."""
+"""Minimum undeformed gap, relative to the size, of walls named by the device."""
 AHEAD = 1e-3
-"""Gap in sizes of the device from which walls press on each other, at most half of that at rest: walls of a coarse mesh are
-rough by as much between the points that press."""
+"""Gap relative to the size at which contact sets in, at most half of the undeformed gap: walls of a coarse mesh
+are that rough between the contact points."""
 STIFFNESS = 2000.0
-"""Shear moduli of pressure per overlap of one size of the device; seven times that of a rigid plane, since walls are thin."""
+"""Shear moduli of pressure per overlap of one size of the device; seven times that of a rigid plane, because walls are thin."""
 
 
 @register_component
 @dataclasses.dataclass(frozen=True)
 class Walls(ContactPart):
-    """Walls that press on each other without friction.
+    """Frictionless self-contact of walls.
 
     Attributes:
         faces: Roles of the facets, such as ``"cavity"`` or ``"left, right"``: all of them may meet each other and themselves.
@@ -116,12 +116,14 @@ class Walls(ContactPart):
 
     faces: str = field_of(
         Words(),
-        "faces that press on each other, and each on itself, where they meet, without friction: auto (those that the device "
-        "names), none, or their names with commas between",
+        "faces in frictionless contact with each other and themselves: auto (chosen by the "
+        "device), none, or names separated by commas",
         AUTO,
     )
     stiffness: float = field_of(
-        Quantity(), "shear moduli of contact pressure per overlap of one size of the device", STIFFNESS
+        Quantity(),
+        "penalty stiffness: contact pressure in shear moduli per overlap of one size of the device",
+        STIFFNESS,
     )
 
     table: ClassVar[str] = "walls"
@@ -131,41 +133,43 @@ class Walls(ContactPart):
     figure_texts: ClassVar = {
         r"(\w+)_contact_N": (
             "contact of {0}",
-            "sum of the sizes of the forces with which those walls press on each other",
+            "sum of the magnitudes of the contact forces between those walls",
         ),
-        r"(\w+)_overlap_mm": ("overlap of {0}", "how deep those walls sink into each other at most"),
-        r"(\w+)_gap_mm": ("gap between {0}", "smallest distance between those walls, once they are near each other"),
+        r"(\w+)_overlap_mm": ("overlap of {0}", "largest overlap of those walls"),
+        r"(\w+)_gap_mm": ("gap between {0}", "smallest distance between those walls, if they are near each other"),
     }
 
     def check(self) -> None:
         if not self.roles:
             raise ComponentError(
-                f"{self.where} names no faces; say {AUTO!r}, {NONE!r} or which may meet (faces = 'cavity')"
+                f"{self.where} names no faces; give {AUTO!r}, {NONE!r} or face names (faces = 'cavity')"
             )
         if len(set(self.roles)) < len(self.roles):
             raise ComponentError(f"{self.where}: faces = {self.faces!r} names a face twice")
         for word in (AUTO, NONE):
             if word in self.roles and len(self.roles) > 1:
-                raise ComponentError(f"{self.where}: faces = {self.faces!r}; {word!r} stands alone")
+                raise ComponentError(
+                    f"{self.where}: faces = {self.faces!r}; {word!r} cannot be combined with other names"
+                )
         self.check_stiffness()
 
     @property
     def automatic(self) -> bool:
-        """Whether the device says which of its walls press on each other."""
+        """Whether the device chooses the walls in contact."""
         return self.faces.strip() == AUTO
 
     @property
     def off(self) -> bool:
-        """Whether none do."""
+        """Whether self-contact is off."""
         return self.faces.strip() == NONE
 
     @property
     def words(self) -> str:
         """Its faces, for a sentence."""
-        return "the walls that the device names" if self.automatic else f"the walls of {self.where} ({self.faces})"
+        return "the walls chosen by the device" if self.automatic else f"the walls of {self.where} ({self.faces})"
 
     def groups(self, actuator: Actuator) -> tuple[list[str], ...] | None:
-        """Faces that may meet each other and themselves, by group; None where only the mesh shows them."""
+        """Return the faces that may touch each other and themselves, by group; None if only the mesh shows them."""
         if self.off:
             return ()
         if not self.automatic:
@@ -181,7 +185,7 @@ class Walls(ContactPart):
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         depth, force = (figure(f"{self.label}_{what}") for what in ("overlap_mm", "contact_N"))
-        pressed = f"{self.words} press on each other{f' and overlap by {depth:.3g} mm' if depth else ''}"
+        pressed = f"{self.words} are in contact{f' and overlap by {depth:.3g} mm' if depth else ''}"
         return self.try_other(pressed) if depth or force else ""
 
     def term(self, setting: FormContext) -> EnergyTerm:
@@ -200,7 +204,7 @@ class Walls(ContactPart):
 
 
 def _outside(body: Body) -> list[str]:
-    """All faces of a mesh around the device, but for those that are cut or held."""
+    """Return all faces of a mesh around the device, except cut or held ones."""
     device, facets = body.actuator, body.mesh.topology.dim - 1
     others = {*cavity_roles(device), *(plane.name for plane in device.cut_planes), *(hold.role for hold in body.holds)}
     return [role for role, (dimension, _) in body.entities.items() if dimension == facets and role not in others]
@@ -219,13 +223,13 @@ def _surface(nodes: FaceNodes, body: Body) -> Surface:
 
 
 def _meets(groups: Sequence[Sequence[str]]) -> npt.NDArray[np.bool_]:
-    """Whether one face may press on another, shape (roles, roles)."""
+    """Return whether one face may touch another, shape (roles, roles)."""
     number = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
     return np.asarray(number[:, None] == number)
 
 
 def _clear(nodes: FaceNodes, body: Body, groups: Sequence[Sequence[str]], found: bool) -> FaceNodes:
-    """Those facets of a device's own choice that can press on others: they face some, and are apart at rest.
+    """Return those automatically chosen facets that face others and are apart when undeformed.
 
     The smooth distance of a wall that is curved more sharply than its cells resolve may be below zero at rest.
 
@@ -266,10 +270,10 @@ class WallTerm(PressingTerm[Pressed]):
         apart = float(Near.of(self.pairs, *surface.rest).gaps(len(surface.owner)).min(initial=math.inf))
         if apart < -1e-6:
             raise ComponentError(
-                f"{part.where}: at rest the walls {part.faces} overlap by "
+                f"{part.where}: the undeformed walls {part.faces} overlap by "
                 f"{-apart * body.actuator.size * 1e3:.3g} mm; leave room between them, or name others"
             )
-        ahead = min(AHEAD, max(apart / 2, 0.0))  # nothing presses at rest
+        ahead = min(AHEAD, max(apart / 2, 0.0))  # no contact when undeformed
         self.penalty = Penalty(part.stiffness, ONSET_PRESSURE / part.stiffness, ahead=ahead)
 
     def pressed(self, places: Array) -> Pressed:

@@ -1,6 +1,6 @@
-"""A deck of CalculiX, which Abaqus reads too but for its solver's words. Lengths in mm, pressures in Pa, forces in uN.
+"""Write a deck for CalculiX, which Abaqus also reads except for solver keywords. Lengths in mm, pressures in Pa, forces in uN.
 
-In metres the nodal forces are so small that CalculiX takes a residual for zero. C3D10 are displacements alone: hold it against
+In metres the nodal forces are so small that CalculiX treats a residual as zero. C3D10 has displacements only: compare with
 ``formulation = "displacement"``.
 """
 
@@ -17,17 +17,17 @@ from softmodels.case.entries import CaseError
 from softmodels.decks.deck import WRITTEN, Deck, DeckSilicone
 
 NO_TERM = 1e10
-"""D of a volumetric term that adds nothing: at 0 CalculiX puts in a value of its own."""
+"""D of a volumetric term without effect: for 0 CalculiX uses its own default."""
 PATIENT = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 40, 9, 60, 10, 4, , 10\n"
 CLOSE = "*CONTROLS, PARAMETERS=FIELD\n1e-5, 1e-3, , , 1e-5, 1e-5, 1e-8, 1e-8\n"
-"""Limits on residual and correction in place of the default 0.5 % and 1 %."""
+"""Tolerances of residual and correction, instead of the default 0.5 % and 1 %."""
 
 NOTHING = 1e-12
-"""Share of the largest force on a node below which one is rounding."""
+"""Fraction of the largest nodal force below which a force is rounding error."""
 
 
 def calculix(deck: Deck) -> str:
-    """The deck's text: a step for the dead loads, if there are any, and one for each requested pressure."""
+    """Return the deck's text: a step for the dead loads, if there are any, and one for each requested pressure."""
     out = io.StringIO()
     for text in (WRITTEN, *deck.remarks):
         out.write(f"** {text}\n")
@@ -61,14 +61,14 @@ def calculix(deck: Deck) -> str:
 
 
 def _write_step(out: TextIO, load: str) -> None:
-    """A step that applies a load; those of the steps before stay."""
+    """Write a step that applies a load; loads of earlier steps stay."""
     out.write("*STEP, NLGEOM, INC=400\n*STATIC\n0.1, 1., 1e-4, 0.2\n" + PATIENT + CLOSE)
     out.write(f"{load}*NODE FILE\nU\n")
     out.write("*NODE PRINT, NSET=PROBES, FREQUENCY=10000\nU\n*END STEP\n")
 
 
 def _forces(forces: npt.NDArray[np.float64]) -> str:
-    """Lines with the forces on nodes, from N."""
+    """Return the lines with the forces on nodes, from N."""
     lines = []
     for node, component in np.argwhere(np.abs(forces) > NOTHING * np.abs(forces).max()):
         lines.append(f"{node + 1}, {component + 1}, {1e6 * forces[node, component]:.12e}\n")
@@ -96,20 +96,20 @@ def _write_mesh(deck: Deck, out: TextIO) -> None:
 
 
 def _write_springs(deck: Deck, out: TextIO) -> None:
-    """Each spring with a table of its own: elements, and forces in uN by elongations in mm."""
+    """Write each spring with its own table: elements, and forces in uN over elongations in mm."""
     number = len(deck.mesh.cells)
     for part, (one, first) in enumerate(deck.grounds, 1):
         for begin, end, stretches, forces in one.elements:
             name, number = f"SPRING{part}_{end}", number + 1
             out.write(f"*ELEMENT, TYPE=SPRINGA, ELSET={name}\n{number}, {first + begin + 1}, {first + end + 1}\n")
-            # Blank lines are skipped: real numbers tell a table from the degrees of freedom of other springs.
+            # Blank lines are skipped: real numbers distinguish a table from the degrees of freedom of other springs.
             pairs = zip(1e6 * forces, 1e3 * stretches, strict=True)
             table = "".join(f"{force:.8e}, {stretch:.10e}\n" for force, stretch in pairs)
             out.write(f"*SPRING, ELSET={name}, NONLINEAR\n{table}")
 
 
 def _law(silicone: DeckSilicone) -> str:
-    """CalculiX's words for the silicone; W of it is (1/D) (J - 1)^2 in the volume."""
+    """Return CalculiX's material cards of the silicone, with volumetric energy (1/D) (J - 1)^2."""
     terms, d1 = silicone.invariant_terms, 2 / silicone.bulk
     if stretches := silicone.material.stretch_terms:
         factors = [value for mu, alpha in stretches for value in (mu * alpha / 2, alpha)]
@@ -119,7 +119,7 @@ def _law(silicone: DeckSilicone) -> str:
         return "*HYPERELASTIC, MOONEY-RIVLIN\n" + _lines([terms.get((1, 0), 0.0), terms.get((0, 1), 0.0), d1])
     if set(terms) <= {(1, 0), (2, 0), (3, 0)}:
         return "*HYPERELASTIC, YEOH\n" + _lines([*(terms.get((i, 0), 0.0) for i in (1, 2, 3)), d1, NO_TERM, NO_TERM])
-    raise CaseError(f"{silicone.material.name} has terms that CalculiX has no law for; write a .feb for FEBio")
+    raise CaseError(f"{silicone.material.name} has terms without a CalculiX law; write a .feb for FEBio")
 
 
 def _lines(values: list[float]) -> str:
@@ -130,6 +130,6 @@ def _lines(values: list[float]) -> str:
 
 
 def _cards(keyword: str, nodes: Iterable[int]) -> str:
-    """A set of nodes that count from 0; a line may hold at most 16."""
+    """Return a set of nodes that count from 0; a line may hold at most 16."""
     values = [str(int(node) + 1) for node in nodes]
     return f"{keyword}\n" + "".join(", ".join(values[at : at + 12]) + "\n" for at in range(0, len(values), 12))

@@ -1,4 +1,4 @@
-"""What a deck is written from: a case that another program can solve, and its mesh."""
+"""Data of a deck: a case that another program can solve, and its mesh."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ from softmodels.mechanics.system import System, nodal_forces
 from softmodels.path.program import begins_at_rest
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A silicone of a deck and the regions that it fills.
+# Materials of a deck and their regions.
 
 
 MAIN = "silicone"
@@ -92,26 +92,26 @@ class DeckSilicone:
     @property
     def bulk(self) -> float:
         """Bulk modulus in Pa."""
-        # Not `Material.bulk`, which is Lame's first constant where the shape part resists it too.
+        # Not `Material.bulk`, which is Lame's first constant if the shape part resists volume changes too.
         nu = self.material.poisson
         return 2 * self.material.shear_modulus_0 * (1 + nu) / (3 * (1 - 2 * nu))
 
     @property
     def remarks(self) -> list[str]:
-        """What a reader has to know of it, sentences."""
+        """Remarks on the material, as sentences."""
         found = [
             f"{self.name}: {self.material}",
             f"{self.name}: energy of the isochoric stretches' shape + K/2 (J - 1)^2, K = {self.bulk:.6g} Pa",
         ]
         if not self.material.isochoric:
             found.append(
-                f"{self.material.name}: softmodels' energy is of the whole stretches, this one of the isochoric ones; they are "
-                "the same as Poisson's ratio goes to 0.5"
+                f"{self.material.name}: softmodels' energy uses the full stretches, this one the isochoric ones; "
+                "they agree as Poisson's ratio approaches 0.5"
             )
         return found
 
     def check(self, where: str) -> None:
-        """Refuse a law that no deck has.
+        """Reject a law that no deck supports.
 
         Args:
             where: What a sentence begins with.
@@ -122,18 +122,17 @@ class DeckSilicone:
         material = self.material
         if not (material.invariant_terms or material.stretch_terms):
             raise CaseError(
-                f"{where}{material.name} is a law that neither CalculiX nor FEBio has; fit or name one of Mooney-Rivlin, Yeoh "
-                "or Ogden"
+                f"{where}{material.name} is a law of neither CalculiX nor FEBio; use Mooney-Rivlin, Yeoh or Ogden"
             )
         if math.isinf(material.bulk):
             raise CaseError(
-                f"{where}poisson = 0.5 is incompressible and the decks' cells have displacements alone; take poisson = 0.49 in "
-                "both"
+                f"{where}poisson = 0.5 is incompressible, but the decks' cells have displacements only; use "
+                "poisson = 0.49 in both"
             )
 
 
 def silicones_of(material: Material, components: Iterable[object], regions: Iterable[str]) -> tuple[DeckSilicone, ...]:
-    """The materials of a device, its main one first, which fills what no part names.
+    """Return the materials of a device; the first, its main one, fills all cells without a region.
 
     Args:
         material: The main one.
@@ -147,11 +146,11 @@ def silicones_of(material: Material, components: Iterable[object], regions: Iter
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How a deck's nodes may move: held, tied to others, or with a rigid part.
+# Constraints of a deck's nodes: held, tied to others, or moving with a rigid part.
 #
-# A rigid part's nodes are held by the part alone, whatever else they lie on: its motions are those that cut planes and supports
-# leave it (`softmodels.mechanics.rigid`), and other programs refuse a dof that two conditions hold. A part that does not turn
-# is written as linear equations between its nodes; one that turns has two nodes of its own, for its place and for its rotation.
+# A rigid part's nodes are constrained by the part only, whatever else they lie on: its motions are those that cut planes and
+# supports leave it (`softmodels.mechanics.rigid`), and other programs reject a dof with two constraints. A part that does not
+# rotate becomes linear equations between its nodes; a rotating one has two extra nodes, for position and rotation.
 
 
 Terms = dict[tuple[int, int], float]
@@ -159,7 +158,7 @@ Terms = dict[tuple[int, int], float]
 
 @dataclasses.dataclass(frozen=True)
 class Tie:
-    """A displacement that is a sum of others.
+    """A displacement that is a linear combination of others.
 
     Attributes:
         node, component: Which it is.
@@ -190,7 +189,7 @@ class Rigged:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Supports:
-    """What holds a deck's nodes.
+    """Supports of a deck's nodes.
 
     Attributes:
         held: Held displacements: component (0 to 2) and nodes at which it vanishes, no node twice for a component.
@@ -206,7 +205,7 @@ class Supports:
 
 
 def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, Freedom]) -> Supports:
-    """What holds the nodes of a case's mesh.
+    """Return the supports of a case's mesh.
 
     Args:
         case: The case.
@@ -243,12 +242,13 @@ def supports_of(case: Case, mesh: MeshArrays, freedoms: Mapping[str, Freedom]) -
 
 
 def _within(mesh: MeshArrays, region: str) -> Ints:
-    """Nodes of a region's cells."""
+    """Return the nodes of a region's cells."""
     return np.unique(mesh.cells[mesh.regions[region]])
 
 
 def _held_directions(case: Case, mesh: MeshArrays) -> Array:
-    """Directions that cut planes, the device's own supports and clamps hold at each node, shape (n, k, 3), k at least 3."""
+    """Return the directions that cut planes, the device's own supports and clamps hold at each node, shape (n, k, 3), k at
+    least 3."""
     device, rows = case.actuator, np.zeros((len(mesh.points), 3, 3))
     for role, direction in [
         *((plane.name, plane.normal) for plane in device.cut_planes),
@@ -262,12 +262,13 @@ def _held_directions(case: Case, mesh: MeshArrays) -> Array:
 
 
 def _left(node: int, ways: Array) -> list[Tie]:
-    """What leaves a node the displacements along orthonormal ways alone, shape (k, 3); one without terms vanishes."""
+    """Return the ties that leave a node only displacements along orthonormal directions, shape (k, 3); one without terms
+    vanishes."""
     return _solved_at(node, np.eye(3) - ways.T @ ways)
 
 
 def _as_one(nodes: Ints, place: int, ways: Array) -> Iterator[Tie]:
-    """What lets nodes move as one of them does, along orthonormal ways alone, shape (k, 3)."""
+    """Yield the ties that make nodes move together, only along orthonormal directions, shape (k, 3)."""
     found = {tie.component: tie.terms for tie in _left(place, ways)}
     terms = [found.get(i, {(place, i): 1.0}) for i in range(3)]
     for node in nodes:
@@ -283,7 +284,7 @@ def _solved_at(node: int, rows: Array) -> list[Tie]:
 
 
 def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
-    """Components that vanish, or depend on others, where some directions are held: the reduced row echelon form.
+    """Return the components that vanish, or depend on others, if some directions are held (reduced row echelon form).
 
     Args:
         rows: Held directions, shape (k, 3).
@@ -314,9 +315,9 @@ def solved(rows: Array) -> list[tuple[int, dict[int, float]]]:
 # ----------------------------------------------------------------------------------------------------------------------
 # Springs of a deck: energies of one length at integration points, as `pressing` and `threads` make them.
 #
-# Each begins at a node that stands still, or gives way along a line, and ends at a node of its own, whose displacements are
-# sums of those of a cell's or a facet's nodes. Its force is the energy's derivative by the length, in a table: nothing is lost
-# but what lies between entries.
+# Each starts at a fixed node, or one that slides along a line, and ends at an extra node whose displacements are linear
+# combinations of those of a cell's or facet's nodes. Its force is the energy's derivative by the length, in a table: the only
+# error is interpolation.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -370,12 +371,12 @@ class Springs:
 
     @property
     def places(self) -> Array:
-        """Of its own nodes in m: the beginning, the ends, and of a slide what moves on it and what holds that, shape (k, 3)."""
+        """Positions in m of its own nodes, shape (k, 3): beginning, ends, and of a slide the moving point and its support."""
         slide = [] if self.slide is None else [self.ground, self.ground - self.slide.length * self.slide.along]
         return np.vstack([self.ground, self.ends, *slide])
 
     def ties(self, first: int) -> list[Tie]:
-        """What moves its own nodes; a displacement without terms is held.
+        """Return what moves its own nodes; a displacement without terms is held.
 
         Args:
             first: Number of the beginning's node.
@@ -394,7 +395,7 @@ class Springs:
 
     @property
     def elements(self) -> Iterator[tuple[int, int, Array, Array]]:
-        """Of each spring the places of its ends among `places`, elongations in m and forces in N."""
+        """For each spring, the places of its ends among `places`, elongations in m and forces in N."""
         for k, (stretches, forces) in enumerate(zip(self.stretches, self.forces, strict=True), 1):
             yield 0, k, stretches, forces
         if self.slide is not None:
@@ -402,7 +403,7 @@ class Springs:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Contact as springs: one for each integration point of the stopped faces, with the same energy of its depth.
+# Contact as springs: one per integration point of the contact faces, with the same energy over penetration.
 #
 # Contact's energy is a function of the distance of integration points to a plane, a point or a line (see
 # `softmodels.components.contact` and `softmodels.components.contact`). That is the length of a spring from there to the point,
@@ -410,18 +411,18 @@ class Springs:
 
 
 SHAPES = ("sphere", "cylinder", "plane")
-"""Shapes that are as far away as a point or a straight line is, less a radius."""
+"""Shapes whose distance is that of a point or a straight line, minus a radius."""
 ENTRIES, HARD_ENTRIES = 40, 20
-"""Of a table over the depth in which contact sets in, and over that in which a shape grows harder."""
+"""Table entries over the penetration in which contact sets in, and over that in which a shape stiffens."""
 SETTLED, LIFTED = 8.0, 80
-"""Ways over which a weight is lifted, in those that it is rounded over, and entries of a table over them."""
+"""Range of lift of a weight, in units of its rounding length, and number of table entries over it."""
 AWAY = 10.0
-"""Distance in sizes of the device up to which tables go, where nothing presses."""
+"""Table range on the open side, in sizes of the device."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ContactStop:
-    """What stops faces, lengths in sizes of the device.
+    """A contact obstacle, lengths in sizes of the device.
 
     Attributes:
         label: Its name in the deck.
@@ -447,7 +448,7 @@ class ContactStop:
 
 
 def pressing(system: System, mesh: MeshArrays, components: Sequence[Component]) -> list[Springs]:
-    """The springs of a device's contact.
+    """Return the springs of a device's contact.
 
     Args:
         system: The device's equations.
@@ -488,7 +489,7 @@ def _shape(shape: RigidShape, actuator: Actuator, gravity: Array) -> ContactStop
 
 
 def _slide(shape: RigidShape, actuator: Actuator, onto: Array, gravity: Array) -> Slide:
-    """What holds a shape that gives way, the slice's share of it."""
+    """Return the guide of a movable shape, for the modelled slice."""
     share, size = copies_around(actuator, shape.crossed(actuator)), actuator.size
     stand = Stand(
         shape.spring / share, contact_module.weight_against(shape, gravity) / share, contact_module.ONSET * size
@@ -521,7 +522,7 @@ def _contact_springs(stop: ContactStop, mesh: MeshArrays, size: float, stress: f
 
 
 def _row(onto: Array, nodes: npt.NDArray[np.int64], values: Array) -> Terms:
-    """What one component of an end's displacement is the sum of."""
+    """Return the linear combination for one displacement component of an end."""
     components = np.flatnonzero(np.abs(onto) > 1e-12)
     return {
         (int(node), int(i)): float(onto[i] * value)
@@ -531,16 +532,16 @@ def _row(onto: Array, nodes: npt.NDArray[np.int64], values: Array) -> Terms:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Fibres and yarns as springs: one for each integration point and family, with the same energy of its stretch.
+# Fibres and yarns as springs: one per integration point and family, with the same energy over stretch.
 #
 # A fibre along a has an energy of |F a|, and F a is a sum of the displacements of a cell's nodes, on a face of a facet's. So it
 # is the length of a spring whose end moves by that sum (`softmodels.components.fibres`, `softmodels.components.fibres`). A
-# fabric's two families of yarns are such fibres, as long as they do not contract each other and their shear costs nothing.
+# fabric's two families of yarns are such fibres if they neither contract each other nor resist shear.
 
 
 SMALLEST = 1e-4
 LONGEST, SHORTEST = 2.5, 0.3
-"""Stretches up to which tables go: their strains grow from `SMALLEST` on by the same factor."""
+"""Range of stretch of the tables: strains grow from `SMALLEST` by a constant factor."""
 LONGER, SHORTER = 100, 40
 """Entries of a table beyond a stretch of 1, and below."""
 
@@ -575,7 +576,7 @@ class Family:
 
 
 def threaded(part: object) -> list[Family]:
-    """The families of a part; none of one that is no thread, or that is more than its threads."""
+    """Return the thread families of a part; empty if it is not made of threads only."""
     if isinstance(part, Fibres):
         on_faces = part.stiffness > 0.0
         return [
@@ -592,7 +593,7 @@ def threaded(part: object) -> list[Family]:
 
 
 def threads(mesh: MeshArrays, components: Sequence[object], size: float) -> list[Springs]:
-    """The springs of a device's fibres and fabrics.
+    """Return the springs of a device's fibres and fabrics.
 
     Args:
         mesh: The mesh of its slice.
@@ -610,9 +611,9 @@ def _fibre_springs(family: Family, mesh: MeshArrays, size: float) -> Springs:
         if family.across:
             along = np.cross(normals, along)
     lengths = np.linalg.norm(along, axis=1)
-    laid = lengths > 1e-6  # elsewhere there is no such direction
+    laid = lengths > 1e-6  # the direction is undefined elsewhere
     along = along[laid] / lengths[laid, None]
-    # Of F a - a: what each node's displacement adds, in 1/m.
+    # contribution of each node's displacement to F a - a, in 1/m
     factors = np.einsum("kni,ki->kn", slopes[laid], along)
     terms = [_rows(own, size * one) for own, one in zip(nodes[laid], factors, strict=True)]
     stretches = np.concatenate(
@@ -631,14 +632,14 @@ def _fibre_springs(family: Family, mesh: MeshArrays, size: float) -> Springs:
 
 
 def _rows(nodes: Ints, factors: Array) -> tuple[Terms, Terms, Terms]:
-    """What the three components of an end's displacement are the sums of."""
+    """Return what the three components of an end's displacement are the sums of."""
     pairs = [(int(node), float(factor)) for node, factor in zip(nodes, factors, strict=True) if abs(factor) > 1e-12]
     x, y, z = ({(node, i): factor for node, factor in pairs} for i in range(3))
     return x, y, z
 
 
 type Points = tuple[Ints, Array, Array | None, Array, Array]
-"""Of each integration point its nodes, place, the face's normal, the slopes of the nodes' shape functions, volume or area."""
+"""Per integration point: nodes, place, face normal, shape function gradients, volume or area."""
 
 
 def _on_faces(family: Family, mesh: MeshArrays) -> Points:
@@ -674,11 +675,11 @@ def _in_regions(family: Family, mesh: MeshArrays) -> Points:
 
 
 WRITTEN = "written by softmodels"
-"""The mark of a deck: a file that bears it may be written again."""
+"""Mark of a deck: files with it may be overwritten."""
 LOADS = (LoadPart, Mass)
-"""Kinds of parts that are written as forces on nodes."""
+"""Kinds of parts written as nodal forces."""
 ALIKE = 1e-6
-"""Distance in sizes of the device below which two places are one node."""
+"""Distance relative to the device's size below which two places are the same node."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -738,12 +739,12 @@ class Deck:
 
     @functools.cached_property
     def _of_springs(self) -> list[Tie]:
-        """What moves the springs' nodes."""
+        """Ties of the springs' nodes."""
         return [tie for one, first in self.grounds for tie in one.ties(first)]
 
     @property
     def watched(self) -> dict[str, int]:
-        """Nodes by what they are: the device's probes, and what rigid parts follow."""
+        """Output nodes by label: the device's probes, and the reference nodes of rigid parts."""
         found = {
             name: int(np.linalg.norm(self.mesh.points - place, axis=1).argmin())
             for name, place in self.case.actuator.probes.items()
@@ -756,14 +757,14 @@ class Deck:
 
     @property
     def overlapping(self) -> str:
-        """That walls of the device pass through each other in the deck, a sentence; empty where none meet."""
+        """A sentence that walls overlap in the deck; empty if none meet."""
         if not any(isinstance(part, Walls) and not part.off for part in self.case.components):
             return ""
-        return "walls that meet press on each other in a run and pass through each other here: it has no such contact"
+        return "self-contact of walls is not exported: walls that touch in a run overlap here"
 
     @property
     def remarks(self) -> list[str]:
-        """What a reader has to know of the deck, sentences."""
+        """Remarks on the deck, as sentences."""
         case, names = self.case, ", ".join(self.mesh.faces)
         found = [
             f"{case.name}, {type(case.actuator).__name__}, one of {case.actuator.copies} equal slices",
@@ -778,12 +779,12 @@ class Deck:
 
 
 def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
-    """What is written of a case.
+    """Return the deck of a case.
 
     Args:
-        case: One that `check` does not refuse.
+        case: A case that passes `check`.
         mesh: The mesh file of its device.
-        system: The device's equations with displacements alone, on one rank; None where it needs none (`needs_equations`).
+        system: The device's equations with only displacements, on one rank; None if not needed (`needs_equations`).
 
     Raises:
         CaseError: Cells, or loads, that cannot be written.
@@ -791,7 +792,7 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
     """
     arrays = read_arrays(mesh)
     if arrays.cells.shape[1] == 4:
-        raise CaseError("the mesh has tetrahedra of 4 nodes, which lock in silicone; take cells of second order")
+        raise CaseError("the mesh has 4-node tetrahedra, which lock for silicone; use second-order cells")
     forces, springs, freedoms = None, tuple[Springs, ...](), dict[str, Freedom]()
     if system is not None:
         forces = _by_node(arrays, *nodal_forces(system)) if acting(case) else None
@@ -808,25 +809,25 @@ def deck_of(case: Case, mesh: Path, system: System | None = None) -> Deck:
 
 
 def _pressures(case: Case) -> Array:
-    """Requested pressures of each cavity in Pa, but those of the device at rest, shape (steps, cavities)."""
+    """Return the requested pressures of each cavity in Pa, without those of the device at rest, shape (steps, cavities)."""
     if case.program:
         return case.cm * np.array([series.values for series in case.program]).T[begins_at_rest(case.program) :]
     return np.outer([goal for goal in case.goals if goal > 0.0], case.actuator.ratios)
 
 
 def _check_apart(supports: Supports, springs: tuple[Springs, ...]) -> None:
-    """Refuse springs of nodes that turn with a rigid part: CalculiX 2.20 loses a part of their motion in equations."""
+    """Reject springs on nodes of a rotating rigid part: CalculiX 2.20 drops part of their motion in equations."""
     for part in supports.rigged:
         for one in springs:
             if part.turn is not None and not one.nodes.isdisjoint(part.nodes.tolist()):
                 raise CaseError(
-                    f"{one.label} acts on nodes of the rigid part {part.name}, which turns, and CalculiX gets that wrong: "
-                    "guide the part (kind = 'guided'), or name other faces"
+                    f"{one.label} acts on nodes of the rotating rigid part {part.name}, which CalculiX "
+                    f"solves wrongly: guide the part (kind = 'guided'), or name other faces"
                 )
 
 
 def needs_equations(case: Case) -> bool:
-    """Whether a deck says what the device's equations know: dead loads, what is held or rigid, or what presses."""
+    """Return whether a deck needs the device's equations: dead loads, supports, rigid parts or contact."""
     kinds = (Clamp, Rigid, RigidShape, Fibres, Fabric)
     return (
         bool(acting(case))
@@ -836,24 +837,24 @@ def needs_equations(case: Case) -> bool:
 
 
 def _by_node(mesh: MeshArrays, places: Array, forces: Array) -> Array:
-    """Forces in the order of a mesh's nodes."""
+    """Return the forces in the order of a mesh's nodes."""
     from scipy.spatial import cKDTree
 
     away, found = cKDTree(places).query(mesh.points)
     if away.max() > ALIKE * np.ptp(mesh.points, axis=0).max():
-        raise CaseError("nodes of the mesh are none of the equations': the dead loads cannot be written")
+        raise CaseError("the mesh and the equations have different nodes: the dead loads cannot be written")
     return forces[found]
 
 
 def acting(case: Case) -> list[str]:
-    """Dead loads by the names of their tables, without those whose amount would be a request's."""
+    """Return the dead loads by the names of their tables, without those of requested amount."""
     idle = [part for part in case.components if isinstance(part, LoadPart) and part.idle(case.components)]
     loads = [part for part in case.components if isinstance(part, LOADS) and part not in idle]
     return [load.where for load in loads if not isinstance(load, FaceLoad) or load.kept]
 
 
 def check(case: Case) -> None:
-    """Refuse what the decks have no words for.
+    """Reject cases that decks cannot express.
 
     Raises:
         CaseError: What, and what to do.
@@ -861,29 +862,29 @@ def check(case: Case) -> None:
     device = case.actuator
     if device.dimension != 3:
         raise CaseError(
-            f'the case has an axisymmetric section of {type(device).__name__}; write a deck of a solid one (section = "wedge")'
+            f'the case has an axisymmetric section of {type(device).__name__}; decks need a solid one (section = "wedge")'
         )
     pressed = case.program and all(series.key == "pressure_cm" for series in case.program)
-    if not (pressed or max(case.pressures_cm, default=0.0) > 0.0) or case.cycle:
+    if not (pressed or max(case.pressures_cm, default=0.0) > 0.0) or case.load_unload:
         raise CaseError(
-            f"the case asks for {case.load.requested.words}; a deck has pressures (pressure_cm), and no cycle"
+            f"the case asks for {case.load.requested.words}; a deck takes pressures (pressure_cm), and no unloading"
         )
     main, *others = silicones_of(case.material, case.components, device.regions)
     main.check("")
     for silicone in others:
         silicone.check(f"region {silicone.name}: ")
     for what in _unknown(case):
-        raise CaseError(f"the case has {what}, which is not written into decks; leave it out")
+        raise CaseError(f"the case has {what}, which decks do not support; leave it out")
 
 
 def _unknown(case: Case) -> Iterator[str]:
-    """What decks have no words for, by its name."""
+    """Yield the names of unsupported parts."""
     if any(isinstance(part, Sheet) for part in case.components):
         yield "a sheet"
     for part in case.components:
         if isinstance(part, RigidShape):
             if part.shape not in SHAPES:
-                yield f"{part.where} with a shape {part.shape!r}, where springs know {', '.join(SHAPES)}"
+                yield f"{part.where} with a shape {part.shape!r} (springs support {', '.join(SHAPES)})"
             if part.friction:
                 yield f"{part.where} with friction"
         elif isinstance(part, Fabric) and not threaded(part):

@@ -1,6 +1,6 @@
-"""A deck of FEBio (febio_spec 4.0). Lengths in mm, pressures in Pa, forces in uN.
+"""Write a deck for FEBio (febio_spec 4.0). Lengths in mm, pressures in Pa, forces in uN.
 
-Rigid parts that do not turn are linear constraints; one that turns is a rigid body without elements, whose nodes follow it.
+Rigid parts that do not rotate are linear constraints; a rotating one is a rigid body without elements, followed by its nodes.
 FEBio's "uncoupled" laws have the same isochoric energies; ``pressure_model`` 2 is K/2 (J - 1)^2 in the volume.
 """
 
@@ -27,13 +27,14 @@ from softmodels.decks.deck import (
 Node = ElementTree.Element
 
 FIRST_CAVITY = 2
-"""Number of the curve with its pressure."""
+"""Number of the pressure's load curve."""
 LARGEST_STEP = "0.1"
-"""Of the time; one pressure follows the other at 1."""
+"""Unit of time between requested pressures."""
 
 
 def febio(deck: Deck) -> str:
-    """The deck's text: time 1, 2, ... is at the requested pressures, in order; where there are dead loads, behind them."""
+    """Return the deck's text: time 1, 2, ... is at the requested pressures in order, after the dead loads
+    if any."""
     root = Node("febio_spec", version="4.0")
     for text in (WRITTEN, *deck.remarks):
         root.append(ElementTree.Comment(f" {text.replace('--', '- -')} "))
@@ -58,12 +59,12 @@ def febio(deck: Deck) -> str:
 
 
 def check_without_springs(case: Case) -> None:
-    """Refuse contact, fibres and fabrics too; see `softmodels.decks.deck.check`."""
+    """Also reject contact, fibres and fabrics; see `softmodels.decks.deck.check`."""
     check(case)
     sprung = [part.where for part in case.components if isinstance(part, (Obstacle, RigidShape, Fibres, Fabric))]
     if sprung:
         raise CaseError(
-            f"the case has {', '.join(sprung)}, which is written for CalculiX alone: name a file NAME.inp, or "
+            f"the case has {', '.join(sprung)}, which is supported for CalculiX only: name the file NAME.inp, or "
             "leave it out"
         )
 
@@ -82,9 +83,9 @@ def _curve(parent: Node, number: int, name: str, values: list[str]) -> None:
 
 
 def _curves(root: Node, deck: Deck) -> None:
-    """Curves over the time, whose numbers FEBio wants in order: largest steps, each cavity's pressure, then dead loads."""
+    """Write the load curves, numbered in order: largest steps, each cavity's pressure, then dead loads."""
     data, loaded, steps = ElementTree.SubElement(root, "LoadData"), deck.forces is not None, len(deck.pressures)
-    # FEBio's steps are as long as it likes; its curve of largest steps has the times that they do not pass.
+    # FEBio chooses its step lengths; the curve of largest steps holds the times to stop at.
     _curve(data, 1, "largest steps", [LARGEST_STEP] * (1 + loaded + steps))
     for number, (role, pressures) in enumerate(zip(deck.walls, deck.pressures.T, strict=True), FIRST_CAVITY):
         _curve(data, number, f"pressure {role}", [f"{p:.12e}" for p in (*[0.0] * (1 + loaded), *pressures)])
@@ -123,7 +124,7 @@ def _materials(root: Node, deck: Deck) -> None:
 
 
 def _law(silicone: DeckSilicone) -> tuple[str, dict[str, float]]:
-    """FEBio's name for a law and its parameters."""
+    """Return FEBio's name for a law and its parameters."""
     law, terms = silicone.material, silicone.invariant_terms
     if law.stretch_terms:
         names: dict[str, float] = {}
@@ -134,7 +135,7 @@ def _law(silicone: DeckSilicone) -> tuple[str, dict[str, float]]:
         return "Mooney-Rivlin", {"c1": terms.get((1, 0), 0.0), "c2": terms.get((0, 1), 0.0)}
     if all(j == 0 and i <= 6 for i, j in terms):
         return "Yeoh", {f"c{i}": value for (i, _), value in terms.items()}
-    raise CaseError(f"{law.name} has terms that FEBio has no law for; take Mooney-Rivlin, Yeoh or Ogden")
+    raise CaseError(f"{law.name} has terms without a FEBio law; use Mooney-Rivlin, Yeoh or Ogden")
 
 
 def _mesh(root: Node, deck: Deck) -> None:
@@ -184,7 +185,7 @@ def _boundary(root: Node, deck: Deck) -> None:
 
 
 def _moving_forces(deck: Deck) -> npt.NDArray[np.float64]:
-    """Dead loads in uN, shape (n, 3): those on tied displacements as what they are to the others.
+    """Return the dead loads in uN, shape (n, 3): those on tied displacements transferred to the others.
 
     FEBio puts forces on nodes into its equations as they are, without asking whether a displacement is tied.
     """
@@ -201,7 +202,7 @@ def _moving_forces(deck: Deck) -> npt.NDArray[np.float64]:
 
 
 def _mesh_data(root: Node, deck: Deck) -> None:
-    """Forces on all nodes by component, which `_loads` refers to."""
+    """Write the forces on all nodes by component, to which `_loads` refers."""
     if deck.forces is None:
         return
     data = ElementTree.SubElement(root, "MeshData")
@@ -225,13 +226,13 @@ def _loads(root: Node, deck: Deck) -> None:
 
 
 def _rigid(root: Node, deck: Deck) -> None:
-    """Motions that are left to rigid parts that turn."""
+    """Write the free motions of rotating rigid parts."""
     section = ElementTree.SubElement(root, "Rigid") if _turning(deck) else root
     for one in _turning(deck):
         if any(tie.node in (one.place, one.turn) for tie in deck.supports.tied):
             raise CaseError(
-                f"the rigid part {one.name} turns in a half that is cut along no plane of two axes, which FEBio's rigid bodies "
-                "do not; name a file NAME.inp, or model the whole device"
+                f"the rigid part {one.name} rotates in a half model whose cut is not a coordinate plane, which FEBio's rigid "
+                f"bodies do not support; name the file NAME.inp, or model the whole device"
             )
         condition = ElementTree.SubElement(section, "rigid_bc", name=f"{one.name}_left", type="rigid_fixed")
         _text(condition, "rb", _body(one))
@@ -241,18 +242,18 @@ def _rigid(root: Node, deck: Deck) -> None:
 
 
 def _turning(deck: Deck) -> list[Rigged]:
-    """Rigid parts that turn."""
+    """Return the rigid parts that rotate."""
     return [one for one in deck.supports.rigged if one.turn is not None]
 
 
 def _held(deck: Deck) -> dict[int, Ints]:
-    """Held displacements of the mesh's own nodes, by component; the others are not FEBio's."""
+    """Return the held displacements of the mesh's own nodes, by component, without the deck's extra nodes."""
     found = {component: nodes[nodes < len(deck.mesh.points)] for component, nodes in deck.held.items()}
     return {component: nodes for component, nodes in found.items() if len(nodes)}
 
 
 def _body(one: Rigged) -> str:
-    """Name of a rigid body's material."""
+    """Return the name of a rigid body's material."""
     return f"rigid_{one.name}"
 
 

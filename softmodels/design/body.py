@@ -1,4 +1,4 @@
-"""A device that is being designed, made ready to be solved and differentiated: equations, mesh motion, probes."""
+"""A device under design, ready to be solved and differentiated: equations, mesh motion, probes."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The linear operator that carries a mesh's inner nodes with its boundary's, and its transpose: an elastic solid.
+# Linear extension of boundary motion to inner mesh nodes by an elastic solid, and its transpose.
 
 
 POISSON = 0.3
-"""Of the solid."""
+"""Poisson's ratio of the solid."""
 AXIS = "axis"
-"""Role of the axis of a section, on which nodes slide as on a cut plane."""
+"""Role of a section's axis, on which nodes slide as on a cut plane."""
 
 
 class Extension:
-    """The linear operator E: places of the boundary's nodes to places of all, and its transpose.
+    """The linear operator E from positions of boundary nodes to those of all nodes, and its transpose.
 
     Args:
         body: The device, its mesh as it was made.
@@ -84,7 +84,7 @@ class Extension:
             * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
         )
         form = fem.form(a, jit_options=JIT)
-        # Both are kept: assembled anew, the stiffness would be that of the mesh where it has moved to.
+        # Both are stored, because a new assembly would use the moved mesh.
         self._free = assembled_matrix(form)
         self._matrix = assembled_matrix(form, self.bcs)
         self._matrix.setOption(PETSc.Mat.Option.SPD, True)  # type: ignore[arg-type]
@@ -102,7 +102,7 @@ class Extension:
         return ufl.sym(ufl.grad(self.body.displacement(z)))
 
     def _sliding(self, roles: Sequence[str]) -> list[tuple[int, str]]:
-        """The component of z = B u that vanishes on each plane of symmetry."""
+        """Return the component of z = B u that vanishes on each plane of symmetry."""
         return [
             (component, role)
             for role, components in self.body._held_components()
@@ -111,7 +111,7 @@ class Extension:
         ]
 
     def extend(self, shift: Array) -> Array:
-        """Displacement of all nodes (n, d) from that of the boundary's, shape (k, d)."""
+        """Return the displacement of all nodes (n, d) from that of the boundary's, shape (k, d)."""
         z = self._held.x
         z.array[:] = 0.0
         z.array.reshape(-1, self.dimension)[self.boundary] = shift @ self.body.skew.T
@@ -121,7 +121,8 @@ class Extension:
         return z.array.reshape(-1, self.dimension) @ self.body.skew_inverse.T
 
     def transposed(self, covector: Array) -> Array:
-        """The transpose of `extend`: what a covector on all nodes (flat, owners complete) is on the boundary's, shape (k, d).
+        """Apply the transpose of `extend`: map a covector on all nodes (flat, owners complete) to the boundary's,
+        shape (k, d).
 
         Rows of ghosts are zero: their owners have them.
         """
@@ -131,13 +132,13 @@ class Extension:
         return c.reshape(-1, self.dimension)[self.boundary] @ self.body.skew
 
     def _product(self, z: Array) -> Array:
-        """The stiffness without conditions times a vector; owned entries of both."""
+        """Return the stiffness without conditions times a vector; owned entries of both."""
         self._x.array_w[:] = z
         self._free.mult(self._x, self._b)
         return np.array(self._b.array_r)
 
     def _solve(self, force: Array) -> Array:
-        """The inner nodes' answer to a force, zero at conditions; owned entries."""
+        """Return the inner nodes' response to a force, zero at conditions; owned entries."""
         force = force.copy()
         force[held_dofs(self.bcs)] = 0.0
         self._b.array_w[:] = force
@@ -150,7 +151,7 @@ class Extension:
 
 
 def _stiffness(body: Body) -> fem.Function:
-    """One over each cell's volume (in shares of the mean): small cells keep their shape."""
+    """Return the inverse of each cell's volume, relative to the mean, so that small cells keep their shape."""
     import ufl
     from dolfinx import fem
 
@@ -167,20 +168,20 @@ def _stiffness(body: Body) -> fem.Function:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A mesh that follows a design: its boundary is carried to another device of the class, its inner nodes follow like a solid.
+# Mesh motion of a design: boundary nodes map to another device of the class, inner nodes follow like a solid.
 #
-# The nodes on the true boundary go where the device itself says (`Actuator.carried`), from the device b0 that the mesh was made
-# of to b(theta). The inner ones follow by one fixed linear operator E, an elastic solid on the mesh as it was made whose small
-# cells are the stiff ones (Tezduyar, Behr, Mittal, Johnson 1992, New methods in transient analysis, AMD-246):
+# Boundary nodes are mapped by the device itself (`Actuator.carried`), from the device b0 that the mesh was made
+# of to b(theta). The inner ones follow by one fixed linear operator E, an elastic solid on the initial mesh whose small
+# cells are stiffer (Tezduyar, Behr, Mittal, Johnson 1992, New methods in transient analysis, AMD-246):
 #
 #     x(theta) = x0 + E (b(theta) - b0)
 #
-# Nodes on a cut plane slide in it. Since E does not change, what is computed on these meshes is a smooth function of theta, and
-# its gradient by all parameters costs one transposed E: a boundary covector, and its products with db/dtheta.
+# Nodes on a cut plane slide in it. Because E is constant, results on these meshes are smooth functions of theta, and a
+# gradient by all parameters costs one transposed E: a boundary covector, and its products with db/dtheta.
 
 
 STEP = 1e-6
-"""Of the central differences of the boundary's places, in shares of the device's size (or of 1 for numbers and angles)."""
+"""Step of the central differences of boundary positions, relative to the device's size (or to 1 for numbers and angles)."""
 
 
 class MeshMotion:
@@ -210,7 +211,7 @@ class MeshMotion:
         self._volumes = self._cell_volumes()
 
     def _node_of_each_dof(self) -> npt.NDArray[np.int64]:
-        """The mesh's node that each block of dofs of the coordinate space belongs to."""
+        """Return the mesh's node that each block of dofs of the coordinate space belongs to."""
         found = np.empty(len(self.space.tabulate_dof_coordinates()), dtype=np.int64)
         found[self.space.dofmap.list.ravel()] = self.body.mesh.geometry.dofmaps[0].ravel()
         return found
@@ -222,15 +223,15 @@ class MeshMotion:
 
     @property
     def owned_entries(self) -> int:
-        """How many of them, the first ones, this rank owns."""
+        """Number of the first of them, owned by this rank."""
         return int(self.space.dofmap.index_map.size_local) * self.dimension
 
     def rest_places(self) -> Array:
-        """Dimensionless places of the owned nodes on the mesh as it was made, shape (n, 3)."""
+        """Return the dimensionless places of the owned nodes on the mesh as it was made, shape (n, 3)."""
         return self._places[self._nodes[: self.space.dofmap.index_map.size_local]]
 
     def now(self, node: int | npt.NDArray[np.int64]) -> Array:
-        """Dimensionless places of nodes of `space` on the mesh as it is now, shape (..., d)."""
+        """Return the dimensionless places of nodes of `space` on the current mesh, shape (..., d)."""
         return self.body.mesh.geometry.x[self._nodes[node], : self.dimension]
 
     # -- moving ---------------------------------------------------------------------------------------------------------
@@ -248,13 +249,14 @@ class MeshMotion:
         self.device = device
 
     def quality(self) -> float:
-        """Least ratio of a cell's Jacobian to its own on the mesh as it was made, over all ranks; 1 where nothing moved."""
+        """Return the least ratio of a cell's Jacobian to its own on the initial mesh, over all ranks; 1 if
+        nothing moved."""
         now = self._cell_volumes()
         ratio = float((now / self._volumes).min()) if now.size else np.inf
         return -largest(self.comm, -ratio)
 
     def _cell_volumes(self) -> Array:
-        """Signed Jacobians of the owned cells at some points, shape (cells, points)."""
+        """Return the signed Jacobians of the owned cells at some points, shape (cells, points)."""
         import basix
         import basix.ufl
 
@@ -269,7 +271,7 @@ class MeshMotion:
         return np.linalg.det(jacobians)
 
     def _in_mesh(self, points: Array) -> Array:
-        """Device coordinates (n, 3) as the mesh has them, (n, d)."""
+        """Return the device coordinates (n, 3) as the mesh has them, (n, d)."""
         return points if self.dimension == 3 else points[:, [0, 2]]
 
     def _carried(self, device: Actuator) -> Array:
@@ -278,7 +280,7 @@ class MeshMotion:
     # -- derivatives ----------------------------------------------------------------------------------------------------
 
     def boundary_velocities(self, names: Sequence[str]) -> dict[str, Array]:
-        """How the boundary's nodes move with each parameter at the present device, in m per SI unit, shape (n, d).
+        """Return the derivatives of the boundary nodes by each parameter at the current device, in m per SI unit, shape (n, d).
 
         Central differences of `Actuator.carried`; one-sided where the device does not exist on one side.
 
@@ -304,7 +306,7 @@ class MeshMotion:
         return (high - low) / ((a - b) * step)
 
     def gradient(self, covector: Array, velocities: dict[str, Array]) -> dict[str, float]:
-        """Derivatives of a quantity by the parameters, per their SI unit.
+        """Return the derivatives of a quantity by the parameters, per their SI unit.
 
         Args:
             covector: The quantity's derivative by the dimensionless places of the nodes, owned and ghosted dofs of `space`,
@@ -318,11 +320,11 @@ class MeshMotion:
         }
 
     def nodes_rate(self, velocity: Array) -> Array:
-        """Motion of all dimensionless nodes with one of `boundary_velocities`, shape (nodes of `space`, d)."""
+        """Return the motion of all dimensionless nodes with one of `boundary_velocities`, shape (nodes of `space`, d)."""
         return self._extension.extend(velocity / self.base.size)
 
     def compiled(self, form: ufl.Form) -> fem.Form:
-        """The compiled derivative of a form without arguments by the places of the nodes."""
+        """Return the compiled derivative of a form without arguments by the places of the nodes."""
         import ufl
         from dolfinx import fem
 
@@ -330,7 +332,7 @@ class MeshMotion:
         return fem.form(ufl.derivative(form, X, ufl.TestFunction(self.space)), jit_options=JIT)
 
     def assembled(self, form: fem.Form) -> Array:
-        """A form's vector over the dofs of `space`, complete on their owners."""
+        """Return a form's vector over the dofs of `space`, complete on their owners."""
         from dolfinx import fem, la
 
         b = fem.Function(self.space).x
@@ -339,12 +341,12 @@ class MeshMotion:
         return b.array
 
     def release(self) -> None:
-        """Give back what PETSc holds."""
+        """Release the PETSc objects."""
         self._extension.release()
 
 
 def scale_of(device: Actuator, name: str) -> float:
-    """What a change of a parameter is large or small beside: the device's size for lengths, 1 for numbers and angles."""
+    """Return the scale of a parameter: the device's size for lengths, 1 for numbers and angles."""
     return device.size if is_length(device, name) else 1.0
 
 
@@ -370,7 +372,7 @@ class DesignedBody:
         resting = fem.Function(system.space)
         self.rest_volume: ufl.Form = ufl.replace(system.potential.cavity_volume, {system.w: resting})
         self._rest_volume = system.form(self.rest_volume)
-        self.probes = Probes(self)  # now, while the mesh is as it was made
+        self.probes = Probes(self)  # now, before the mesh moves
         self._vectors: tuple[PETSc.Vec, PETSc.Vec] | None = None
 
     @functools.cached_property
@@ -385,22 +387,23 @@ class DesignedBody:
         return fem.Expression(self.strain.F, self.system.points, jit_options=JIT)
 
     def gradients(self) -> Array:
-        """Deformation gradients of the loaded state at the integration points, shape (cells, points, 3, 3)."""
+        """Return the deformation gradients of the loaded state at the integration points, shape (cells, points, 3, 3)."""
         system = self.system
         values = self._gradients.eval(system.body.mesh, system.cells)  # type: ignore[attr-defined]
         return np.asarray(values).reshape(len(system.cells), -1, 3, 3)
 
     def volume_at_rest(self) -> float:
-        """Dimensionless volume that the pressure works on, of the undeformed device as the mesh shows it now."""
+        """Return the dimensionless undeformed volume conjugate to the pressure, on the current mesh."""
         system, chambers = self.system, self.system.body.chambers
         return system.integral(self._rest_volume) + float(system.coupling.shares[: len(chambers)] @ chambers)
 
     def face_load(self, role: str) -> Array:
-        """A unit load along the lift, spread evenly over a role: owned entries; see `mechanics.face_load`."""
+        """Return a unit load along the lift, spread evenly over a role: owned entries; see `mechanics.face_load`."""
         return self.system.by_unknowns(face_load(self.system, role, self.system.body.actuator.lift)).copy()
 
     def answer(self, force: Array) -> Array:
-        """K^-1 times a force with the factorisation at hand, refined once on the K that was factorised; owned entries."""
+        """Return K^-1 times a force with the current factorisation, refined once on the factorised K;
+        owned entries."""
         bordered, K = self.solver.bordered, self.system.K
         if self._vectors is None:
             self._vectors = K.createVecRight(), K.createVecRight()
@@ -408,7 +411,7 @@ class DesignedBody:
         b.array_w[:] = force
         bordered.solve(b, x)
         found = np.array(x.array_r)
-        if not bordered.inverse.exact:  # iterations have gone to their tolerance, with the state's own tangent
+        if not bordered.inverse.exact:  # iterations have converged, with the state's own tangent
             return found
         K.mult(x, b)
         b.array_w[:] = force - b.array_r
@@ -416,7 +419,7 @@ class DesignedBody:
         return found + x.array_r
 
     def release(self) -> None:
-        """Give back what PETSc and MPI hold."""
+        """Release the PETSc and MPI objects."""
         for vector in self._vectors or ():
             vector.destroy()
         self.motion.release()
@@ -424,7 +427,7 @@ class DesignedBody:
 
 
 class Probes:
-    """The device's named points: vertices of the mesh that every design has.
+    """The device's named points, which are vertices of every design's mesh.
 
     Args:
         design: The device, its mesh as it was made.
@@ -445,24 +448,24 @@ class Probes:
             self._nodes[name] = self._owner(there, np.asarray(place))
 
     def _owner(self, places: Array, point: Array) -> int | None:
-        """Local index of the one of the owned ``places`` (of the mesh) at a device point, if this rank owns it."""
+        """Return the local index of the one of the owned ``places`` (of the mesh) at a device point, if this rank owns it."""
         system = self.system
         device = system.body.actuator.device_points(places * system.length_unit)
         distance = np.linalg.norm(device - point, axis=1)
         near = float(distance.min()) if len(distance) else np.inf
         closest = -largest(system.comm, -near)
         if closest > 1e-6 * system.length_unit:
-            raise RuntimeError("a probe of the device is no vertex of its mesh")
+            raise RuntimeError("a probe of the device is not a vertex of its mesh")
         return int(np.argmin(distance)) if near == closest else None
 
     def place(self, name: str) -> Array:
-        """Where it is undeformed, device coordinates in m, shape (3,), on all ranks."""
+        """Return where it is undeformed, device coordinates in m, shape (3,), on all ranks."""
         node = self._nodes[name]
         x = np.zeros(self.design.motion.dimension) if node is None else self.design.motion.now(node)
         return self._everywhere(self._device(x * self.system.length_unit))
 
     def displacement(self, name: str) -> Array:
-        """Its displacement in the state that is loaded, m, shape (3,), on all ranks."""
+        """Return its displacement in the loaded state, m, shape (3,), on all ranks."""
         dofs, system = self._dofs[name], self.system
         d = self.design.motion.dimension
         w = np.zeros(d) if dofs is None else system.w.x.array[dofs]

@@ -1,4 +1,4 @@
-"""The folder of an optimisation: every trial is in it as soon as it is known, and the best design so far."""
+"""The folder of an optimisation: stores every trial at once, and the best design so far."""
 
 from __future__ import annotations
 
@@ -34,14 +34,16 @@ TABLE, DESIGN, START = "iterates.csv", "design.toml", "start.toml"
 
 
 def identity(problem: DesignProblem) -> dict[str, str]:
-    """What decides the values of a problem's designs, by what a person calls it."""
+    """Return all input that the values of a problem's designs depend on, by display name."""
     case = problem.case
     keeps = [(keep.quantity.key, keep.at_least, keep.at_most) for keep in problem.limits]
     errors = problem.errors
     return {
         "the case": case.to_toml(),
         "the free parameters": repr([(one.name, one.low, one.high) for one in problem.free]),
-        "what is asked for": repr((problem.objective, [(term.quantity.key, term.weight) for term in problem.terms])),
+        "the objective and limits": repr(
+            (problem.objective, [(term.quantity.key, term.weight) for term in problem.terms])
+        ),
         "the limits": repr(keeps),
         "the tolerances": repr(sorted(problem.spreads.items())),
         "the material's errors": repr(None if errors is None else (errors.names, errors.matrix.tolist())),
@@ -92,15 +94,15 @@ class DesignFolder:
         return self.own.path
 
     def _take_up(self) -> bool:
-        """Read the earlier trials; whether there are any."""
+        """Read the earlier trials; return whether there are any."""
         before = self.own.about.get("inputs")
         if before is None:
             return False
         for name, value in self._identity.items():
             if before.get(name) != value:
                 raise DesignError(
-                    f"{self.path} holds designs of another problem: {name} changed; run without --resume, or take another "
-                    "folder (--output)"
+                    f"{self.path} holds designs of another problem: {name} changed; run without --resume, "
+                    f"or use another folder (--output)"
                 )
         for number in range(1, 100000):
             file = self.path / ITERATES / f"{number:04d}.json"
@@ -129,11 +131,11 @@ class DesignFolder:
         trial = trials[-1]
         names = [f"{trial.number:04d}.json", f"{trial.number:04d}.toml"]
         self._iterates.claim(names)
-        with contextlib.suppress(GeometryError):  # a trial that is no device has no case
+        with contextlib.suppress(GeometryError):  # an invalid device has no case
             replace_text(self.path / ITERATES / names[1], case_text(self.problem, case_of(self.problem, trial)))
         replace_text(self.path / ITERATES / names[0], trial.to_json())
         replace_text(self.path / TABLE, table(self.problem, trials, form))
-        # Values of one mesh are compared alone: those of the one before may keep limits that are passed on a fresh one.
+        # Compare only values of one mesh: those of the previous one may satisfy limits that are violated on a fresh one.
         if form is None:
             return
         best = form.best([one for one in trials if one.mesh == trial.mesh])
@@ -141,7 +143,7 @@ class DesignFolder:
             self._write_best(best)
 
     def settle(self, best: Trial, trials: Sequence[Trial]) -> Path:
-        """Write the design that an optimisation ends with; its folder."""
+        """Write the final design of an optimisation; return its folder."""
         if trials and not self._new:
             self._write_best(best)
         return self.path
@@ -162,12 +164,12 @@ class DesignFolder:
                     aside.write_bytes(content)
 
     def leave(self) -> None:
-        """Let go of it."""
+        """Release the folder."""
         self.own.leave()
 
 
 def table(problem: DesignProblem, trials: Sequence[Trial], form: Formulation | None) -> str:
-    """``iterates.csv``: one row per trial, units in the heads of the columns."""
+    """Return ``iterates.csv``: one row per trial, units in the heads of the columns."""
     keys: dict[str, tuple[str, float]] = {}
     for trial in trials:
         for asked in problem.quantities:
@@ -198,15 +200,16 @@ def table(problem: DesignProblem, trials: Sequence[Trial], form: Formulation | N
 
 
 def line(problem: DesignProblem, trial: Trial, form: Formulation | None, left: float | None) -> str:
-    """A trial in one line, for the terminal."""
+    """Return a trial in one line, for the terminal."""
     head = f"design {trial.number:3d} (start {trial.start})"
     if trial.failed or form is None:
-        return f"{head}  {trial.failure or 'judged'}{'' if trial.number == 1 else '; stepping back'}  {trial.seconds:.1f} s"
+        more = "" if trial.number == 1 else "; retrying with a shorter step"
+        return f"{head}  {trial.failure or 'evaluated'}{more}  {trial.seconds:.1f} s"
     asked = problem.terms[0].quantity
     worst, row = form.worst(trial)
     limits = "no limits"
     if row is not None:
-        limits = f"{'VIOLATED' if worst > KEPT else 'kept'}: {row.compared(trial.values[row.key], worst)}"
+        limits = f"{'VIOLATED' if worst > KEPT else 'satisfied'}: {row.compared(trial.values[row.key], worst)}"
     rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
     return (
         f"{head}  {label(asked, problem.case.cm)} {in_words(asked, form.objective(trial), 5)}  "

@@ -1,4 +1,4 @@
-"""A problem in numbers of size one: parameters from 0 to 1, quantities by their limits, limits kept below zero."""
+"""Scaled design problem: parameters from 0 to 1, quantities relative to their limits, constraints c <= 0."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from softmodels.design.quantities.base import DesignQuantity
 from softmodels.design.trials import Squares, Trial
 
 ZERO = 0.01
-"""Least length in sizes of the device that a length's violation is counted in where its limit is 0."""
+"""Minimum scale of a length's violation, relative to the device's size, if its limit is 0."""
 KEPT = 1e-9
-"""Share of a limit up to which it counts as kept: rounding."""
+"""Relative tolerance of a limit, for rounding."""
 INSIDE = 2e-4
-"""Share of a limit that the search stays inside of it, so that what it ends with really keeps it."""
+"""Relative safety margin to a limit in the search, so that its end satisfies the limit."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,12 +54,13 @@ class ConstraintRow:
         return f"{self.words} {'at most' if self.sign > 0 else 'at least'} {in_words(self.keep.quantity, self.limit)}"
 
     def compared(self, value: float, violation: float) -> str:
-        """A value beside the limit, such as ``limit margin 1.249 < 1.25``, with as many digits as it takes to tell them apart.
+        """Return a value compared with the limit, such as ``limit margin 1.249 < 1.25``, with enough digits to distinguish
+        them.
 
         Args:
             value: SI unit.
             violation: How far the limit is passed, in its scale; below zero where it is kept. It is judged with an allowance
-                for tolerances and for other meshes, which is added where the value alone would not show it.
+                for tolerances and for other meshes, which is added where only the value would not show it.
         """
         asked = self.keep.quantity
         judged = self.limit + self.sign * violation * self.scale
@@ -77,14 +78,14 @@ class ConstraintRow:
 
 @dataclasses.dataclass(frozen=True)
 class Scaled:
-    """A design in scaled numbers: f to be made small, every c at most zero, and their slopes by the scaled parameters."""
+    """A scaled design: objective f, constraints c <= 0, and their gradients by the scaled parameters."""
 
     f: float
     df: Array
     c: Array
     dc: Array
     fresh: bool = False
-    """Whether its mesh is another than that of the designs before."""
+    """Whether its mesh differs from that of the designs before."""
 
 
 class Formulation:
@@ -121,32 +122,33 @@ class Formulation:
     # -- between scaled and SI ------------------------------------------------------------------------------------------
 
     def theta(self, x: Array) -> Array:
-        """Values of the problem's `names` in SI units of scaled parameters."""
+        """Return the values of the problem's `names` in SI units of scaled parameters."""
         ends = np.where(x >= 1.0, self.low + self.width, self.low + x * self.width)
         return np.concatenate([np.where(x <= 0.0, self.low, ends), self.rest])
 
     def x(self, theta: Array) -> Array:
-        """The reverse."""
+        """Return the reverse."""
         return np.asarray((theta[: len(self.low)] - self.low) / self.width)
 
-    # -- what a trial is worth --------------------------------------------------------------------------------------------
+    # -- objective and limits of a trial
+    # --------------------------------------------------------------------------------------------
 
     def objective(self, trial: Trial) -> float:
-        """Value of what is made large or small, SI unit."""
+        """Return the objective in its SI unit."""
         return sum(term.weight * trial.values[term.quantity.key] for term in self.problem.terms)
 
     def _slope(self, trial: Trial) -> Array:
-        """Its gradient by the free parameters."""
+        """Return its gradient by the free parameters."""
         count = len(self.problem.free)
         parts = [term.weight * np.asarray(trial.gradients[term.quantity.key])[:count] for term in self.problem.terms]
         return np.asarray(np.sum(parts, axis=0))
 
     def allowances(self, trial: Trial) -> Array:
-        """What tolerances and the material's errors take of each limit with 95 %, SI units, shape (rows,)."""
+        """Return the 95 % allowances of each limit for tolerances and the material's errors, SI units, shape (rows,)."""
         return np.array([SURE * self.spread.sigma(trial, row.key) for row in self.rows])
 
     def violations(self, trial: Trial, allowances: Array | None = None) -> Array:
-        """How far each limit is passed, in its scale; below zero where it is kept. Shape (rows,)."""
+        """Return the violation of each limit, in its scale; negative if satisfied. Shape (rows,)."""
         taken = self.allowances(trial) if allowances is None else allowances
         values = {}
         for row in self.rows:
@@ -155,7 +157,7 @@ class Formulation:
         return self.passed(values, taken) + self.safety
 
     def passed(self, values: Mapping[str, float], allowances: Array) -> Array:
-        """How far values pass each limit, in its scale; shape (rows,)."""
+        """Return the violation of each limit by given values, in its scale; shape (rows,)."""
         return np.array(
             [
                 (row.sign * (values[row.key] - row.limit) + allowance) / row.scale
@@ -164,7 +166,8 @@ class Formulation:
         )
 
     def corrected(self, trial: Trial, confirmed: Mapping[str, float], safety: Array) -> Formulation:
-        """The same with limits on values as a fresh mesh has them, known of one design: others differ by the same factor.
+        """Return the same with limits corrected to a fresh mesh, by the ratio known for
+        one design.
 
         Where the limit is 0, such as on a gap, they differ by the same amount, since a factor would leave it where it is.
 
@@ -184,7 +187,7 @@ class Formulation:
         return made
 
     def worst(self, trial: Trial) -> tuple[float, ConstraintRow | None]:
-        """The largest violation and its limit."""
+        """Return the largest violation and its limit."""
         if not self.rows:
             return 0.0, None
         found = self.violations(trial)
@@ -192,11 +195,11 @@ class Formulation:
         return float(found[k]), self.rows[k]
 
     def feasible(self, trial: Trial) -> bool:
-        """Whether it could be judged and keeps every limit."""
+        """Return whether it was evaluated and satisfies every limit."""
         return not trial.failed and self.worst(trial)[0] <= KEPT
 
     def scaled(self, trial: Trial, allowances: Array, fresh: bool = False) -> Scaled:
-        """The search's numbers, with fixed allowances: the derivative of a standard deviation is left out."""
+        """Return the scaled design with fixed allowances, without the derivative of a standard deviation."""
         count = len(self.problem.free)
         slopes = [row.sign / row.scale * np.asarray(trial.gradients[row.key])[:count] * self.width for row in self.rows]
         sign = self.problem.sign / self.size
@@ -207,7 +210,8 @@ class Formulation:
         )  # fmt: skip
 
     def better(self, trial: Trial, than: Trial | None) -> bool:
-        """Whether a design is to be preferred: one that keeps all limits, then the objective, then the least violation."""
+        """Return whether a design is better: first by feasibility, then by the objective, then by the
+        smallest violation."""
         if than is None or than.failed:
             return not trial.failed
         if trial.failed:
@@ -220,7 +224,7 @@ class Formulation:
         return self.worst(trial)[0] < self.worst(than)[0]
 
     def best(self, trials: list[Trial]) -> Trial | None:
-        """The best of some trials; None if none could be judged."""
+        """Return the best of some trials; None if none could be evaluated."""
         found: Trial | None = None
         for trial in trials:
             if not trial.failed and self.better(trial, found):
@@ -235,7 +239,7 @@ def _value(problem: DesignProblem, name: str) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What is asked of a design, and what is answered.
+# Requested quantities of a design, and their values.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -252,17 +256,17 @@ class Judged:
     gradient: Array
     by_material: dict[str, float]
     squares: Squares | None = None
-    """Of a target that is to be followed."""
+    """Residuals of a target."""
 
     def times(self, factor: float) -> Judged:
-        """The quantity times a number."""
+        """Return the quantity times a number."""
         by_material = {name: factor * rate for name, rate in self.by_material.items()}
         return Judged(factor * self.value, factor * self.gradient, by_material)
 
 
 @dataclasses.dataclass(frozen=True)
 class EvaluationRequest:
-    """What is asked of a design.
+    """Quantities requested of a design.
 
     Attributes:
         names: The parameters that are free.
@@ -280,5 +284,5 @@ class EvaluationRequest:
 
     @property
     def working(self) -> float:
-        """The highest pressure in Pa at which the device is judged; 0 for none."""
+        """The highest pressure in Pa at which the device is evaluated; 0 for none."""
         return max((load.value for load in self.loads if load.kind == PRESSURE), default=0.0)

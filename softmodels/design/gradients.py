@@ -1,4 +1,4 @@
-"""Gradients of quantities at states of equilibrium, by adjoints: one back-substitution for each, however many parameters.
+"""Adjoint gradients of quantities at equilibrium states: one back-substitution each, for any number of parameters.
 
 A state (w, P) satisfies R(w, P; theta) = 0 and the line a V + b P = d of its load. With
 
@@ -6,8 +6,8 @@ A state (w, P) satisfies R(w, P; theta) = 0 and the line a V + b P = d of its lo
         [ -q^T  b  ] [ eta    ] = [ dj/dP ]
 
 the whole derivative is dj/dtheta - lambda . dR/dtheta - eta d(aV + bP - d)/dtheta (Michaleris, Tortorelli & Vidal 1994, doi
-10.1002/nme.1620371408). For shapes theta is the places X of the mesh's nodes: lambda . dR/dX is a covector that one assembly
-makes, and its product with each parameter's motion of the mesh is the derivative. At a limit point of the pressure K v = 0,
+10.1002/nme.1620371408). For shapes theta is the places X of the mesh's nodes: lambda . dR/dX is a covector from one
+assembly, whose product with each parameter's mesh motion is the derivative. At a limit point of the pressure K v = 0,
 and dP/dtheta = (v . dR/dtheta) / (v . q).
 """
 
@@ -39,14 +39,14 @@ if TYPE_CHECKING:
 
 
 STEP = 1e-5
-"""Of the differences by the material's numbers at fixed unknowns, in shares of each."""
+"""Relative step of the differences by material parameters at fixed unknowns."""
 CENTRAL = {1.0: 0.5, -1.0: -0.5}
 BACKWARD = {0.0: 1.5, -1.0: -2.0, -2.0: 0.5}
 _NONE: Mapping[str, float] = {}
 
 
 class Adjoint:
-    """Whole derivatives of quantities on a meshed device.
+    """Total derivatives of quantities on a meshed device.
 
     Args:
         design: The device.
@@ -64,7 +64,7 @@ class Adjoint:
         self._sensitivity = Sensitivity(self.solver)
 
     def prepare(self, state: State) -> None:
-        """Factorise the tangent at a state; the gradients that follow are of this one."""
+        """Factorise the tangent at a state, for the following gradients."""
         self.solver.factorise(state)
         self._state = state
         self._tangent_load = np.array(self.solver.bordered.q.array_r)
@@ -72,13 +72,13 @@ class Adjoint:
 
     @property
     def _opened(self) -> Array:
-        """The prepared state's answer to a unit pressure, which is asked for only where a volume is kept."""
+        """The prepared state's response to a unit pressure, needed only at constant volume."""
         if self._lifted is None:
             self._lifted = self.design.answer(self._tangent_load)
         return self._lifted
 
     def multipliers(self, slopes: Slopes, kind: str) -> tuple[Array, float]:
-        """lambda (owned entries) and eta of a quantity at the prepared state, for a load of a kind."""
+        """Return lambda (owned entries) and eta of a quantity at the prepared state, for a load of a kind."""
         if slopes.w is None and not slopes.P:
             return np.zeros(self.system.n), 0.0
         q, comm = self._tangent_load, self.system.comm
@@ -91,7 +91,7 @@ class Adjoint:
         return lam, slopes.P + total(comm, float(q @ lam))
 
     def covector(self, lam: Array) -> Array:
-        """lambda . dR/dX over the mesh's nodes at the state that is loaded."""
+        """Return lambda . dR/dX over the mesh's nodes at the loaded state."""
         self._set(lam)
         return sum((self.design.motion.assembled(form) for form in self._forces), np.zeros(self.design.motion.entries))
 
@@ -103,7 +103,7 @@ class Adjoint:
     def gradient(
         self, slopes: Slopes, kind: str, velocities: Mapping[str, Array], materials: Mapping[str, float] = _NONE
     ) -> tuple[dict[str, float], dict[str, float]]:
-        """Whole derivatives of a quantity at the prepared state.
+        """Return the whole derivatives of a quantity at the prepared state.
 
         Args:
             slopes: Its partial ones.
@@ -141,7 +141,8 @@ class Adjoint:
         return motion, [system.form(ufl.derivative(force, X, motion)) for force in system.potential.forces]
 
     def rates(self, kind: str, velocity: Array) -> tuple[Array, Array]:
-        """How the prepared state follows a parameter: its unknowns, with ghosts, and the mesh's nodes, shape (nodes, d).
+        """Return the derivative of the prepared state by a parameter: its unknowns, with ghosts, and the mesh's nodes, shape
+        (nodes, d).
 
         One back-substitution, for quantities with more values than there are parameters.
 
@@ -163,13 +164,14 @@ class Adjoint:
         return self._lambda.x.array.copy(), nodes
 
     def by_material(self, measure: Measure, names: Sequence[str]) -> dict[str, float]:
-        """Partial derivatives of a quantity by the material's numbers at the unknowns that are loaded: central differences."""
+        """Return the partial derivatives of a quantity by the material parameters at the loaded unknowns, by
+        central differences."""
         system, state = self.system, self._state
         material, found = system.material, {}
         for name in names:
             number = material.poisson if name == "poisson" else material.parameters[name]
             step = STEP * (abs(number) or material.shear_modulus_0)
-            weights = BACKWARD if name == "poisson" else CENTRAL  # which may be 0.5, and never more
+            weights = BACKWARD if name == "poisson" else CENTRAL  # which must not exceed 0.5
             found[name] = 0.0
             for shift, weight in weights.items():
                 system.set_material(nudged(material, name, shift * step))
@@ -178,13 +180,13 @@ class Adjoint:
         return found
 
     def stress_by(self, name: str) -> float:
-        """Derivative of the shear modulus by one of the material's numbers."""
+        """Return the derivative of the shear modulus by a material parameter."""
         return self._sensitivity.material_force(name)[1]
 
     def limit_gradient(
         self, state: State, tangent: Tangent, velocities: Mapping[str, Array], materials: Sequence[str] = ()
     ) -> tuple[dict[str, float], dict[str, float]]:
-        """Derivatives in Pa of the pressure at a limit point, whose null vector is the path's own direction there.
+        """Return the derivatives in Pa of the pressure at a limit point, whose null vector is the path's own direction there.
 
         Args:
             state: The limit point.
@@ -204,20 +206,20 @@ class Adjoint:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The pressure at which a device's path bifurcates, carried from design to design, and its exact derivative.
+# The bifurcation pressure of a device, tracked from design to design, and its exact derivative.
 #
-# At a bifurcation an eigenvalue of the tangent is zero whose mode leaves the volume as it is. K is singular there in every
-# control, so neither the state nor an adjoint is asked for at it: four states on both sides at given volumes are, and the
-# eigenvalue of the same mode at each. The volume at which the cubic through the eigenvalues is zero, and the cubic's pressure
-# there, are what is reported; both are differentiated as they are computed. An eigenvalue's derivative needs none of its mode,
-# which makes it stationary.
+# At a bifurcation an eigenvalue of the tangent is zero whose mode does not change the volume. K is singular there under every
+# control, so neither the state nor an adjoint is computed there; instead, four states at given volumes on both sides, and the
+# eigenvalue of the same mode at each. The reported values are the volume at which the cubic through the eigenvalues is zero,
+# and the cubic's pressure there; both are differentiated exactly. An eigenvalue's derivative does not need that of its mode,
+# because it is stationary.
 
 
 SPREADS = np.array([-0.06, -0.025, 0.025, 0.06])
-"""Where the states lie around the expected bifurcation, in shares of the volume added up to it. Nearer ones would show an
+"""Positions of the states around the expected bifurcation, relative to the volume added up to it. Nearer ones would show an
 imperfect mesh's eigenvalue (see `softmodels.path.continuation.SPREADS`)."""
 NEAR = 0.01
-"""The same of how far the bifurcation may lie from where it was expected; else the states are taken around it anew."""
+"""Maximum relative distance of the bifurcation from the expected place; otherwise the states are recomputed around it."""
 MOST_TRIES = 6
 
 
@@ -240,12 +242,12 @@ class Bifurcation:
 
     @property
     def mode(self) -> Array:
-        """That of the state next to it."""
+        """Mode of the state closest to it."""
         return self.modes[int(np.argmin(np.abs(self.eigenvalues)))]
 
 
 class Bifurcations:
-    """Finds a device's bifurcation from where it is expected.
+    """Finds a device's bifurcation near an expected volume.
 
     Args:
         design: The meshed device.
@@ -266,7 +268,7 @@ class Bifurcations:
         )
 
     def near(self, state: State, V: float, mode: Array, rest: float) -> Bifurcation:
-        """The bifurcation near a volume.
+        """Return the bifurcation near a volume.
 
         Args:
             state: A state near it, the first guess.
@@ -293,12 +295,13 @@ class Bifurcations:
                 P = float(cubic.weights(root)[0] @ np.array([found.P for found in states]))
                 return Bifurcation(root, P, tuple(states), tuple(modes), np.array(values))
             V = root
-        raise NoConvergence("the bifurcation is not near where it was on the last design")
+        raise NoConvergence("the bifurcation is not near that of the last design")
 
     def gradient(
         self, found: Bifurcation, velocities: Mapping[str, Array], materials: Sequence[str] = ()
     ) -> tuple[dict[str, float], dict[str, float]]:
-        """Derivatives in Pa of its pressure, by the lengths and by the material's numbers; see `Adjoint.gradient`."""
+        """Return the derivatives in Pa of its pressure, by the lengths and by the material parameters; see
+        `Adjoint.gradient`."""
         unit = self.design.system.stress_unit
         cubic = Cubic([state.V for state in found.states])
         weights, slopes = cubic.weights(found.V)
@@ -319,7 +322,7 @@ class Bifurcations:
         return lengths, numbers
 
     def _pressure_by(self, state: State, materials: Sequence[str]) -> dict[str, float]:
-        """Partial derivatives of a pressure in Pa by the material's numbers at the same dimensionless pressure."""
+        """Return the partial derivatives of a pressure in Pa by the material parameters at the same dimensionless pressure."""
         return {name: state.P * self.adjoint.stress_by(name) for name in materials}
 
 
@@ -336,7 +339,7 @@ class Cubic:
         self._inverse = np.linalg.inv(np.vander(x))
 
     def weights(self, place: float) -> tuple[Array, Array]:
-        """What each value adds to the polynomial's value at a place, and to its slope there."""
+        """Return the weights of the values in the polynomial's value at a place, and in its slope there."""
         x = (place - self._middle) / self._reach
         powers = np.vander([x], len(self._inverse))[0]
         n = len(self._inverse)
@@ -344,7 +347,7 @@ class Cubic:
         return powers @ self._inverse, slopes @ self._inverse / self._reach
 
     def root(self, values: Array, near: float) -> float:
-        """The zero nearest to a place, not farther from the middle than twice the reach.
+        """Return the zero nearest to a place, not farther from the middle than twice the reach.
 
         Raises:
             NoConvergence: There is none.
@@ -353,5 +356,5 @@ class Cubic:
         real = roots[np.abs(roots.imag) < 1e-9].real
         real = real[np.abs(real) < 2.0]
         if not len(real):
-            raise NoConvergence("the eigenvalue does not change its sign near where it did on the last design")
+            raise NoConvergence("the eigenvalue does not change sign near that of the last design")
         return float(self._middle + self._reach * real[np.argmin(np.abs(real - (near - self._middle) / self._reach))])

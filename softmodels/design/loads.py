@@ -1,4 +1,4 @@
-"""At which states a design is judged: at a pressure, or at an added volume where pressures alone do not tell states apart."""
+"""Loads at which a design is evaluated: a pressure, or an added volume where pressures are ambiguous."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class JudgedLoad:
 
     @classmethod
     def of(cls, value: float | JudgedLoad) -> JudgedLoad:
-        """A load as it is; a number is a pressure in Pa."""
+        """Return a load unchanged; a number is a pressure in Pa."""
         return value if isinstance(value, JudgedLoad) else cls(PRESSURE, float(value))
 
     def __str__(self) -> str:
@@ -47,32 +47,32 @@ class JudgedLoad:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What can go wrong with a design before anything is solved, and what the user may ask for.
+# Errors of a design before anything is solved, and stops by the user.
 
 
 class DesignError(ValueError):
-    """Bad input, found before anything is solved; the message is a sentence for the user."""
+    """Invalid input, detected before anything is solved; the message is for the user."""
 
 
 class DesignStopped(Exception):
-    """The user asked to stop; all that was evaluated is kept."""
+    """The user stopped the search; all evaluations are kept."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Units of quantities: how their limits are read and their values are shown.
+# Units of quantities: reading limits and showing values.
 
 
 SPELLED = {"1": "", "m2": "m^2", "m3": "m^3", "deg": "degree", "kg/m3": "kg/m^3"}
-"""Units of quantities in Pint's spelling, where that is another one."""
+"""Units in Pint's spelling, where it differs."""
 
 
 def spelled(unit: str) -> str:
-    """A unit as `softmodels.common.units.quantity` takes it."""
+    """Return a unit as `softmodels.common.units.quantity` takes it."""
     return SPELLED.get(unit, unit)
 
 
 def read(what: str, value: object, unit: str, bare: bool = True) -> float:
-    """A value in SI units from a text with a unit, or from a number.
+    """Return a value in SI units from a text with a unit, or from a number.
 
     Args:
         what: What it is of, for the message.
@@ -93,15 +93,15 @@ def read(what: str, value: object, unit: str, bare: bool = True) -> float:
 
 @functools.cache
 def factor(shown: str, unit: str) -> float:
-    """SI units in one shown unit: 0.001 for mm and m."""
+    """Return the SI value of a display unit: 0.001 for mm and m."""
     return quantity(f"1 {spelled(shown)}", spelled(unit)) if spelled(shown) else 1.0
 
 
 def text(value: float, shown: str, unit: str, digits: int = 4) -> str:
-    """A value for people, such as ``"12.3 mm"``."""
+    """Return a value as text, such as ``"12.3 mm"``."""
     return f"{value / factor(shown, unit):.{digits}g} {'' if shown == '1' else shown}".strip()
 
 
 def shown_unit(unit: str) -> str:
-    """The unit in which people read a parameter or quantity."""
+    """Return the display unit of a parameter or quantity."""
     return {"m": "mm", "Pa": "kPa", "m3": "ml", "m^3": "ml", "degree": "deg", "kg": "g", "J": "mJ"}.get(unit, unit)

@@ -1,4 +1,4 @@
-"""A device as the optimiser sees it: parameters in, values and gradients of quantities out."""
+"""Evaluator of designs for the optimiser: from parameters to values and gradients of quantities."""
 
 from __future__ import annotations
 
@@ -57,25 +57,25 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# One mesh of a device that is being designed, its states and quantities made ready: it follows designs and judges them.
+# A mesh of a device under design with its states and quantities: follows designs and evaluates them.
 
 
 POOREST = 0.3
-"""Quality of a mesh below which the device is meshed again."""
+"""Mesh quality below which the device is remeshed."""
 SHORTEST = 1 / 4
-"""Shortest step on the way from one design to the next before the states are looked for along the whole path."""
+"""Minimum step between designs, below which the states are solved along the whole path."""
 
 
 class PoorMesh(RuntimeError):
-    """A mesh that has been moved too far to be solved on."""
+    """The mesh was moved too far to be solved on."""
 
 
 class UnstableState(DesignFailure):
-    """A state that the device leaves by itself."""
+    """An unstable state."""
 
 
 class MeshedDesign:
-    """A mesh, its equations and states, and the quantities made ready on it.
+    """A mesh, its equations and states, and the quantities prepared on it.
 
     Args:
         design: The meshed device, undeformed.
@@ -92,7 +92,7 @@ class MeshedDesign:
         self.bifurcations = Bifurcations(design, self.adjoint) if forks else None
         self.states = WorkingStates(design, question.loads, question.highest, self.bifurcations)
         self._stable: tuple[Actuator, Known] | None = None
-        """The last design that was judged, and its states."""
+        """The last evaluated design, and its states."""
 
     @classmethod
     def fresh(
@@ -103,7 +103,7 @@ class MeshedDesign:
         comm: MPI.Comm,
         before: MeshedDesign | None = None,
     ) -> MeshedDesign:
-        """A fresh mesh of a device, with its states.
+        """Return a fresh mesh of a device, with its states.
 
         Args:
             case: Silicone, sheet, obstacle and formulation.
@@ -142,13 +142,13 @@ class MeshedDesign:
         return made
 
     def _taken_over(self, before: MeshedDesign) -> bool:
-        """Take the states of another mesh that shows the same device; whether they were found so."""
+        """Take over the states of another mesh of the same device; return whether they converged."""
         guess = before.states.known.transferred(Transfer(before.design, self.design))
         try:
             self.states.carry(guess)
             for load in self.question.loads:
                 self._settled(load)
-        except (NoConvergence, DesignFailure):  # which may be the interpolation's fault
+        except (NoConvergence, DesignFailure):  # possibly due to the interpolation
             return False
         return True
 
@@ -157,7 +157,7 @@ class MeshedDesign:
         self.design.release()
 
     def follow(self, device: Actuator) -> None:
-        """Move the mesh to a device and its states with it, in smaller steps where Newton's method does not follow.
+        """Move the mesh and its states to a device, in smaller steps if Newton's method fails.
 
         From the second step on the states are expected on the straight line through the last two. Where that does not help
         either, they are found along the whole path.
@@ -189,7 +189,7 @@ class MeshedDesign:
             earlier, way = [(way, here)], goal
 
     def _retrace(self, device: Actuator, start: Actuator, first: Known) -> None:
-        """Find the states of a device along the whole path, on the mesh as it is."""
+        """Solve the states of a device along the whole path, on the current mesh."""
         self.design.motion.move(device)
         try:
             self.states.trace()
@@ -198,20 +198,20 @@ class MeshedDesign:
             raise
 
     def _move(self, device: Actuator) -> None:
-        """Move the mesh, unless its cells would become poor: then it stays where it is."""
+        """Move the mesh, unless its cells would become poor."""
         motion = self.design.motion
         before = motion.device
         motion.move(device)
-        if motion.quality() < POOREST:  # nor will smaller steps make better cells of the last one's
+        if motion.quality() < POOREST:  # smaller steps would not improve the cells
             motion.move(before)
-            raise PoorMesh("the moved cells have become poor")
+            raise PoorMesh("the quality of the moved mesh is too low")
 
     def _restore(self, device: Actuator, known: Known) -> None:
         self.design.motion.move(device)
         self.states.known = known
 
     def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
-        """Values and gradients of the question's parts by key, and sentences on how far they can be trusted.
+        """Return the values and gradients of the question's parts by key, and warnings.
 
         States that were carried from another design may lie on a branch that is unstable here. Then they are found again along
         the whole path.
@@ -235,7 +235,7 @@ class MeshedDesign:
         return found
 
     def _judged(self, gradients: bool) -> tuple[dict[str, Judged], list[str]]:
-        """The same of the states as they are.
+        """Return the same for the current states.
 
         Raises:
             UnstableState: One of them is unstable.
@@ -261,7 +261,7 @@ class MeshedDesign:
                 critical = self._critical(part, velocities)
                 if critical is None:
                     reached = f"{question.highest / 1e3:.4g} kPa"
-                    notes.append(f"{part.key}: there is none up to {reached}, which stands in its place")
+                    notes.append(f"{part.key}: none found up to {reached}, which is used instead")
                     critical = Judged(
                         question.highest, np.zeros(len(velocities)), dict.fromkeys(question.materials, 0.0)
                     )
@@ -274,7 +274,7 @@ class MeshedDesign:
         return found, notes
 
     def _settled(self, load: JudgedLoad) -> State:
-        """The state at a load, its tangent factorised.
+        """Return the state at a load, its tangent factorised.
 
         Raises:
             UnstableState: The device leaves it by itself.
@@ -289,12 +289,12 @@ class MeshedDesign:
         return state
 
     def _squares(self, measure: TargetMeasure, state: State, load: JudgedLoad, velocities: dict[str, Array]) -> Squares:
-        """Distances from a target with their derivatives at the settled state."""
+        """Return the distances from a target with their derivatives at the settled state."""
         columns = [measure.moved(state, *self.adjoint.rates(load.kind, velocity)) for velocity in velocities.values()]
         return Squares.of(measure.residuals(state), np.array(columns).T, measure.run, measure.sigma)
 
     def _whole(self, part: DesignQuantity, slopes: Slopes, velocities: dict[str, Array]) -> Judged:
-        """A part with its whole derivatives at the settled state."""
+        """Return a part with its total derivatives at the settled state."""
         names, load = self.question.materials, part.load
         direct = self.adjoint.by_material(self.measures[part], names) if names and load else dict.fromkeys(names, 0.0)
         by_length, by_material = self.adjoint.gradient(
@@ -303,7 +303,7 @@ class MeshedDesign:
         return Judged(slopes.value, np.array([by_length[name] for name in velocities]), by_material or direct)
 
     def _critical(self, part: OfLimit, velocities: dict[str, Array]) -> Judged | None:
-        """Pressure in Pa of the limit point or the bifurcation; None if there is none."""
+        """Return the pressure in Pa of the limit point or the bifurcation; None if there is none."""
         states, materials = self.states, self.question.materials
         limit, fork = states.limit, states.bifurcation
         if isinstance(part, OfBifurcation):
@@ -323,18 +323,18 @@ class MeshedDesign:
 
 
 def _between(start: Actuator, end: Actuator, share: float, names: Sequence[str]) -> Actuator:
-    """The device on the straight line between two."""
+    """Return the device on the straight line between two."""
     return changed(
         start, {name: (1.0 - share) * parameter(start, name) + share * parameter(end, name) for name in names}
     )
 
 
 FARTHEST = 3.0
-"""Working pressures up to which a limit point is looked for."""
+"""Multiple of the working pressure up to which a limit point is searched."""
 
 
 class DesignModel:
-    """Judges designs of one device, each from the states of the one before.
+    """Evaluates designs of one device, each from the states of the previous one.
 
     Args:
         case: The device as it starts, its silicone, sheet, obstacle and formulation.
@@ -357,8 +357,8 @@ class DesignModel:
         self.case, self.names, self.comm, self.report = case, tuple(names), comm, report
         if unknown := [name for name in self.names if name not in case.actuator.movable]:
             raise GeometryError(
-                f"{unknown[0]} is no parameter that the mesh of {type(case.actuator).__name__} can follow; "
-                f"it follows {', '.join(case.actuator.movable) or 'none'}"
+                f"{unknown[0]} is not a parameter that the mesh of {type(case.actuator).__name__} "
+                f"can follow; it can follow {', '.join(case.actuator.movable) or 'none'}"
             )
         self.quantities = tuple(quantities)
         parts = tuple(dict.fromkeys(part for one in self.quantities for part in _parts(one)))
@@ -375,7 +375,7 @@ class DesignModel:
         return np.array([parameter(self.case.actuator, name) for name in self.names])
 
     def device(self, theta: Array) -> Actuator:
-        """The device with these parameters.
+        """Return the device with these parameters.
 
         Raises:
             DesignFailure: They make no device.
@@ -386,7 +386,7 @@ class DesignModel:
             raise DesignFailure(str(error)) from error
 
     def evaluate(self, theta: Array) -> Evaluation:
-        """Values and gradients of all quantities at these parameters.
+        """Return the values and gradients of all quantities at these parameters.
 
         Raises:
             DesignFailure: They make no device, or it has no stable state at one of the loads.
@@ -406,7 +406,7 @@ class DesignModel:
         )  # fmt: skip
 
     def confirm(self, theta: Array, finer: float = 1.0) -> Evaluation:
-        """The values alone, on a fresh mesh and along the whole path.
+        """Return only the values, on a fresh mesh and along the whole path.
 
         Args:
             theta: The parameters.
@@ -437,26 +437,26 @@ class DesignModel:
     # -- meshes and states ----------------------------------------------------------------------------------------------
 
     def _ready(self, device: Actuator) -> bool:
-        """Bring mesh and states to a device; whether a fresh mesh was made."""
+        """Bring mesh and states to a device; return whether it was remeshed."""
         if self.meshed is not None:
             self.meshed.states.newton = 0
             try:
                 self.meshed.follow(device)
                 return False
             except PoorMesh as failure:
-                self.report(f"meshed again: {failure}")
+                self.report(f"remeshed: {failure}")
                 if self._meshed_where_it_is(self.meshed) and self._followed(device):
                     return True
             except GeometryError as failure:
-                self.report(f"meshed again, and the whole path solved: {failure}")
-        # A design that fails leaves the mesh of the one before, to which a search steps back.
+                self.report(f"remeshed, and the whole path solved: {failure}")
+        # A failed design leaves the mesh of the previous one, to which a search returns.
         fresh = MeshedDesign.fresh(self.case, device, self.question, self.comm)
         self.release()
         self.meshed = fresh
         return True
 
     def _meshed_where_it_is(self, before: MeshedDesign) -> bool:
-        """Mesh the last design again and take its states over; whether there is a mesh."""
+        """Remesh the last design and take over its states; return whether it succeeded."""
         try:
             fresh = MeshedDesign.fresh(self.case, before.design.motion.device, self.question, self.comm, before)
         except DesignFailure:
@@ -467,19 +467,19 @@ class DesignModel:
         return True
 
     def _followed(self, device: Actuator) -> bool:
-        """Whether mesh and states could follow to a device."""
+        """Return whether mesh and states could follow to a device."""
         assert self.meshed is not None
         try:
             self.meshed.follow(device)
         except (GeometryError, PoorMesh) as failure:
-            self.report(f"meshed once more, and the whole path solved: {failure}")
+            self.report(f"remeshed once more, and the whole path solved: {failure}")
             return False
         return True
 
     # -- values and gradients -------------------------------------------------------------------------------------------
 
     def _gathered(self, found: dict[str, Judged]) -> dict[str, Judged]:
-        """The quantities themselves by key, those of several states put together."""
+        """Return the quantities by key, combined over states."""
         own: dict[str, Judged] = {}
         for one in self.quantities:
             if isinstance(one, CompositeQuantity):
@@ -502,7 +502,7 @@ def _combined(one: CompositeQuantity, parts: Sequence[Judged]) -> Judged:
 
 
 def _finer(device: Actuator, times: float) -> Actuator:
-    """The same device with smaller cells, those around channels too."""
+    """Return the same device with smaller cells, also around channels."""
     sizes = {field.name for field in dataclasses.fields(device)}
     changes = {"cell_size": getattr(device, "cell_size", 0.0) / times, "around": getattr(device, "around", 0.0) * times}
     return dataclasses.replace(device, **{name: value for name, value in changes.items() if name in sizes})
@@ -513,11 +513,11 @@ def _parts(one: DesignQuantity) -> tuple[DesignQuantity, ...]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What evaluates the designs of a problem: finite elements, unless a caller gives something else.
+# The evaluator of a problem's designs: finite elements, unless the caller gives another.
 
 
 def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Judge:
-    """What has `evaluate` and `confirm` as `softmodels.design.model.DesignModel` has.
+    """Return an evaluator with the interface of `softmodels.design.model.DesignModel`.
 
     Raises:
         GeometryError: A parameter that the device's mesh cannot follow.
@@ -527,7 +527,7 @@ def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Jud
 
 
 def _report(comm: MPI.Comm, how: SearchOptions) -> Callable[[str], None]:
-    """Takes sentences of the model: rank 0 alone tells them."""
+    """Reports messages of the model, on rank 0 only."""
 
     def report(text: str) -> None:
         if is_root(comm) and (tell := how.get("progress")) is not None:
@@ -546,15 +546,15 @@ def _model(problem: DesignProblem, comm: MPI.Comm, report: Callable[[str], None]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Evaluation of designs, the same on all ranks: none twice on one mesh, each kept and reported as soon as it is known.
+# Evaluate designs, the same on all ranks: none twice on one mesh, each stored and reported at once.
 
 
 USUAL = 18
-"""Evaluations that a start usually takes, for the time that is left."""
+"""Typical number of evaluations of a start, to estimate the remaining time."""
 
 
 class EnoughError(Exception):
-    """A search has used up its evaluations."""
+    """A search has reached its maximum number of evaluations."""
 
 
 class Evaluating:
@@ -588,7 +588,7 @@ class Evaluating:
             self.trials.add(trial)
 
     def trial(self, theta: Array) -> Trial:
-        """A design's values: known already, or evaluated and kept.
+        """Return a design's values, stored or evaluated.
 
         Raises:
             DesignStopped: The user asked to stop.
@@ -612,25 +612,25 @@ class Evaluating:
         return found
 
     def fresh_mesh(self) -> None:
-        """The next design is meshed anew, and none is taken from those before."""
+        """Mesh the next design anew, and reuse no earlier evaluation."""
         self.mesh += 1
         self.visited = set()
         self.release()
 
     def release(self) -> None:
-        """Give back what the model holds."""
+        """Release the model."""
         self.model.release()
 
     def confirmed(self, best: Trial) -> tuple[dict[str, float], str]:
-        """Values on a fresh mesh along the whole path, and why there are none."""
+        """Return the values on a fresh mesh along the whole path, and the reason if there are none."""
         try:
             found = self.model.confirm(np.array(best.theta), self.how.get("finer", 1.0))
         except (DesignFailure, GeometryError, MeshingError) as error:
-            return {}, f"on a fresh mesh the design could not be confirmed: {error}"
+            return {}, f"the design could not be confirmed on a fresh mesh: {error}"
         return on_root(self.comm, lambda: {key: float(value) for key, value in found.values.items()}), ""
 
     def tell(self, text: str) -> None:
-        """A line to whoever listens, from rank 0."""
+        """Report a line from rank 0."""
         listener = self.how.get("progress")
         if listener is not None and is_root(self.comm):
             listener(text)
@@ -644,7 +644,7 @@ class Evaluating:
             limit = getattr(error, "limit", None)
             more = "" if limit is None else f" (its limit is at {limit / self.problem.case.cm:.4g} cm)"
             made = Trial(*place, seconds=time.monotonic() - begun, failure=f"{error}{more}")
-        except ValueError as error:  # a quantity that this device does not have
+        except ValueError as error:  # a quantity missing in this device
             if self.trials.all:
                 raise
             raise DesignError(str(error)) from None
@@ -662,7 +662,7 @@ class Evaluating:
         self.tell(line(self.problem, self.trials.all[-1], self.form, self._left()))
 
     def _left(self) -> float | None:
-        """Seconds to the end, roughly; None where nothing is known of it."""
+        """Estimate the remaining seconds; None if unknown."""
         if len(self._seconds) < 2:
             return None
         starts = self.how.get("starts", 1) - self.start

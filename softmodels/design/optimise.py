@@ -1,4 +1,4 @@
-"""Optimisation of a design: from a problem to the best device, every trial kept."""
+"""Optimise a design: from a problem to the best device, storing every trial."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 
 TRIED = 8
-"""Points that are tried for a further start until one has a state."""
+"""Maximum number of points tried for a further start until one has a state."""
 
 
 @checked
@@ -91,8 +91,8 @@ def optimise(
         The best design within all limits; where there is none the one with the least violation, and what holds it back.
 
     Raises:
-        DesignError: What cannot be meant.
-        RunError: The device as given has no state at a pressure it is asked at.
+        DesignError: Invalid input.
+        RunError: The given device has no state at a requested pressure.
     """
     output = None if folder is None else place("folder", folder, "a folder")
     read = several("inputs", inputs, Path, "a file's Path")
@@ -119,7 +119,7 @@ def _how(
     functions: Mapping[str, object],
     inputs: Sequence[Path],
 ) -> SearchOptions:
-    """The options of a call, checked; what is None is left out.
+    """Return the options of a call, checked, without those that are None.
 
     Raises:
         ArgumentError: One of them is something else.
@@ -136,7 +136,7 @@ def _how(
 
 
 def _finer(value: object) -> float:
-    """How much finer the fresh mesh is; `ArgumentError` for what is no number from 1 up."""
+    """Return the refinement of the fresh mesh; raise `ArgumentError` if it is below 1."""
     plain = value.item() if isinstance(value, np.generic) else value
     if isinstance(plain, bool) or not isinstance(plain, int | float) or not 1.0 <= plain <= 10.0:
         raise wrong("finer", value, "a number from 1 to 10")
@@ -144,7 +144,7 @@ def _finer(value: object) -> float:
 
 
 def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how: SearchOptions) -> DesignFolder | None:
-    """The folder of an optimisation, on rank 0; None elsewhere.
+    """Return the folder of an optimisation, on rank 0; None elsewhere.
 
     Args:
         problem: The problem.
@@ -167,7 +167,7 @@ def open_folder(problem: DesignProblem, output: Path | None, comm: MPI.Comm, how
 def run_in(
     problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, **how: Unpack[SearchOptions]
 ) -> DesignResult:
-    """The same into a folder that was taken already, which stays taken; see `open_folder`."""
+    """Optimise into a folder that is already open, and stays open; see `open_folder`."""
     under_way = Evaluating(problem, evaluator(problem, comm, how), folder, comm, how)
     try:
         return _run(under_way)
@@ -176,7 +176,7 @@ def run_in(
 
 
 def _run(under_way: Evaluating) -> DesignResult:
-    """Search from every start, and take the best end."""
+    """Search from every start, and return the best result."""
     problem, ends = under_way.problem, list[StartEnd]()
     try:
         for theta in _starts(under_way):
@@ -184,11 +184,11 @@ def _run(under_way: Evaluating) -> DesignResult:
             if ends[-1].stopped:
                 break
         stopped = ends[-1].stopped
-    except DesignStopped:  # before the first design, or while a start is looked for
+    except DesignStopped:  # before the first design, or while searching for a start
         stopped = True
     judged = [end for end in ends if end.best is not None]
     if not judged:
-        raise RunError("stopped by the user before any design could be judged", STOPPED)
+        raise RunError("stopped by the user before any design was evaluated", STOPPED)
     end = min(judged, key=StartEnd.order)
     best, folder = end.best, under_way.folder
     assert best is not None
@@ -200,7 +200,7 @@ def _run(under_way: Evaluating) -> DesignResult:
 
 
 def _starts(under_way: Evaluating) -> Iterator[Array]:
-    """Where searches begin, each on a mesh of its own; those after the first are tried until one has a state.
+    """Yield the starting points of searches, each on its own mesh; after the first, those that have a state.
 
     Raises:
         RunError: The device as given has no state where it is asked.
@@ -210,8 +210,8 @@ def _starts(under_way: Evaluating) -> Iterator[Array]:
     trial = under_way.trial(theta)
     if trial.failed:
         raise RunError(
-            f"the device as given cannot be judged: {trial.failure}; start from one that bears the pressures it is asked at, "
-            "such as with thicker walls",
+            f"the given device cannot be evaluated: {trial.failure}; start from one that reaches the requested "
+            f"pressures, such as with thicker walls",
             NO_EQUILIBRIUM,
         )
     yield theta

@@ -1,4 +1,4 @@
-"""The design problem: a device, what may change of it, what it should do, and what it must never do."""
+"""Design problems: a device, free parameters, objective and limits."""
 
 from __future__ import annotations
 
@@ -52,19 +52,19 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What is asked of a design: quantities to be made large or small, and limits to be kept, from tables or as values.
+# Objectives and limits of a design, from tables or as values.
 
 
 CLEARANCES = "clearances"
-"""Name of the quantity that has a value for each wall."""
+"""Name of the quantity with a value per wall."""
 
 
 MARGIN = "limit_margin"
-"""Name of the quantity that is over the highest pressure anything is asked at."""
+"""Name of the quantity relative to the highest pressure of the problem."""
 
 
 type Asked = DesignQuantity
-"""Something that is asked of a design."""
+"""An objective or limit of a design."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,7 +78,7 @@ class ObjectiveTerm:
 @checked
 @dataclasses.dataclass(frozen=True)
 class Keep:
-    """A limit that a design has to keep.
+    """A limit on a design.
 
     Attributes:
         quantity: What is limited.
@@ -90,24 +90,24 @@ class Keep:
     at_most: float | None = None
 
     def keys(self, values: Mapping[str, float]) -> list[str]:
-        """Keys of its values: one, or one for each wall."""
+        """Return the keys of its values: one, or one for each wall."""
         if self.quantity.key in values:
             return [self.quantity.key]
         return [key for key in values if key.startswith(self.quantity.key.removesuffix("s") + ":")]
 
 
 def shown(asked: Asked) -> str:
-    """The unit in which people read a quantity."""
+    """Return the display unit of a quantity."""
     return str(getattr(asked, "shown_unit", "") or shown_unit(asked.unit))
 
 
 def in_words(asked: Asked, value: float, digits: int = 4) -> str:
-    """A value of a quantity for people."""
+    """Return a value of a quantity as text."""
     return text(value, shown(asked), asked.unit, digits)
 
 
 def pressure_of(asked: Asked) -> float | None:
-    """The pressure in Pa at which a quantity is taken; None where it is at none."""
+    """Return the pressure in Pa of a quantity; None if it has none."""
     at = asked.at
     if at is None:
         return None
@@ -116,13 +116,14 @@ def pressure_of(asked: Asked) -> float | None:
 
 
 def highest_pressure(asked: Asked) -> float | None:
-    """The highest pressure in Pa at which a quantity, or what it is made of, is taken; None where it is at none."""
+    """Return the highest pressure in Pa of a quantity or its components; None if it has none."""
     found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "components", ()))]
     return max((pressure for pressure in found if pressure is not None), default=None)
 
 
 def label(asked: Asked, cm: float) -> str:
-    """What a quantity is, with its pressure as the user wrote it; in cm of water, as on the bench, where it was a number."""
+    """Return the label of a quantity, with its pressure as written by the user, or in cm of water if it was
+    a number."""
     pressure = pressure_of(asked)
     if pressure is None or asked.at is None:
         return asked.key
@@ -143,7 +144,7 @@ class Reader:
         self.case, self.registry, self.bare, self.folder = case, registry, bare, folder
 
     def quantities(self, entry: object, where: str, more: Sequence[str] = ()) -> list[Asked]:
-        """The quantities of a table, one for each pressure; a quantity that is given as a value stays.
+        """Return the quantities of a table, one for each pressure; a quantity given as a value is kept.
 
         Args:
             entry: The table or the quantity.
@@ -164,18 +165,18 @@ class Reader:
                 names = [name for name in fields if name != "at" or _at_pressure(kind)]
                 raise DesignError(f"{where} has an unknown entry {key!r}; {known_are(key, [*names, *more])}")
         given = {key: self._given(key, value) for key, value in entry.items() if key in fields and key != "at"}
-        if "cm" in fields:  # of the column that a quantity's own file may count in
+        if "cm" in fields:  # of the column, in which a quantity's file may give pressures
             given.setdefault("cm", self.case.cm)
         places: Sequence[object] = [None]
         if _at_pressure(kind):
             if "at" not in entry:
-                raise DesignError(f'{where}: {kind.name} needs the pressure it is taken at, such as at = "177 cm"')
+                raise DesignError(f'{where}: {kind.name} needs a pressure, such as at = "177 cm"')
             at = entry["at"]
             places = [self._at(one, where) for one in (at if isinstance(at, list | tuple) else [at])]
             if not places:
-                raise DesignError(f"{where}: at is empty; give a pressure, or several")
+                raise DesignError(f"{where}: at is empty; give one or more pressures")
         elif "at" in entry:
-            raise DesignError(f"{where}: {kind.name} is not taken at a pressure; leave at out")
+            raise DesignError(f"{where}: {kind.name} has no pressure; leave out at")
         return [self._made(kind, {**given, **({} if place is None else {"at": place})}, where) for place in places]
 
     def _kind(self, name: object, where: str) -> type[Asked]:
@@ -188,7 +189,7 @@ class Reader:
     def _given(self, key: str, value: object) -> object:
         if key == "file":
             if not isinstance(value, str):
-                raise DesignError(f"file is {brief(value)}; it must be a file's name")
+                raise DesignError(f"file is {brief(value)}; it must be a file name")
             return value if self.folder is None else str(self.folder.resolve() / value)
         return _tuples(value)
 
@@ -199,7 +200,7 @@ class Reader:
             raise DesignError(str(error) if isinstance(error, DesignError) else f"{where}: {error}") from None
 
     def _checked(self, asked: Asked, where: str) -> Asked:
-        """Refuse a probe or figure that the device does not have, and a pressure beyond the case's."""
+        """Reject a probe or figure missing in the device, and a pressure above the case's."""
         device, of = self.case.actuator, getattr(asked, "of", "")
         if of:
             known = [*device.probes, *device.device_figures(device.probes)]
@@ -208,18 +209,18 @@ class Reader:
                     f"{where}: this {type(device).__name__} has no probe or figure {of!r}; {known_are(of, known)}"
                 )
         if getattr(type(asked), "of_state", False) and asked.at is None:
-            raise DesignError(f"{where}: {asked.name} needs the pressure it is taken at (at)")
+            raise DesignError(f"{where}: {asked.name} needs a pressure (at)")
         pressure, last = highest_pressure(asked), self.case.goals[-1]
         if pressure is not None and pressure > last * (1 + 1e-9):
             said, cm = getattr(asked.at, "text", ""), self.case.cm
             raise DesignError(
-                f"{where}: {asked.title} is asked at {said or f'{pressure / cm:.5g} cm'}, above the case's last pressure, "
+                f"{where}: {asked.title} is at {said or f'{pressure / cm:.5g} cm'}, above the case's last pressure, "
                 f"{last / cm:.5g} cm ({last / 1e3:.5g} kPa)"
             )
         return asked
 
     def _at(self, value: object, where: str) -> object:
-        """A pressure in Pa, or a `Load` of a text."""
+        """Return a pressure in Pa, or a `Load` of a text."""
         if not isinstance(value, str):
             return read(f"{where}: at", value, "Pa", self.bare)
         try:
@@ -230,17 +231,17 @@ class Reader:
                 return JudgedLoad(VOLUME, _positive(quantity(value, "m^3"), value, where), value)
             return JudgedLoad(PRESSURE, _positive(quantity(value, "Pa"), value, where), value)
         except UnitError as error:
-            raise DesignError(f"{where}: at is no pressure ({error}); write it like 177 cm or 17 kPa") from None
+            raise DesignError(f"{where}: at is not a pressure ({error}); write it like 177 cm or 17 kPa") from None
 
     def limit(self, entry: Mapping[str, object], side: str, asked: Asked, where: str) -> float | None:
-        """The limit ``at_least`` or ``at_most`` in SI units; None where it is not given."""
+        """Return the limit ``at_least`` or ``at_most`` in SI units; None if not given."""
         if entry.get(side) is None:
             return None
         return read(f"{where}: {side} of {asked.name}", entry[side], asked.unit, self.bare)
 
 
 def _tuples(value: object) -> object:
-    """Lists, and lists in them, as tuples."""
+    """Return the lists, and lists in them, as tuples."""
     return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
 
 
@@ -258,12 +259,12 @@ def _is_volume(value: str) -> bool:
 
 def _positive(value: float, said: str, where: str) -> float:
     if value <= 0.0:
-        raise DesignError(f"{where}: at {said!r} is not above zero")
+        raise DesignError(f"{where}: at {said!r} must be above zero")
     return value
 
 
 def check_limits(keep: Keep, where: str) -> None:
-    """Refuse limits that cannot be meant.
+    """Reject invalid limits.
 
     Raises:
         DesignError: None given, one above the other, or a margin below 1.
@@ -274,17 +275,17 @@ def check_limits(keep: Keep, where: str) -> None:
     if low is not None and high is not None and low > high:
         raise DesignError(
             f"{where}: {asked.title} is to be at least {in_words(asked, low)} and at most {in_words(asked, high)}, "
-            "which nothing is; exchange them"
+            "which is impossible; exchange them"
         )
     if asked.name == MARGIN and low is not None and low < 1.0:
         raise DesignError(
-            f"{where}: a limit margin of at least {low:g} is below 1, and a device that jumps before its working pressure has "
-            "no state there; ask for more than 1, such as 1.3"
+            f"{where}: a limit margin of at least {low:g} is below 1, but then the device snaps through before "
+            f"its working pressure; give a margin above 1, such as 1.3"
         )
 
 
 def shown_factor(asked: Asked) -> float:
-    """SI units in one shown unit of a quantity."""
+    """Return the SI value of a quantity's display unit."""
     return factor(shown(asked), asked.unit)
 
 
@@ -293,12 +294,12 @@ def shown_factor(asked: Asked) -> float:
 
 
 MOST_CORNERS = 6
-"""With more parameters only the corners next to the first and the last are looked at, for there are 2^n."""
+"""Maximum number of parameters for checking all 2^n corners; with more, only those next to the first and the last."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Free:
-    """A parameter that the design may change.
+    """A free parameter of the design.
 
     Attributes:
         name: Such as ``"membrane"`` or ``"profile[2]"``.
@@ -322,13 +323,13 @@ class Free:
 
 
 def unit_of(device: Actuator, name: str) -> str:
-    """SI unit of a continuous parameter; a list's entries are pure numbers unless their kind says so."""
+    """Return the SI unit of a continuous parameter; a list's entries are pure numbers unless their kind has a unit."""
     kind = about(device)[name.partition("[")[0]].kind
     return kind.unit or str(getattr(getattr(kind, "of", None), "unit", ""))
 
 
 def expanded(device: Actuator, name: str) -> list[str]:
-    """Names of the continuous parameters that a name stands for: itself, or all entries of a list.
+    """Return the names of the continuous parameters for a name: itself, or all entries of a list.
 
     Raises:
         DesignError: The device has none of this name.
@@ -342,16 +343,16 @@ def expanded(device: Actuator, name: str) -> list[str]:
     stems = list(dict.fromkeys(one.partition("[")[0] for one in known))
     base = name.partition("[")[0]
     if base in about(device) and base not in stems:
-        raise DesignError(f"{name} does not decide the shape of this {type(device).__name__}; {known_are(name, stems)}")
+        raise DesignError(f"{name} does not affect the shape of this {type(device).__name__}; {known_are(name, stems)}")
     if name != base and base in stems:
         count = sum(one.startswith(f"{base}[") for one in known)
-        entries_text = f"has {count} entries, counted from 1" if count else "is no list"
-        raise DesignError(f"parameter {name!r} is not there: {base} {entries_text}")
+        entries_text = f"has {count} entries, counted from 1" if count else "is not a list"
+        raise DesignError(f"parameter {name!r} does not exist: {base} {entries_text}")
     raise DesignError(f"{type(device).__name__} has no parameter {name!r}; {known_are(name, stems)}")
 
 
 def free_parameters(device: Actuator, table: Mapping[str, object], bare: bool = True) -> tuple[Free, ...]:
-    """The free parameters of a device.
+    """Return the free parameters of a device.
 
     Args:
         device: As given.
@@ -359,15 +360,13 @@ def free_parameters(device: Actuator, table: Mapping[str, object], bare: bool = 
         bare: Whether numbers are taken for SI units.
 
     Raises:
-        DesignError: Names or bounds that cannot be meant.
+        DesignError: Invalid names or bounds.
     """
     if not table:
         example = '[parameters] membrane = { from = "1 mm", to = "3 mm" }'
-        raise DesignError(f"no parameter is free; name some with their bounds, such as {example}")
+        raise DesignError(f"no parameter is free; add some with bounds, such as {example}")
     found: dict[str, Free] = {}
-    for name, bounds in sorted(
-        table.items(), key=lambda item: "[" in item[0]
-    ):  # an entry of its own comes after its list
+    for name, bounds in sorted(table.items(), key=lambda item: "[" in item[0]):  # a separate entry comes after its list
         low, high = _bounds(name, bounds)
         for one in expanded(device, name):
             unit = unit_of(device, one)
@@ -399,30 +398,30 @@ def _bounds(name: str, bounds: object) -> tuple[object, object]:
 
 
 def _check(device: Actuator, one: Free) -> None:
-    """Refuse bounds that cannot be, one parameter by itself."""
+    """Reject invalid bounds, one parameter at a time."""
     if one.low > one.high:
         raise DesignError(f"the bounds of {one.name} are reversed: from {one.text(one.low)} to {one.text(one.high)}")
     if one.low == one.high:
-        raise DesignError(f"both bounds of {one.name} are {one.text(one.low)}; leave it out, so that it stays as it is")
+        raise DesignError(f"both bounds of {one.name} are {one.text(one.low)}; leave it out to keep it constant")
     if not one.low <= one.start <= one.high:
         raise DesignError(
             f"{one.name} starts at {one.text(one.start)}, outside of its bounds, {one.text(one.low)} to {one.text(one.high)}"
         )
     movable = device.movable
     if one.name not in movable and one.name.partition("[")[0] not in movable:
-        known = f"it follows {', '.join(movable)}" if movable else "it follows none"
+        known = f"it follows {', '.join(movable)}" if movable else "it can follow none"
         raise DesignError(f"the mesh of this {type(device).__name__} cannot follow {one.name}; {known}")
     for end, what in ((one.low, "lower"), (one.high, "upper")):
         try:
             changed(device, {one.name: end})
         except GeometryError as error:
             raise DesignError(
-                f"{one.name} cannot be at its {what} bound, {one.text(end)}, even with all else as it is: {error}"
+                f"{one.name} gives an invalid device at its {what} bound, {one.text(end)}, with all else unchanged: {error}"
             ) from None
 
 
 def crossed_corners(device: Actuator, free: Sequence[Free]) -> str:
-    """A sentence if some combination of bounds makes no device; empty if all that were looked at do."""
+    """Return a sentence if some combination of bounds gives an invalid device; else ""."""
     if len(free) <= MOST_CORNERS:
         corners = [list(ends) for ends in itertools.product(*((one.low, one.high) for one in free))]
     else:
@@ -441,21 +440,21 @@ def crossed_corners(device: Actuator, free: Sequence[Free]) -> str:
     corner, why = refused[0]
     where = ", ".join(f"{one.name} {one.text(end)}" for one, end in zip(free, corner, strict=True))
     return (
-        f"{len(refused)} of {len(corners)} combinations of bounds make no device (such as {where}: {why}); the search steps "
-        "back from them"
+        f"{len(refused)} of {len(corners)} combinations of bounds give an invalid device (such as {where}: {why}); "
+        f"the search avoids them"
     )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Tolerances of fabrication, and what they and the material's errors do to a value: first-order propagation.
+# First-order propagation of fabrication tolerances and material errors to a value.
 
 
 SURE = 1.645
-"""Standard deviations below which a normal value stays with 95 %, on one side."""
+"""One-sided 95 % quantile of the normal distribution."""
 
 
 def tolerances_of(device: Actuator, table: Mapping[str, object], bare: bool) -> dict[str, float]:
-    """Standard deviations in SI units by parameter.
+    """Return the standard deviations in SI units by parameter.
 
     Raises:
         DesignError: An unknown parameter, or no deviation.
@@ -465,7 +464,7 @@ def tolerances_of(device: Actuator, table: Mapping[str, object], bare: bool) -> 
         for one in expanded(device, name):
             spread = read(f"tolerance of {one}", value, unit_of(device, one), bare)
             if spread <= 0.0:
-                raise DesignError(f"tolerance of {one} is {value}; a standard deviation is above zero")
+                raise DesignError(f"tolerance of {one} is {value}; a standard deviation must be above zero")
             if one.partition("[")[0] not in device.movable and one not in device.movable:
                 raise DesignError(f"tolerance of {one}: the mesh of this {type(device).__name__} cannot follow it")
             found[one] = spread
@@ -490,7 +489,7 @@ class ToleranceSpread:
         return bool(self.spreads.any()) or self.errors is not None
 
     def sigma(self, trial: Trial, key: str) -> float:
-        """Standard deviation of a value in its SI unit, to first order; 0 where nothing scatters."""
+        """Return the standard deviation of a value in its SI unit, to first order; 0 without scatter."""
         variance = 0.0
         if key in trial.gradients:
             variance += float(np.sum((np.asarray(trial.gradients[key]) * self.spreads) ** 2))
@@ -504,11 +503,11 @@ class ToleranceSpread:
 
 
 OBJECTIVES = {"maximise": -1.0, "minimise": 1.0, "follow": 1.0}
-"""What can be asked for, with the sign under which it is minimised."""
+"""Kinds of objectives, with the sign for minimisation."""
 TABLES = ("name", "case", "parameters", *OBJECTIVES, "keep", "tolerances", "material_errors")
 LIMITS = ("at_least", "at_most")
 ROOM = 1.15
-"""How far above the limit pressure that is asked for a limit point is looked for: where it lies farther, it is no limit."""
+"""Factor above the required limit pressure up to which a limit point is searched; beyond it, it does not matter."""
 
 
 @checked
@@ -517,7 +516,7 @@ class DesignProblem:
     """A design problem. Numbers are in SI units, texts carry a unit.
 
     Attributes:
-        case: The device at the start with its material, or a case file; its last pressure is the highest that is asked at.
+        case: The device at the start with its material, or a case file; its last pressure is the highest one available.
         parameters: Free parameters with their bounds: ``{"membrane": ("1 mm", "3 mm")}``. A list's name stands for all of its
             entries.
         maximise, minimise, follow: One of these: a quantity of `softmodels.design.quantities`, or a table that names one, such
@@ -545,7 +544,7 @@ class DesignProblem:
     folder: Path | None = dataclasses.field(default=None, repr=False)
     bare: bool = dataclasses.field(default=True, repr=False)
     written: Mapping[str, object] = dataclasses.field(default_factory=dict, repr=False)
-    """The case's tables as its file has them; empty of a case from Python."""
+    """The case's tables from its file; empty for a case from Python."""
     free: tuple[Free, ...] = dataclasses.field(init=False, default=())
     terms: tuple[ObjectiveTerm, ...] = dataclasses.field(init=False, default=())
     objective: str = dataclasses.field(init=False, default="")
@@ -562,7 +561,7 @@ class DesignProblem:
 
     def _settle(self) -> None:
         if not isinstance(self.name, str):
-            raise DesignError(f"name is {brief(self.name)}; it must be a text that can name files")
+            raise DesignError(f"name is {brief(self.name)}; it must be a valid file name")
         if self.folder is not None:
             object.__setattr__(self, "folder", place("folder", self.folder, "a folder"))
         case = self.case
@@ -586,50 +585,50 @@ class DesignProblem:
         }  # fmt: skip
         for name, value in settled.items():
             object.__setattr__(self, name, value)
-        dataclasses.replace(case, name=self.name)  # a name that can name files
+        dataclasses.replace(case, name=self.name)  # a valid file name
         for keep in self.limits:
             _check_walls(case, keep)
         if not self.working and any(one.name == MARGIN for one in self.quantities):
             raise DesignError(
-                f"{MARGIN} is over the highest pressure that is asked at, and nothing is asked at a pressure"
+                f"{MARGIN} is relative to the highest pressure of the problem, but no quantity has a pressure"
             )
 
     def _objective(self, reader: Reader) -> tuple[str, tuple[ObjectiveTerm, ...]]:
         given = [name for name in OBJECTIVES if getattr(self, name) is not None]
         if not given:
-            raise DesignError(f"nothing is asked for; give one of {', '.join(OBJECTIVES)}")
+            raise DesignError(f"the problem has no objective; give one of {', '.join(OBJECTIVES)}")
         if len(given) > 1:
             raise DesignError(
-                f"{' and '.join(given)} are two objectives; give one of them, and a limit (keep) for the other"
+                f"{' and '.join(given)} are two objectives; give only one, and a limit (keep) for the other"
             )
         entry = getattr(self, given[0])
         found = reader.quantities(entry, given[0], ("weights",))
         if isinstance(entry, Mapping) and entry.get("quantity") == CLEARANCES:
             raise DesignError(
-                f"{given[0]}: {CLEARANCES} are many values; keep them at least as thick as the workshop needs"
+                f"{given[0]}: {CLEARANCES} has many values and cannot be an objective; use it as a limit (keep)"
             )
         weights = entry.get("weights") if isinstance(entry, Mapping) else None
         weights = [1.0] * len(found) if weights is None else [read("a weight", w, "1") for w in _list(weights)]
         if len(weights) != len(found) or min(weights) < 0.0 or sum(weights) <= 0.0:
             raise DesignError(
-                f"{given[0]}: {len(weights)} weights for {len(found)} pressures; give one above zero for each, or none"
+                f"{given[0]}: {len(weights)} weights for {len(found)} pressures; give one positive weight for each, or none"
             )
         return given[0], tuple(ObjectiveTerm(one, w / sum(weights)) for one, w in zip(found, weights, strict=True))
 
     @property
     def sign(self) -> float:
-        """-1 where more is better."""
+        """-1 if larger is better."""
         return OBJECTIVES[self.objective]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Parameters that gradients are needed by: the free ones, then those that only have a tolerance."""
+        """Parameters of the gradients: the free ones, then those with only a tolerance."""
         free = [one.name for one in self.free]
         return (*free, *(name for name in self.spreads if name not in free))
 
     @property
     def highest(self) -> float | None:
-        """Pressure in Pa up to which a limit point is looked for: well above what is asked of it; None for the usual."""
+        """Pressure in Pa up to which a limit point is searched, well above the required one; None for the default."""
         kept = {
             MARGIN: self.working,
             "limit_pressure": 1.0,
@@ -647,7 +646,7 @@ class DesignProblem:
 
     @property
     def working(self) -> float:
-        """The highest pressure in Pa at which anything is asked; 0 for none."""
+        """The highest pressure of the problem in Pa; 0 for none."""
         return max((highest_pressure(one) or 0.0 for one in self.quantities), default=0.0)
 
     @property
@@ -663,7 +662,7 @@ class DesignProblem:
         """Read a problem file; files in it are counted from ``folder``.
 
         Raises:
-            DesignError: Not TOML, unknown entries, or a problem that cannot be meant.
+            DesignError: Not TOML, unknown entries, or an invalid problem.
         """
         try:
             return cls._from_tables(parse_toml(text), folder)
@@ -713,7 +712,7 @@ def _place(case: object, folder: Path | None) -> Path:
 
 def _table(value: object, what: str) -> Mapping[str, object]:
     if not isinstance(value, Mapping):
-        raise DesignError(f"{what} is {brief(value)}; it must be a table, which begins with a line [{what}]")
+        raise DesignError(f"{what} is {brief(value)}; it must be a table, starting with a line [{what}]")
     return value
 
 
@@ -722,11 +721,11 @@ def _list(value: object) -> Sequence[object]:
         return value
     if isinstance(value, Keep):
         return [value]
-    raise DesignError(f"{brief(value)} is no list; each limit begins with a line [[keep]]")
+    raise DesignError(f"{brief(value)} is not a list; each limit starts with a line [[keep]]")
 
 
 def _errors(given: object, case: Case, folder: Path | None) -> MaterialErrors | None:
-    """The errors of the case's material: as they are, or a fitted material's file."""
+    """Return the errors of the case's material: as given, or from a fitted material's file."""
     if given is None:
         return None
     if isinstance(given, Mapping) and set(given) == {"file"}:
@@ -742,15 +741,11 @@ def _errors(given: object, case: Case, folder: Path | None) -> MaterialErrors | 
 
 
 def _check_load(case: Case) -> None:
-    """Refuse loads that a design cannot be judged under."""
+    """Reject loads unsuitable for designs."""
     if not case.pressures_cm:
-        raise DesignError(
-            f"the case asks for {case.load.requested.words}; a design is judged at pressures (pressure_cm)"
-        )
-    if case.cycle:
-        raise DesignError(
-            "the case lowers its pressure again (cycle); a design is judged on the way up, so leave it out"
-        )
+        raise DesignError(f"the case asks for {case.load.requested.words}; designs need pressures (pressure_cm)")
+    if case.load_unload:
+        raise DesignError("the case unloads (load_unload), but designs are evaluated during loading only; leave it out")
     for part in case.components:
         if why := part.undesigned(case.actuator):
             raise DesignError(f"the case has a {part.where}, {why}; leave it out")
@@ -775,7 +770,7 @@ def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
 
 
 def _walls_apart(case: Case, terms: Sequence[ObjectiveTerm], limits: Sequence[Keep]) -> list[Keep]:
-    """Limits that keep walls apart at every state where anything is asked of a device whose walls can meet.
+    """Return the limits that keep walls apart at every evaluated state, if the device's walls can meet.
 
     None where the case lets walls pass through each other (walls = "none"), or limits the gap itself.
     """
@@ -792,40 +787,40 @@ def _walls_apart(case: Case, terms: Sequence[ObjectiveTerm], limits: Sequence[Ke
 
 
 def _check_walls(case: Case, keep: Keep) -> None:
-    """Refuse a least wall that the device as given does not have."""
+    """Reject a minimum wall that the given device does not satisfy."""
     if keep.quantity.name != CLEARANCES or keep.at_least is None:
         return
     for wall, value in case.actuator.clearances.items():
         if value < keep.at_least:
             raise DesignError(
-                f"the workshop's least wall is {in_words(keep.quantity, keep.at_least)}, and at the start {wall} is "
+                f"the workshop's smallest wall is {in_words(keep.quantity, keep.at_least)}, but at the start {wall} is "
                 f"{in_words(keep.quantity, value)}; start from a device that can be made"
             )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How a problem is optimised: the options of a call.
+# Options of an optimisation.
 
 
 EVALUATIONS = 40
-"""Most evaluations of one start."""
+"""Maximum number of evaluations per start."""
 
 
 class Judge(Protocol):
-    """What evaluates designs: `softmodels.design.model.DesignModel`, or what stands in for it."""
+    """Interface of an evaluator: `softmodels.design.model.DesignModel`, or a substitute."""
 
     def evaluate(self, theta: npt.NDArray[np.float64]) -> Evaluation:
-        """Values and gradients; a `DesignFailure` where there are none."""
+        """Return the values and gradients; raise `DesignFailure` if there are none."""
 
     def confirm(self, theta: npt.NDArray[np.float64], finer: float = 1.0) -> Evaluation:
-        """Values on a fresh mesh."""
+        """Return the values on a fresh mesh."""
 
     def release(self) -> None:
-        """Give back what it holds; the next design is meshed anew."""
+        """Release its resources; the next design is meshed anew."""
 
 
 class SearchOptions(TypedDict, total=False):
-    """How a problem is optimised; nothing of it changes a design's values.
+    """Options of an optimisation; none changes a design's values.
 
     Attributes:
         starts: How many; the first is the device as given, the others are spread over the bounds.

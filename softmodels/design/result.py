@@ -1,4 +1,4 @@
-"""What an optimisation found, and how it is put into sentences."""
+"""The result of an optimisation, and its description in sentences."""
 
 from __future__ import annotations
 
@@ -36,27 +36,27 @@ from softmodels.design.quantities.gaps import LeastGap
 from softmodels.design.trials import Trial
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How well a target tells the parameters of the device that follows it: standard errors, intervals, and what it hardly tells.
+# Identifiability of parameters from a target: standard errors, intervals, and weakly determined combinations.
 #
 # With the residuals' Jacobian J at the end and their variance s^2 the parameters' covariance is s^2 (J^T J)^-1, as long as the
-# residuals are nearly linear over it (Gauss and Newton; Seber and Wild 2003, Nonlinear regression, chapter 2). Where errors
-# keep together over a run of neighbours, only every run-th of them counts. A parameter at a bound is held there: the errors
-# of the others are as if it were known.
+# residuals are nearly linear over it (Gauss and Newton; Seber and Wild 2003, Nonlinear regression, chapter 2). If residuals
+# are correlated over a run of neighbours, only every run-th of them counts. A parameter at a bound is fixed there: the
+# errors of the others assume it known.
 
 
 AT_BOUND = 1e-6
-"""Share of the bounds' width within which a parameter is at one."""
+"""Tolerance relative to the range within which a parameter is at a bound."""
 WIDE = 0.5
-"""Half a 95 % interval, in widths of the bounds, from which a target hardly tells a combination."""
+"""Half width of a 95 % interval, relative to the range, above which a combination is weakly determined."""
 SHARE = 0.1
-"""Least share of the largest part of a combination with which a parameter is named in it."""
+"""Minimum component, relative to the largest, for naming a parameter in a combination."""
 SHOWN = 0.1
-"""Width of the bounds by which the largest part of a combination is moved where it is put into words."""
+"""Change of the largest component of a combination in its description, relative to its range."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Interval:
-    """A parameter as a target tells it, SI units.
+    """A parameter determined by a target, SI units.
 
     Attributes:
         parameter: The free parameter.
@@ -75,12 +75,12 @@ class Interval:
 
     @property
     def sentence(self) -> str:
-        """It in words."""
+        """The interval in words."""
         one = self.parameter
         if self.at_bound:
-            return f"{one.name} {one.text(self.value)}: at its bound, so the target says nothing more of it"
+            return f"{one.name} {one.text(self.value)}: at its bound, so the target does not determine it further"
         if not math.isfinite(self.error):
-            return f"{one.name} {one.text(self.value)}: the target does not tell it"
+            return f"{one.name} {one.text(self.value)}: not determined by the target"
         return (
             f"{one.name} {one.text(self.value, 5)} +- {one.text(self.error, 2)} (one standard error), with 95 % between "
             f"{one.text(self.low, 5)} and {one.text(self.high, 5)}"
@@ -89,12 +89,12 @@ class Interval:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Told:
-    """What a target tells of a device's parameters.
+    """Device parameters determined by a target.
 
     Attributes:
         intervals: One for each free parameter.
         covariance: Of those that are not at a bound, SI units.
-        weakest: What combination it tells least, a sentence; empty with fewer than two parameters.
+        weakest: The least determined combination, a sentence; empty with fewer than two parameters.
         source: Where the residuals' standard error comes from, a clause.
     """
 
@@ -108,12 +108,13 @@ class Told:
 
     @property
     def sentences(self) -> list[str]:
-        """All of it in words."""
+        """All intervals in words."""
         return [*(one.sentence for one in self.intervals), *filter(None, [self.weakest]), self.source]
 
 
 def recovered(form: Formulation, trial: Trial) -> Told | None:
-    """What a problem's targets tell of its parameters at a trial; None where none is followed, or no errors are known."""
+    """Return the parameters determined by a problem's targets at a trial; None without a target or
+    errors."""
     problem = form.problem
     found = [(term.quantity, trial.squares.get(term.quantity.key)) for term in problem.terms]
     if problem.objective != "follow" or any(squares is None for _, squares in found):
@@ -149,9 +150,9 @@ def recovered(form: Formulation, trial: Trial) -> Told | None:
     )
     asked = problem.terms[0].quantity
     if known:
-        source = "errors from the standard error that was given (sigma)"
+        source = "errors from the given standard error (sigma)"
     else:
-        source = f"errors from what is left at the end, {in_words(asked, math.sqrt(variance), 3)} for each value"
+        source = f"errors from the final residuals, {in_words(asked, math.sqrt(variance), 3)} per value"
     source += f"; {counted:.0f} independent values"
     free = [one for one, is_free in zip(problem.free, inside, strict=True) if is_free]
     weakest = _weakest(form, trial, free, vectors[-1], quantile * inverse[-1]) if len(free) > 1 else ""
@@ -176,7 +177,7 @@ def _quantile(freedom: float) -> float:
 
 
 def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, half: float) -> str:
-    """The combination that the target tells least, in words."""
+    """Return the least determined combination, in words."""
     vector = vector / vector[np.argmax(np.abs(vector))]
     parts = []
     changes = {}
@@ -199,31 +200,31 @@ def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, h
         f"{', '.join(parts)} {together}would move the device by {in_words(asked, math.sqrt(moved), 2)} from the target"
     )
     if half > WIDE:
-        return f"the target hardly tells one combination of the parameters: {words}"
-    return f"told least: {words}"
+        return f"one combination of the parameters is weakly determined: {words}"
+    return f"least determined: {words}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What holds a design back: the multipliers of its limits in plain words.
+# Active limits of a design: Lagrange multipliers in plain words.
 #
-# At the end of a search the objective's slope is a sum of the slopes of the limits that are met, each times a multiplier that
-# is not negative (Karush, Kuhn and Tucker). They are found by non-negative least squares from the gradients there, whatever
-# the search was.
+# At an optimum the objective's gradient is a sum of the active limits' gradients, each times a non-negative
+# multiplier (Karush, Kuhn and Tucker). They are found by non-negative least squares from the gradients, independent
+# of the search.
 
 
 MET = 5e-3
-"""A limit is met from this share of it on."""
+"""Fraction of a limit above which it is active."""
 EDGE = 1e-6
-"""A parameter is at a bound within this share of the bounds' width."""
+"""Tolerance relative to the range within which a parameter is at a bound."""
 LEAST = 1e-3
-"""Multipliers below this share of the largest are nothing."""
+"""Multipliers below this fraction of the largest count as zero."""
 BALANCED = 0.2
-"""Share of the objective's slope that may be left over where the end is an optimum."""
+"""Maximum relative remainder of the objective's gradient at an optimum."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Holder:
-    """A limit or bound that holds a design back.
+    """An active limit or bound.
 
     Attributes:
         words: Which, in words.
@@ -241,7 +242,7 @@ class Holder:
 
 @dataclasses.dataclass(frozen=True)
 class Holding:
-    """What holds a design back.
+    """Active limits and bounds of a design.
 
     Attributes:
         holders: With the largest multiplier first.
@@ -253,7 +254,7 @@ class Holding:
 
 
 def holding(form: Formulation, trial: Trial) -> Holding:
-    """What holds a design back, from its gradients."""
+    """Return the active limits and bounds of a design, from its gradients."""
     scaled = form.scaled(trial, form.allowances(trial))
     violations = scaled.c - INSIDE
     infeasible = bool(violations.max(initial=-1.0) > 1e-9)
@@ -286,7 +287,7 @@ def holding(form: Formulation, trial: Trial) -> Holding:
 
 
 def _round(value: float) -> float:
-    """1, 2 or 5 times a power of ten near a value."""
+    """Return 1, 2 or 5 times a power of ten near a value."""
     if value <= 0.0 or not math.isfinite(value):
         return 1.0
     power = 10.0 ** math.floor(math.log10(value))
@@ -294,7 +295,7 @@ def _round(value: float) -> float:
 
 
 def _gain(form: Formulation, amount: float) -> str:
-    """A gain of the objective in words."""
+    """Return a gain of the objective in words."""
     asked = form.problem.terms[0].quantity
     words = label(asked, form.problem.case.cm) if len(form.problem.terms) == 1 else asked.title
     return f"{in_words(asked, amount, 2)} {'more' if form.problem.sign < 0 else 'less'} {words}"
@@ -306,7 +307,7 @@ def _limit_sentence(form: Formulation, row: ConstraintRow, multiplier: float) ->
     objective = form.problem.terms[0].quantity
     one = _round(0.05 * form.size / shown_factor(objective)) * shown_factor(objective)
     return (
-        f"{row.text}: allowing {in_words(asked, step)} {'more' if row.sign > 0 else 'less'} would give about "
+        f"{row.text}: relaxing this limit by {in_words(asked, step)} gains "
         f"{_gain(form, per_unit * step)}; {_gain(form, one)} costs about {in_words(asked, one / per_unit, 2)} of it"
     )
 
@@ -321,11 +322,11 @@ def _bound(form: Formulation, bound: tuple[int, float], multiplier: float, infea
     step = _round(0.1 * one.width / factor(shown, unit)) * factor(shown, unit)
     gain = _gain(form, form.size * multiplier * step / one.width)
     more = "more" if sign > 0 else "less"
-    return Holder(words, multiplier, f"{words}: {text(step, shown, unit)} {more} would give about {gain}")
+    return Holder(words, multiplier, f"{words}: {text(step, shown, unit)} {more} gains about {gain}")
 
 
 def _trades(holders: list[Holder]) -> list[Holder]:
-    """Of limits that exclude each other: what more of the first costs of each other one."""
+    """Yield, for conflicting limits, the cost of the first in terms of each other one."""
     limits = [one for one in holders if one.row is not None]
     if not limits:
         return holders
@@ -349,15 +350,15 @@ def _trades(holders: list[Holder]) -> list[Holder]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The case of a design that was tried.
+# Cases of evaluated designs.
 
 
 KEPT = ("material", "load")
-"""Tables that a design does not change, which are written as the user wrote them."""
+"""Tables that a design does not change, written as by the user."""
 
 
 def case_of(problem: DesignProblem, trial: Trial) -> Case:
-    """The case of a trial's device.
+    """Return the case of a trial's device.
 
     Raises:
         GeometryError: It is none.
@@ -367,7 +368,8 @@ def case_of(problem: DesignProblem, trial: Trial) -> Case:
 
 
 def case_text(problem: DesignProblem, case: Case) -> str:
-    """A case of this problem as a file: silicone and loads as the user named them, such as ``pressure = "0:30 kPa"``.
+    """Return a case of this problem as file text, with silicone and loads as written by the user, such as ``pressure = "0:30
+    kPa"``.
 
     What would not be read as the same case elsewhere, such as a material's file, is written in numbers.
     """
@@ -381,16 +383,16 @@ def case_text(problem: DesignProblem, case: Case) -> str:
 
 
 SAME_VALUE, SAME_PLACE = 0.01, 0.05
-"""Starts agree if their ends differ by less than these shares: of the objective, or of each parameter's bounds' width."""
+"""Starts agree if their results differ by less than these fractions of the objective, or of each parameter's range."""
 FRESH_LIMIT = 2e-3
-"""Share of a limit by which it may be passed on the fresh mesh: the search stays inside of it on its own."""
+"""Relative violation of a limit allowed on the fresh mesh; the search itself keeps a margin."""
 FRESH = 0.02
-"""Share by which a value on the fresh mesh may differ before it is warned of."""
+"""Relative difference of a value on the fresh mesh above which a warning is given."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StartEnd:
-    """Where one start ended.
+    """The result of one start.
 
     Attributes:
         start: Its number.
@@ -401,7 +403,7 @@ class StartEnd:
         why: Why it ended before an optimum; empty for none.
     """
 
-    STOPPED: ClassVar[str] = "as the user stopped it"
+    STOPPED: ClassVar[str] = "because the user stopped it"
 
     start: int
     best: Trial | None
@@ -416,7 +418,7 @@ class StartEnd:
 
     @property
     def values(self) -> Mapping[str, float]:
-        """As reported: on the fresh mesh, or on the search's where there is none."""
+        """Reported values: on the fresh mesh, or on the search's if there is none."""
         return self.confirmed or ({} if self.best is None else self.best.values)
 
     @property
@@ -425,7 +427,7 @@ class StartEnd:
 
     @property
     def passed(self) -> float:
-        """Largest share by which a limit is passed; below zero where all are kept."""
+        """Largest relative violation of a limit; negative if all are satisfied."""
         assert self.best is not None
         if not self.confirmed:
             return self.form.worst(self.best)[0]
@@ -433,18 +435,19 @@ class StartEnd:
 
     @property
     def feasible(self) -> bool:
-        """Whether its best trial keeps all limits: in the search, and on the fresh mesh as nearly as makes no difference."""
+        """Whether its best trial satisfies all limits: in the search, and on the fresh mesh within tolerance."""
         return self.best is not None and self.form.feasible(self.best) and self.passed <= FRESH_LIMIT
 
     def order(self) -> tuple[bool, bool, float]:
-        """What is least of the best end: no trouble, all limits kept, the objective; or else the least violation."""
+        """Return the sorting key of results, smallest for the best: no failure, all limits satisfied, the objective; or else
+        the violation."""
         if self.feasible:
             return bool(self.trouble), False, self.form.problem.sign * self.objective
         return bool(self.trouble), True, self.passed
 
 
 def _overlaps(row: ConstraintRow, values: Mapping[str, float]) -> bool:
-    """Whether a limit's value says that walls overlap."""
+    """Return whether a limit's value means that walls overlap."""
     return isinstance(row.keep.quantity, LeastGap) and values[row.key] < 0.0
 
 
@@ -474,7 +477,7 @@ class DesignResult:
 
     @property
     def best(self) -> Trial:
-        """The best design: within all limits, or else with the least violation."""
+        """The best design: within all limits, or else with the smallest violation."""
         assert self.end.best is not None
         return self.end.best
 
@@ -485,7 +488,7 @@ class DesignResult:
 
     @property
     def confirmed(self) -> Mapping[str, float]:
-        """Values of the best design on a fresh mesh; empty where there are none."""
+        """Values of the best design on a fresh mesh; empty if there are none."""
         return self.end.confirmed
 
     @property
@@ -495,12 +498,12 @@ class DesignResult:
 
     @property
     def first(self) -> Trial:
-        """The device as given."""
+        """The given device."""
         return self.trials[0]
 
     @property
     def feasible(self) -> bool:
-        """Whether the best design keeps all limits."""
+        """Whether the best design satisfies all limits."""
         return self.end.feasible
 
     @property
@@ -525,14 +528,14 @@ class DesignResult:
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Values of the best design as reported: on the fresh mesh, or on the search's where there is none."""
+        """Reported values of the best design: on the fresh mesh, or on the search's if there is none."""
         return self.end.values
 
     # -- in words -----------------------------------------------------------------------------------------------------
 
     @property
     def headline(self) -> str:
-        """What was found, in a sentence."""
+        """The result in a sentence."""
         cm, failed = self.problem.case.cm, sum(trial.failed for trial in self.trials)
         words = "; ".join(
             f"{label(term.quantity, cm)} {in_words(term.quantity, self.first.values[term.quantity.key])} at the start, "
@@ -540,52 +543,50 @@ class DesignResult:
             for term in self.problem.terms
         )
         count = f"{len(self.trials)} designs evaluated" + (f", {failed} of them without a state" if failed else "")
-        limits = "all limits kept" if self.feasible else "not all limits can be kept"
+        limits = "all limits satisfied" if self.feasible else "not all limits can be satisfied"
         return f"{'stopped by the user; so far: ' if self.stopped else ''}{words}; {limits}; {count}"
 
     @property
     def missed(self) -> list[str]:
-        """The limits that the best design does not keep, and by how much."""
+        """The limits violated by the best design, with their values."""
         violations = self.form.passed(self.values, self.form.allowances(self.best))
         return [
-            f"{row.words} is {in_words(row.keep.quantity, self.values[row.key])}, and has to be "
-            f"{'at most' if row.sign > 0 else 'at least'} {in_words(row.keep.quantity, row.limit)}"
-            + (
-                ": walls pass through each other, so the other values are of no real device"
-                if _overlaps(row, self.values)
-                else ""
-            )
+            f"{row.words} is {in_words(row.keep.quantity, self.values[row.key])}, but must "
+            f"be {'at most' if row.sign > 0 else 'at least'} {in_words(row.keep.quantity, row.limit)}"
+            + (": walls overlap, so the other values are invalid" if _overlaps(row, self.values) else "")
             for row, violation in zip(self.form.rows, violations, strict=True)
             if violation > FRESH_LIMIT
         ]
 
     @property
     def reasons(self) -> list[str]:
-        """What holds the design back."""
+        """The active limits of the design, in sentences."""
         holders = self.holding.holders
         if not self.feasible and self.form.feasible(self.best):
             passed = (
-                f"limits that the search keeps are passed by up to {self.end.passed:.2%} of them on the fresh mesh: meshes of "
-                "this size differ by so much; use smaller cells, or ask for a little more than is needed"
+                f"limits satisfied in the search are violated by up to {self.end.passed:.2%} on "
+                f"the fresh mesh, within the mesh error; use smaller cells, or set stricter limits"
             )
             return [passed, *(one.sentence for one in holders)]
         if self.feasible:
             if not holders and self.holding.balanced:
-                return ["no limit holds it back: no small change is better"]
+                return ["no limit is active: this is a local optimum"]
             return [one.sentence for one in holders]
         if self.end.why:
-            return [f"no design so far keeps all limits (the search ended {self.end.why}); go on with more evaluations"]
+            return [
+                f"no design so far satisfies all limits (the search ended {self.end.why}); continue with more evaluations"
+            ]
         held = [one.words for one in holders]
         what = (
-            f"{' and '.join(held)} exclude each other"
+            f"{' and '.join(held)} are incompatible"
             if len(held) > 1
-            else f"{' '.join(held) or 'its limits'} cannot be kept"
+            else f"{' '.join(held) or 'its limits'} cannot be satisfied"
         )
-        told = [f"the request cannot be met, and this is the nearest design: {what}"]
+        told = [f"the problem is infeasible, and this is the closest design: {what}"]
         failed = sum(trial.failed for trial in self.trials)
         if failed and not self.holding.balanced:
             told.append(
-                f"{failed} designs around it have no state at the pressures they are asked at, which holds it back too"
+                f"{failed} neighbouring designs have no state at the requested pressures, which also limits the result"
             )
         return told + [one.sentence for one in holders if one.sentence and one.sentence != one.words]
 
@@ -596,12 +597,12 @@ class DesignResult:
         if len(self.ends) < 2:
             return ""
         if len(judged) < 2:
-            return f"of {len(self.ends)} starts only one could be followed"
+            return f"only one of {len(self.ends)} starts succeeded"
         same = sum(self._same(one) for one in judged)
         if same == len(judged):
             return f"the {len(judged)} starts agree"
         values = ", ".join(
-            in_words(self.problem.terms[0].quantity, one.objective) + ("" if one.feasible else " (limits not kept)")
+            in_words(self.problem.terms[0].quantity, one.objective) + ("" if one.feasible else " (limits violated)")
             for one in judged
         )
         return f"{same} of {len(judged)} starts agree with the best; they ended at {values}"
@@ -617,7 +618,7 @@ class DesignResult:
 
     @property
     def confirmation(self) -> list[str]:
-        """The values on the search's mesh beside those on the fresh one."""
+        """The values on the search's mesh compared with those on the fresh one."""
         told = []
         for asked in self.problem.quantities:
             for key in [
@@ -627,7 +628,7 @@ class DesignResult:
                     continue
                 found, fresh = self.best.values[key], self.confirmed[key]
                 share = abs(fresh - found) / max(abs(fresh), 1e-300)
-                if share < 1e-9:  # of the geometry alone
+                if share < 1e-9:  # depends only on the geometry
                     continue
                 words = label(asked, self.problem.case.cm) if key == asked.key else key
                 told.append(
@@ -638,12 +639,12 @@ class DesignResult:
 
     @property
     def recovered(self) -> Told | None:
-        """What a target that is followed tells of the parameters; None where none is, or its errors are not known."""
+        """The parameters determined by a target; None without a target or errors."""
         return recovered(self.form, self.best)
 
     @property
     def margins(self) -> list[str]:
-        """What tolerances and the material's errors take of each limit; nothing where there are none."""
+        """The allowances of each limit for tolerances and the material's errors, in sentences."""
         if not self.form.spread.any:
             return []
         allowances = self.form.allowances(self.best)
@@ -658,14 +659,14 @@ class DesignResult:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A result as plain numbers and sentences, for ``design.json``, from which pictures and report are made.
+# Summary of a result as plain numbers and sentences in ``design.json``, for pictures and report.
 
 
 FILE = "design.json"
 
 
 class ParameterTold(TypedDict):
-    """A free parameter: its bounds and values, in its shown unit."""
+    """A free parameter: its bounds and values, in its display unit."""
 
     name: str
     unit: str
@@ -676,7 +677,7 @@ class ParameterTold(TypedDict):
 
 
 class ObjectiveTold(TypedDict):
-    """What is made large or small, over all trials, in its shown unit; None where a trial failed."""
+    """The objective over all trials, in its display unit; None for failed trials."""
 
     words: str
     unit: str
@@ -685,7 +686,7 @@ class ObjectiveTold(TypedDict):
 
 
 class LimitTold(TypedDict):
-    """A limit, and by what share of it each trial passes it; None where a trial failed."""
+    """A limit, and its relative violation by each trial; None for failed trials."""
 
     words: str
     passed: list[float | None]
@@ -703,7 +704,7 @@ class TrialTold(TypedDict):
 
 
 class DesignTold(TypedDict):
-    """What ``design.json`` holds."""
+    """Content of ``design.json``."""
 
     name: str
     headline: str
@@ -726,7 +727,7 @@ class DesignTold(TypedDict):
 
 
 def summary(result: DesignResult) -> str:
-    """The text of ``design.json``."""
+    """Return the text of ``design.json``."""
     found = result.recovered
     told: DesignTold = {
         "name": result.problem.name,
@@ -762,18 +763,16 @@ def summary(result: DesignResult) -> str:
 
 
 def notes(result: DesignResult) -> list[str]:
-    """What a reader has to know beside the numbers."""
+    """Return the remarks on the result."""
     told = [*result.problem.notes, *result.best.notes]
     told += [f"start {one.start} ended {one.why}" for one in result.ends if one.why and not one.stopped]
     if result.feasible and not result.holding.balanced and not result.stopped:
-        told.append("the search ended before an optimum: more evaluations (--evaluations) may find a better design")
+        told.append("the search ended before it converged; more evaluations (--evaluations) may find a better design")
     errors = result.problem.errors
     if errors is not None:
         told.append(f"errors of the material: {errors.how}")
         if not any(trial.material_gradients for trial in result.trials):
-            told.append(
-                "how the values change with the material is not known here, so its errors are left out of the margins"
-            )
+            told.append("derivatives by the material are not available, so its errors are not included in the margins")
     return told
 
 
@@ -792,7 +791,7 @@ def _parameters(result: DesignResult) -> list[ParameterTold]:
 
 
 def _objective(result: DesignResult) -> ObjectiveTold:
-    """What is made large or small, over all trials; None where a trial failed."""
+    """Return the objective over all trials; None for failed trials."""
     form, asked = result.form, result.problem.terms[0].quantity
     words = label(asked, result.problem.case.cm) if len(result.problem.terms) == 1 else f"mean {asked.title}"
     return {
@@ -802,7 +801,7 @@ def _objective(result: DesignResult) -> ObjectiveTold:
 
 
 def _limits(result: DesignResult) -> list[LimitTold]:
-    """Each limit with how far it is passed over all trials, as a share of it."""
+    """Return each limit with its relative violation over all trials."""
     form = result.form
     violations = [None if trial.failed else form.violations(trial) for trial in result.trials]
     return [

@@ -1,7 +1,7 @@
-"""The search for the best design: sequential quadratic programming on an elastic problem that steps back from failures.
+"""Search for the best design: sequential quadratic programming on an elastic problem, robust to failed trials.
 
 Chosen among SciPy's SLSQP and trust-constr and NLopt's MMA and CCSA (cyipopt has no wheel), on membranes with 3 to 20
-parameters in closed form (tests/benchmarks/optimisers.py): evaluations to the end, and what happened.
+parameters in closed form (tests/benchmarks/optimisers.py): evaluations to the end, and results.
 
 | problem | SLSQP, elastic | SLSQP | MMA | CCSA | trust-constr |
 |---|---|---|---|---|---|
@@ -11,14 +11,14 @@ parameters in closed form (tests/benchmarks/optimisers.py): evaluations to the e
 | limits that exclude each other | 14, 25, 19 | 100, 100, 98 | 10, 13, 11 | 9, 41, 72 | 100, 100, 100 |
 
 In the last row only the elastic form came near the least violation (0.200 of a limit; MMA ended at 0.250, SLSQP at 0.464).
-Elastic means: one more variable t >= 0 by which all limits may be passed, at a price. So the quadratic problem of each step
-has a solution, and a request that cannot be met ends where the largest violation is least.
+Elastic means: one more variable t >= 0 relaxes all limits, at a penalty. So the quadratic problem of each step
+has a solution, and an infeasible problem ends at the smallest maximum violation.
 
-The search begins with short steps of all parameters at once (`softmodels.design.search`), so that meshes and states follow,
-and SLSQP goes on where those gain little any more. A trial that fails (no state there, no device) counts as if nothing had been
-gained on the last point: SLSQP then halves its step. So does, without an evaluation, a step longer than the first part's last
-ones or twice the last good one, and one that goes the way of a failure. Where the device had to be meshed anew the search
-begins again from there, because values of two meshes differ by more than what the last steps gain.
+The search starts with short steps of all parameters at once (`softmodels.design.search`), so that meshes and states
+follow; SLSQP takes over once those gain little. A failed trial (no state, or an invalid device) counts as no gain over
+the last point, so SLSQP halves its step. The same applies, without an evaluation, to a step longer than the first phase's
+last ones or twice the last good one, and to a step towards a failure. If the device had to be remeshed, the search
+restarts there, because values of two meshes differ by more than the gain of the last steps.
 """
 
 from __future__ import annotations
@@ -41,26 +41,26 @@ from softmodels.design.result import MET, StartEnd
 from softmodels.design.trials import Trial
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The first part of a search: linear programs within move limits that grow where a step was foreseen well.
+# First phase of a search: linear programs within move limits, which grow if a step was predicted well.
 #
 # Sequential linear programming with a trust region (Fletcher and Sainz de la Maza 1989, doi 10.1007/BF01582299), in the elastic
-# form of `softmodels.design.search`. Every parameter moves at once, and none by much, so that meshes and states follow; where
-# such steps gain little any more, second derivatives matter and the search goes on with SLSQP.
+# form of `softmodels.design.search`. All parameters move at once by small amounts, so that meshes and states follow; once
+# such steps gain little, second derivatives matter and the search continues with SLSQP.
 
 
 FIRST_REACH = 0.1
-"""Farthest that a parameter moves in the first step, in widths of its bounds."""
+"""Maximum change of a parameter in the first step, relative to its range."""
 FARTHEST_REACH = 0.4
 SHORTEST_REACH = 0.05
-"""From which on SLSQP goes on."""
+"""Move limit below which SLSQP takes over."""
 WORTH_IT = 0.05
-"""Gain in objectives that is still to be expected of a step; SLSQP goes on where it is less."""
+"""Expected relative gain of a step below which SLSQP takes over."""
 GOOD, POOR = 0.6, 0.1
-"""Shares of the foreseen gain from which the move limits grow, and below which a step is not taken."""
+"""Fractions of the predicted gain above which the move limits grow, and below which a step is rejected."""
 
 
 def approached(evaluate: Callable[[Array], Scaled | None], start: Array, price: float) -> tuple[Array, float]:
-    """The last design that linear steps have led to, and the move limits there.
+    """Return the last design of the linear steps, and the move limits there.
 
     Args:
         evaluate: A design in scaled numbers by its scaled parameters; None if it fails.
@@ -79,7 +79,7 @@ def approached(evaluate: Callable[[Array], Scaled | None], start: Array, price: 
         gain = -np.inf if there is None else _merit(here, price) - _merit(there, price)
         if there is not None and (
             gain > POOR * foreseen or there.fresh
-        ):  # values of another mesh are not to be compared
+        ):  # values of different meshes are not comparable
             x, here = trial, there
         if gain < POOR * foreseen:
             reach = min(reach, float(np.abs(step).max())) / 2
@@ -93,33 +93,33 @@ def _merit(found: Scaled, price: float) -> float:
 
 
 def _step(here: Scaled, x: Array, reach: float, price: float) -> tuple[Array, float]:
-    """The best step within the move limits as the slopes foresee it, and what it gains."""
+    """Return the best step within the move limits by the gradients, and its predicted gain."""
     n, count = len(x), len(here.c)
     bounds = [(max(-reach, -value), min(reach, 1.0 - value)) for value in x] + [(0.0, None)]
     rows = np.column_stack([here.dc, -np.ones(count)]) if count else None
     found = linprog(np.append(here.df, price), rows, -here.c if count else None, bounds=bounds, method="highs")
-    if found.x is None:  # HiGHS met numbers that it cannot deal with
+    if found.x is None:  # HiGHS failed numerically
         return np.zeros(n), 0.0
     return found.x[:n], price * float(here.c.max(initial=0.0)) - float(found.fun)
 
 
 Evaluate = Callable[[Array], Scaled | None]
-"""A design in scaled numbers by its scaled parameters; None if it fails."""
+"""A scaled design by its scaled parameters; None if it fails."""
 
 PRICES = (10.0, 100.0)
-"""Of a violation of all of a limit, in objectives; the second if the first was too small."""
+"""Penalties of a violation of 100 % of a limit, in objectives; the second if the first was too small."""
 OBJECTIVE_TOLERANCE = 1e-4
-"""The search ends where a step gains less than this share of the objective, or no step gains."""
+"""The search ends if a step gains less than this fraction of the objective."""
 SAME_DIRECTION = 0.98
-"""Cosine of the angle within which two steps go the same way."""
+"""Cosine of the angle within which two steps have the same direction."""
 MOST_MESHES = 8
-"""Meshes of one pass."""
+"""Maximum number of meshes per pass."""
 MOST_STEPS = 60
-"""Steps of one pass; the number of evaluations ends it before."""
+"""Maximum number of steps per pass; the number of evaluations ends it earlier."""
 
 
 def search(evaluate: Evaluate, start: Array) -> Array:
-    """The end of the search, in scaled parameters.
+    """Return the end of the search, in scaled parameters.
 
     Args:
         evaluate: A design in scaled numbers; every c at most zero is wanted. May raise to end the search.
@@ -132,18 +132,18 @@ def search(evaluate: Evaluate, start: Array) -> Array:
             return x
         x = _pass(evaluate, x, 1.0, reach, objective=False)
         if _violation(evaluate, x) > OBJECTIVE_TOLERANCE:
-            return x  # the least violation there is
+            return x  # the smallest possible violation
     return x
 
 
 def _violation(evaluate: Evaluate, x: Array) -> float:
     found = evaluate(x)
-    assert found is not None  # a search ends where it has been
+    assert found is not None  # a search ends at a visited point
     return float(found.c.max(initial=0.0))
 
 
 class _OtherMeshError(Exception):
-    """A trial has a mesh of its own: values before and after are not to be compared to the last digit."""
+    """A trial was remeshed, so values before and after are not exactly comparable."""
 
     def __init__(self, x: Array):
         super().__init__()
@@ -151,7 +151,7 @@ class _OtherMeshError(Exception):
 
 
 def _pass(evaluate: Evaluate, start: Array, price: float, reach: float, objective: bool = True) -> Array:
-    """Runs of SLSQP over the parameters and t, each on one mesh."""
+    """Return the runs of SLSQP over the parameters and t, each on one mesh."""
     for _ in range(MOST_MESHES):
         steps = _Steps(evaluate, start, price, reach, objective)
         bounds = [(0.0, 1.0)] * len(start) + [(0.0, None)]
@@ -169,7 +169,7 @@ def _pass(evaluate: Evaluate, start: Array, price: float, reach: float, objectiv
 
 
 class _Steps:
-    """What SLSQP asks; it asks for slopes only at points that it goes on from."""
+    """Callbacks of SLSQP, which requests gradients only at accepted points."""
 
     def __init__(self, evaluate: Evaluate, start: Array, price: float, reach: float, objective: bool):
         self._evaluate, self.price, self.weight = evaluate, price, float(objective)
@@ -200,7 +200,7 @@ class _Steps:
         return found
 
     def _behind_a_failure(self, x: Array) -> bool:
-        """Whether a point lies about in the direction of one that failed, and as far away."""
+        """Return whether a point is roughly in the direction of a failed one, and at least as far away."""
         d = x - self.at
         length = float(np.linalg.norm(d))
         for known in self.failed:
@@ -219,7 +219,7 @@ class _Steps:
         if not np.array_equal(before, self.at):
             self.reach = min(2 * self.reach, FARTHEST_REACH)
         found = self._evaluate(self.at)
-        if found is None:  # SLSQP gave up where the last step failed
+        if found is None:  # SLSQP stopped because the last step failed
             return np.zeros(len(z))
         self._base_value = self.weight * found.f + self.price * float(z[-1])
         self._base_limits = z[-1] - found.c
@@ -237,30 +237,30 @@ class _Steps:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The search for the device that follows a target best: Gauss and Newton's method in a trust region, within the bounds.
+# Least-squares search for the device closest to a target: Gauss-Newton in a trust region, within the bounds.
 #
-# The distance from a target that can be met is no smooth function where it is met, and the searches for other objectives end
-# early there. Its square is a sum of squares whose derivatives are known one by one, so that few evaluations are enough
-# (SciPy's trust region reflective method: Branch, Coleman and Li 1999, doi 10.1137/S1064827595289108). A trial that fails is
-# answered with no number, upon which it shrinks its region.
+# The distance from a reachable target is not smooth where it is zero, and general searches stop early
+# there. Its square is a sum of squares with known derivatives, so few evaluations are enough
+# (SciPy's trust region reflective method: Branch, Coleman and Li 1999, doi 10.1137/S1064827595289108). A failed trial returns
+# NaN, which makes the method shrink its region.
 
 
 PARAMETER_TOLERANCE = 1e-6
-"""Of the parameters, in widths of their bounds, at which the search ends."""
+"""Convergence tolerance of the parameters, relative to their ranges."""
 GAIN = 1e-10
-"""Share of the sum of squares that a step has to gain."""
+"""Minimum relative decrease of the sum of squares per step."""
 MESHES = 3
-"""Meshes on which it begins again, for values of two meshes differ."""
+"""Maximum number of meshes; it restarts on each, because values of two meshes differ."""
 
 
 def can_follow(form: Formulation, trial: Trial) -> bool:
-    """Whether the problem is one of least squares: a target to follow, and no limits to keep beside the bounds."""
+    """Return whether the problem is a least-squares one: a target, and no limits other than bounds."""
     keys = [term.quantity.key for term in form.problem.terms]
     return form.problem.objective == "follow" and not form.rows and all(key in trial.squares for key in keys)
 
 
 def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) -> Array:
-    """The end of the search in scaled parameters.
+    """Return the end of the search in scaled parameters.
 
     Args:
         judged: A trial by its scaled parameters; may raise to end the search.
@@ -293,12 +293,13 @@ def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) 
 
 
 def distances(form: Formulation, trial: Trial) -> Array:
-    """Residuals of all targets of a trial, counted in the first trial's distance, those of a mean by their weights."""
+    """Return the residuals of all targets of a trial, relative to the first trial's distance, weighted
+    in a mean."""
     return _stacked(form, trial)[:, -1]
 
 
 def slopes(form: Formulation, trial: Trial) -> Array:
-    """Their derivatives by the scaled parameters."""
+    """Return their derivatives by the scaled parameters."""
     return _stacked(form, trial)[:, : len(form.problem.free)] * form.width
 
 
@@ -313,21 +314,21 @@ def _stacked(form: Formulation, trial: Trial) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# One start: a search, and again where values on a fresh mesh are others than those that it went by.
+# One start: a search, repeated if values on a fresh mesh differ from those of the search.
 
 
 PASSES = 4
-"""Of a robust search: standard deviations are fixed while it goes on, and taken anew where it ended."""
+"""Maximum passes of a robust search: standard deviations are fixed in a pass, and updated at its end."""
 SETTLED = 1e-3
-"""Change of what they take, in shares of a limit, from which on a robust search has ended."""
+"""Change of the allowances, relative to a limit, below which a robust search has converged."""
 CORRECTIONS = 4
-"""Times that a search goes on from its end on a fresh mesh."""
+"""Maximum number of continuations on a fresh mesh."""
 WASTED = 0.02
-"""Share of a limit that may be left on the fresh mesh where the search has left none, before it goes on."""
+"""Relative slack of a limit on the fresh mesh, active in the search, above which the search continues."""
 
 
 def follow(under_way: Evaluating, theta: Array) -> StartEnd:
-    """Search from a design, and confirm the end.
+    """Search from a design, and confirm the result.
 
     Args:
         under_way: What evaluates designs; a design was judged before.
@@ -345,8 +346,8 @@ def follow(under_way: Evaluating, theta: Array) -> StartEnd:
         ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
         safety = np.zeros(len(form.rows))
         while len(ends) <= CORRECTIONS and _differs(ends[-1], len(ends)):
-            under_way.tell("on a fresh mesh limits are passed otherwise than in the search: it goes on from there")
-            if len(ends) > 1:  # meshes differ by chance too
+            under_way.tell("limits differ on a fresh mesh: continuing the search from there")
+            if len(ends) > 1:  # meshes differ randomly too
                 safety = np.maximum(safety, _apart(ends[-1]))
             under_way.fresh_mesh()
             again = under_way.trial(np.array(best.theta))
@@ -365,14 +366,14 @@ def follow(under_way: Evaluating, theta: Array) -> StartEnd:
 
 
 def _apart(end: StartEnd) -> Array:
-    """By how much more each limit is passed on the fresh mesh than in the search, in shares of it."""
+    """Return how much more each limit is violated on the fresh mesh than in the search, relative to the limit."""
     assert end.best is not None
     allowances = end.form.allowances(end.best)
     return end.form.passed(end.confirmed, allowances) - (end.form.violations(end.best) - end.form.safety)
 
 
 def _differs(end: StartEnd, rounds: int) -> bool:
-    """Whether a search has to go on: limits are passed on the fresh mesh, or the first time left unused there."""
+    """Return whether a search has to continue: limits are violated on the fresh mesh, or inactive there for the first time."""
     if end.trouble or end.best is None or not end.form.rows or not end.form.feasible(end.best):
         return False
     fresh = end.form.passed(end.confirmed, end.form.allowances(end.best))
@@ -382,7 +383,7 @@ def _differs(end: StartEnd, rounds: int) -> bool:
 
 
 def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list[Trial]) -> str:
-    """Search, again with new standard deviations as long as those change; why it ended early.
+    """Search repeatedly until the standard deviations converge; return why it ended early.
 
     Args:
         under_way: What evaluates designs.
@@ -393,7 +394,7 @@ def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list
     start = form.x(theta)
 
     def judged(point: Array) -> Trial:
-        # The start itself is hit to the last bit, or it would be evaluated twice.
+        # Reproduce the start exactly, so that it is not evaluated twice.
         seen.append(under_way.trial(theta if np.array_equal(point, start) else form.theta(point)))
         return seen[-1]
 
@@ -410,7 +411,7 @@ def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list
                 trial = judged(point)
                 other_mesh = trial.remeshed and trial.number not in before
                 if other_mesh:
-                    del seen[:-1]  # values of one mesh are compared alone
+                    del seen[:-1]  # compare only values of one mesh
                 return None if trial.failed else form.scaled(trial, allowances, other_mesh)
 
             end = search(evaluate, end)
@@ -423,15 +424,15 @@ def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where searches begin: the device as given, then points spread over the bounds.
+# Starting points of searches: the given device, then points spread over the bounds.
 
 
 DRAWN = 64
-"""Points that are drawn in all; those that are no device, or have too thin a wall, are left out."""
+"""Number of points drawn; invalid devices, or those with too thin a wall, are skipped."""
 
 
 def further_starts(problem: DesignProblem, seed: int) -> Iterator[Array]:
-    """Scaled parameters of devices spread over the bounds: a Latin hypercube (McKay, Beckman and Conover 1979).
+    """Yield the scaled parameters of devices spread over the bounds: a Latin hypercube (McKay, Beckman and Conover 1979).
 
     Args:
         problem: The problem.

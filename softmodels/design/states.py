@@ -1,4 +1,4 @@
-"""The states a design is judged at: found along a path once, then carried from each design to the next."""
+"""States of a design at its loads: solved along a path once, then carried from design to design."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where points lie in a mesh of curved cells, and the interpolation there.
+# Locate points in a mesh of curved cells, and interpolate there.
 
 
 Numbers = npt.NDArray[np.int64]
@@ -43,11 +43,11 @@ Numbers = npt.NDArray[np.int64]
 EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
 """Corners of each mid-edge node, in VTK's order, by dimension."""
 NEAREST = 24
-"""Cells with the nearest middles that a point is looked for in."""
+"""Number of nearest cells in which a point is searched."""
 ITERATIONS = 6
-"""Of Newton's method for the place in a curved cell."""
+"""Iterations of Newton's method for the position in a curved cell."""
 OUTSIDE = 0.1
-"""Farthest that a point may lie outside of its cell, in barycentric coordinates: meshes of a curved wall differ."""
+"""Maximum distance of a point outside its cell, in barycentric coordinates, because meshes of a curved wall differ."""
 
 
 class Places:
@@ -73,7 +73,7 @@ class Places:
         frames = np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
         inner = np.einsum("mkij,mkj->mki", frames[near], points[:, None] - corners[near, 0])
         shares = np.concatenate([1.0 - inner.sum(axis=2, keepdims=True), inner], axis=2)
-        # Straight cells tell which ones are worth the curved ones' Newton steps.
+        # Straight cells select the candidates for the curved cells' Newton steps.
         best = np.argsort(-shares.min(axis=2), axis=1)[:, :3]
         self.cell, self.share = near[:, 0], np.full((len(points), d + 1), -np.inf)
         for k in range(best.shape[1]):
@@ -86,13 +86,14 @@ class Places:
         self.share = inside / inside.sum(axis=1, keepdims=True)
 
     def _curved(self, nodes: Array, points: Array, share: Array) -> Array:
-        """Barycentric coordinates in curved cells, from those in straight ones; these where Newton's method leads astray."""
+        """Return the barycentric coordinates in curved cells, from those in straight ones; the straight ones if Newton's
+        method diverges."""
         found = np.clip(share, -0.5, 1.5)
         found = found / found.sum(axis=1, keepdims=True)
         start = found
         for _ in range(ITERATIONS):
             gap = points - np.einsum("mn,mni->mi", self._shapes(found), nodes)
-            slopes = np.einsum("mnk,mni->mik", self._slopes(found), nodes)  # by each coordinate as if it were free
+            slopes = np.einsum("mnk,mni->mik", self._slopes(found), nodes)  # by each coordinate as if independent
             jacobian = slopes[:, :, 1:] - slopes[:, :, :1]
             regular = np.abs(np.linalg.det(jacobian)) > 1e-12 * np.abs(jacobian).max(axis=(1, 2)) ** jacobian.shape[1]
             jacobian[~regular] = np.eye(jacobian.shape[1])
@@ -102,14 +103,14 @@ class Places:
         return np.where(astray[:, None], start, found)
 
     def _shapes(self, share: Array) -> Array:
-        """The nodes' shape functions, shape (m, nodes)."""
+        """Return the nodes' shape functions, shape (m, nodes)."""
         edges = np.array(self.edges)
         return np.concatenate(
             [share * (2.0 * share - 1.0), 4.0 * share[:, edges[:, 0]] * share[:, edges[:, 1]]], axis=1
         )
 
     def _slopes(self, share: Array) -> Array:
-        """Their slopes by the barycentric coordinates, shape (m, nodes, d + 1)."""
+        """Return their slopes by the barycentric coordinates, shape (m, nodes, d + 1)."""
         corners = share.shape[1]
         found = np.zeros((len(share), corners + len(self.edges), corners))
         for k in range(corners):
@@ -119,17 +120,18 @@ class Places:
         return found
 
     def interpolated(self, values: Array, linear: bool = False) -> Array:
-        """Values at the points, shape (m, k), of those at the nodes, shape (n, k); ``linear`` takes the corners' alone."""
+        """Return the values at the points, shape (m, k), of those at the nodes, shape (n, k); ``linear`` takes the corners'
+        alone."""
         weights = self.share if linear else self._shapes(self.share)
         return np.einsum("mn,mnk->mk", weights, values[self.cells[self.cell][:, : weights.shape[1]]])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# States carried from one mesh of a device to another one: interpolated on rank 0, as guesses for Newton's method.
+# Transfer states between meshes of a device: interpolated on rank 0, as guesses for Newton's method.
 
 
 class Transfer:
-    """Interpolates unknowns between two meshes that show the same device.
+    """Interpolates unknowns between two meshes of the same device.
 
     Args:
         old: Where unknowns are known.
@@ -144,7 +146,7 @@ class Transfer:
 
         self.old, self.new = old.system, new.system
         self.rest = new.volume_at_rest()
-        self._scale = self.old.length_unit / self.new.length_unit  # displacements are counted in it, pressures are not
+        self._scale = self.old.length_unit / self.new.length_unit  # displacements are scaled by it, pressures are not
         self._from, self._to = Grid(self.old), Grid(self.new)
         self._known, self._wanted = (
             displacement_maps(*pair) for pair in ((self.old, self._from), (self.new, self._to))
@@ -159,7 +161,8 @@ class Transfer:
         self._places.append(Places(self._from.points[:, kept], self._from.cells, self._to.points[:, kept]))
 
     def dofs(self, w: Array) -> Array:
-        """Unknowns on the new mesh, with ghosts, of those on the old one; behind both come multipliers (`State.w`)."""
+        """Return the unknowns on the new mesh, with ghosts, of those on the old one; behind both come multipliers
+        (`State.w`)."""
         x = self._w.x
         x.array[:] = 0.0
         columns, own = self._known[0][: self._from.owned], self._wanted[0][: self._to.owned]
@@ -173,13 +176,13 @@ class Transfer:
         return np.concatenate([x.array, w[self.old.dofs :]])
 
     def _carried(self, values: Array, linear: bool) -> Array:
-        """Values of owned nodes of the new mesh of those of the old one, shapes (owned, k)."""
+        """Return the values of owned nodes of the new mesh of those of the old one, shapes (owned, k)."""
         everywhere = self._from.collect(values)
         found = None if everywhere is None else self._places[0].interpolated(everywhere, linear)
         return self._to.distribute(found)
 
     def volume(self, V: float, rest: float) -> float:
-        """A dimensionless volume on the new mesh, of one on the old mesh whose volume at rest is ``rest``."""
+        """Return a dimensionless volume on the new mesh, of one on the old mesh whose volume at rest is ``rest``."""
         return self.rest + (V - rest) * self._scale**3
 
 
@@ -197,7 +200,7 @@ class LimitPoint:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Known:
-    """States of one design, as guesses for the next: values, which nothing changes.
+    """States of one design, as guesses for the next: values, never modified.
 
     Attributes:
         rest: Volume of its undeformed cavity.
@@ -214,7 +217,8 @@ class Known:
     bifurcation: Bifurcation | None
 
     def ahead(self, before: Known, share: float) -> Known:
-        """What lies ahead on the straight line from an earlier design's states through these, by a share of their distance."""
+        """Extrapolate linearly from an earlier design's states through these, by a share of
+        their distance."""
 
         def state(here: State, there: State) -> State:
             w = here.w + share * (here.w - there.w)
@@ -230,7 +234,7 @@ class Known:
         return Known(self.rest + share * (self.rest - before.rest), states, limit, witness, self.bifurcation)
 
     def transferred(self, transfer: Transfer) -> Known:
-        """The same on another mesh of the same device."""
+        """Return the same on another mesh of the same device."""
 
         def state(known: State) -> State:
             return dataclasses.replace(known, w=transfer.dofs(known.w), V=transfer.volume(known.V, self.rest))
@@ -248,31 +252,31 @@ class Known:
 
 
 MOST_SECANTS = 12
-"""Steps of the secant method in which a limit point is found again on the next design."""
+"""Maximum secant iterations to find the limit point on the next design."""
 CLOSE = 1e-6
-"""Change of the volume, in shares of what was added, at which the limit point is found: its pressure is exact to the square."""
+"""Relative tolerance of the volume at the limit point; its pressure is exact to the square."""
 FIRST_STEP = 1e-3
-"""First step of the secant, in shares of the added volume."""
+"""First step of the secant, relative to the added volume."""
 TIGHT = 1e-10
-"""Of the linear solver for the path's direction, which is the null vector that derivatives are taken with."""
+"""Tolerance of the linear solver for the path's tangent, the null vector used for derivatives."""
 FIRST_SHARE, LARGEST_SHARE = 0.15, 0.5
-"""First and largest step towards the limit point from a state below it, in shares of the added volume."""
+"""First and largest step towards the limit point from a state below it, relative to the added volume."""
 GROWTH = 1.4
-"""By how much it grows where Newton's method is quick; it shrinks where that is slow."""
+"""Growth factor of the step if Newton's method converges quickly; it shrinks otherwise."""
 REFUSED = 1 / 3
-"""Share of a step that Newton's method did not follow with which it is tried again. The steps after it grow from there: where
-a bulge is about to grow all at once, one that is too long costs as much as four that are not."""
+"""Reduction factor of a failed step. The following steps grow from there: near the sudden growth
+of a bulge, one step that is too long costs as much as four good ones."""
 MOST_NEWTON = 9
-"""Iterations of Newton's method after which a shorter step costs less."""
+"""Newton iterations above which a shorter step is cheaper."""
 MOST_STEPS = 80
-"""Steps from that state to the limit point."""
+"""Maximum number of steps from that state to the limit point."""
 FARTHEST = 0.5
-"""How far the limit point may move from one design to the next, in shares of the added volume; a farther one is looked for
+"""Maximum motion of the limit point between designs, relative to the added volume; otherwise it is searched
 along the whole path."""
 
 
 class WorkingStates:
-    """States of a device at given loads, and its limit point if that is wanted.
+    """States of a device at given loads, and its limit point if requested.
 
     Args:
         design: The meshed device.
@@ -309,7 +313,7 @@ class WorkingStates:
     # -- along the path -------------------------------------------------------------------------------------------------
 
     def trace(self) -> None:
-        """Find all of them along paths from the undeformed state.
+        """Solve all states along paths from the undeformed state.
 
         Raises:
             DesignFailure: A load is not met.
@@ -342,7 +346,7 @@ class WorkingStates:
                 if point.requested:
                     met.append(point.state)
                 if limit is not None and (forked is not None or self._bifurcations is None):
-                    break  # what lies behind it is not asked for, and is most of the work
+                    break  # the path beyond is not needed, and would be most of the work
         except PathEnd as end:
             limit = limit or end.limit
             if len(met) < len(loads):
@@ -350,7 +354,7 @@ class WorkingStates:
         if limit is not None and len(met) < len(loads):
             raise self._limit_below(limit.state, loads[len(met)])
         self.states |= dict(zip(loads, met, strict=False))
-        # Where the path passes the highest pressure without a limit point, the state there shows that later designs' do too.
+        # If the path passes the highest pressure without a limit point, the state there is the start for later designs.
         self._witness = met[-1] if limit is None and len(met) > len(loads) else None
         try:
             if limit is not None and self.highest:
@@ -361,9 +365,7 @@ class WorkingStates:
                 state = forked.state
                 self.bifurcation = self._bifurcations.near(state, state.V, forked.mode, self._rest_volume)
         except NoConvergence as failure:
-            raise DesignFailure(
-                f"where the device loses its stability was passed but not located: {failure}"
-            ) from failure
+            raise DesignFailure(f"the loss of stability was passed but not located: {failure}") from failure
 
     def _failure(self, load: JudgedLoad, end: PathEnd) -> DesignFailure:
         if end.limit is None:
@@ -390,7 +392,7 @@ class WorkingStates:
 
     @property
     def known(self) -> Known:
-        """All of them as they are now, to be put back or to be guessed from."""
+        """The current states, to be restored or used as guesses."""
         return Known(self._rest_volume, self.states, self.limit, self._witness, self.bifurcation)
 
     @known.setter
@@ -399,7 +401,7 @@ class WorkingStates:
         self._witness, self.bifurcation = known.witness, known.bifurcation
 
     def carry(self, guess: Known | None = None) -> None:
-        """Find all of them for the device that the mesh shows now.
+        """Solve all states for the device of the current mesh.
 
         Args:
             guess: Where to begin; those of the last design if None.
@@ -412,7 +414,7 @@ class WorkingStates:
         limit, witness = guess.limit, guess.witness
         highest = max((load for load in guess.states if load.kind == PRESSURE), default=None)
         upwards = highest is not None and self._bifurcations is None and (limit or witness) is not None
-        if not upwards:  # the limit point first: where it lies below a load, there is no state to be looked for there
+        if not upwards:  # the limit point first: above it no state exists
             limit = self._carried_limit(guess, rest)
         found = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
         if upwards and highest is not None:
@@ -425,7 +427,7 @@ class WorkingStates:
         self.known, self.carried = Known(rest, found, limit, witness, forked), True
 
     def _upwards(self, state: State, rest: float) -> tuple[LimitPoint | None, State | None]:
-        """The limit point along the path from a state below it, or the state at the highest pressure.
+        """Find the limit point along the path from a state below it, or the state at the highest pressure.
 
         The last design's limit point is no guess to rely on: a bulge that grows all at once there grows elsewhere on the next.
         By secants from below, with their steps bounded, hardly a state behind the limit point has to be solved for.
@@ -453,10 +455,10 @@ class WorkingStates:
             count = there.state.iterations
             share = min(share * (GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6), LARGEST_SHARE)
             step = float(np.clip(step, -share * added, share * added))
-        raise NoConvergence("the limit point was not found along the path")
+        raise NoConvergence("the limit point was not located along the path")
 
     def _carried_limit(self, guess: Known, rest: float) -> LimitPoint | None:
-        """The limit point of the design that the mesh shows now, whose volume at rest is ``rest``; see `carry`."""
+        """Return the limit point of the current design, whose volume at rest is ``rest``; see `carry`."""
         if guess.limit is None:
             return None
         state = guess.limit.state
@@ -476,7 +478,7 @@ class WorkingStates:
         return state
 
     def _limit_near(self, guess: State, rest: float) -> LimitPoint:
-        """The limit point near a state, by the secant method on the slope of the pressure over the volume.
+        """Return the limit point near a state, by the secant method on the slope of the pressure over the volume.
 
         Args:
             guess: The state.
@@ -487,7 +489,7 @@ class WorkingStates:
         """
         added = guess.V - rest
         here = self._on_path(guess, guess.V)
-        step = -FIRST_STEP * added  # back first: right behind a limit point a bulge may grow all at once
+        step = -FIRST_STEP * added  # backwards first: just beyond a limit point a bulge may grow suddenly
         for _ in range(MOST_SECANTS):
             try:
                 there = self._on_path(here.state, here.state.V + step, [here])
@@ -502,17 +504,17 @@ class WorkingStates:
                 break
             if abs(step) < CLOSE * added:
                 if rise > 0.0:
-                    break  # the pressure is least here
+                    break  # a minimum of the pressure
                 return here
-        raise NoConvergence("the limit point is not near where it was on the last design")
+        raise NoConvergence("the limit point is not near that of the last design")
 
     def _on_path(self, guess: State, V: float, known: Sequence[LimitPoint] = ()) -> LimitPoint:
-        """The state at a volume, and the path's direction there, for one unit of volume.
+        """Return the state at a volume, and the path's direction there, for one unit of volume.
 
         Args:
             guess: Where Newton's method begins if nothing is known of the path.
             V: The volume.
-            known: One or two points near by, from which the state is foretold.
+            known: One or two points near by, from which the state is predicted.
         """
         line = volume_control(V)
         w, P = predict(known, line) if known else (guess.w, guess.P)
@@ -520,6 +522,6 @@ class WorkingStates:
         self.newton += state.iterations
         try:
             return LimitPoint(state, self.solver.tangent(state, line, TIGHT))
-        except NoConvergence:  # the factorisation that is kept is of a state too far away
+        except NoConvergence:  # the lagged factorisation belongs to a state too far away
             self.solver.factorise(state)
             return LimitPoint(state, self.solver.tangent(state, line, TIGHT))

@@ -1,4 +1,4 @@
-"""Designs that were evaluated: none twice, each kept as soon as it is known."""
+"""Evaluated designs: none twice, each stored at once."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from softmodels.common.arrays import Array
 from softmodels.common.calls import keep_arrays
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Residuals of a target that is to be followed, with their derivatives, as small as least squares need them.
+# Residuals of a target with their derivatives, compressed for least squares.
 #
-# Gauss and Newton's method and the covariance of its end know residuals r and their Jacobian J only by J^T J, J^T r and r^T r.
-# The triangle of the QR decomposition of [J r] has all three, however many residuals there are.
+# Gauss and Newton's method and the covariance of its end use residuals r and their Jacobian J only through J^T J, J^T r and r^T
+# r. The triangle of the QR decomposition of [J r] has all three, however many residuals there are.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Squares:
 
     Attributes:
         count: How many residuals there are.
-        run: Over how many of them errors keep together.
+        run: Correlation length of the errors, in points.
         sigma: Standard error of one; 0 where it is not known.
         triangle: Of [J r], shape (m + 1, m + 1).
     """
@@ -58,12 +58,12 @@ class Squares:
         return self.triangle[:, :-1]
 
     def to_table(self) -> dict[str, object]:
-        """As plain numbers."""
+        """Return the value as plain numbers."""
         return {**dataclasses.asdict(self), "triangle": self.triangle.tolist()}
 
     @classmethod
     def from_table(cls, table: dict[str, object]) -> Self:
-        """What `to_table` gave.
+        """Return the residuals of `to_table`'s table.
 
         Raises:
             TypeError, ValueError, KeyError: It is something else.
@@ -75,11 +75,11 @@ class Squares:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a design is worth: values and gradients of all quantities at one set of parameters.
+# Evaluation of a design: values and gradients of all quantities at one set of parameters.
 
 
 class DesignFailure(RuntimeError):
-    """A design that cannot be judged: it is no device, or has no state at a load; the message is a sentence.
+    """A design cannot be evaluated: it is not a valid device, or has no state at a load; the message is a sentence.
 
     Attributes:
         limit: Pressure in Pa at which its path ends, if that is why.
@@ -92,7 +92,7 @@ class DesignFailure(RuntimeError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Evaluation:
-    """A design, judged.
+    """An evaluated design.
 
     Attributes:
         theta: Its parameters in SI units.
@@ -160,13 +160,13 @@ class Trial:
         return bool(self.failure)
 
     def to_json(self) -> str:
-        """All of it, numbers to the last bit."""
+        """Return the trial as JSON, with exact numbers."""
         squares = {key: found.to_table() for key, found in self.squares.items()}
         return json.dumps({**dataclasses.asdict(self), "squares": squares}, indent=1)
 
     @classmethod
     def from_json(cls, text: str) -> Trial:
-        """What `to_json` has written.
+        """Return the trial of `to_json`'s text.
 
         Raises:
             ValueError: It is something else.
@@ -181,7 +181,7 @@ class Trial:
 
     @classmethod
     def of(cls, place: tuple[int, int, tuple[float, ...], int], evaluated: Evaluation, seconds: float) -> Trial:
-        """An `Evaluation` as it is kept; ``place`` has the number, start, values and mesh."""
+        """Return the trial of an `Evaluation`; ``place`` has the number, start, values and mesh."""
         return cls(
             *place,
             {key: float(value) for key, value in evaluated.values.items()},
@@ -205,7 +205,7 @@ class Trials:
         self._known[trial.mesh, _bits(trial.theta)] = trial
 
     def find(self, theta: Sequence[float] | Array, mesh: int = 1) -> Trial | None:
-        """The trial of these values to the last bit on a mesh; None if there was none."""
+        """Return the trial of these values to the last bit on a mesh; None if there was none."""
         return self._known.get((mesh, _bits(theta)))
 
 

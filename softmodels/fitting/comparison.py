@@ -1,4 +1,4 @@
-"""Which of several laws the data prefer."""
+"""Compare fitted laws."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ if TYPE_CHECKING:
 
 
 UNDECIDED = 2.0
-"""Laws whose criteria differ by less than this are equally good (Burnham & Anderson 2002, section 2.6)."""
+"""Laws whose criteria differ by less than this are equivalent (Burnham & Anderson 2002, section 2.6)."""
 CURVE_VALUES = 10.0
-"""Independent values that one measured curve is worth, however many points it has: what a pull gets wrong (cross-section,
-grips, crosshead strain) keeps together over about a tenth of it."""
+"""Number of independent values per measured curve, for any number of points: errors of a test (cross-section, grips,
+crosshead strain) are correlated over about a tenth of it."""
 EQUAL = 1.3
-"""Misfits on the yardstick are equal within the error where one mean square is less than 1.7 times the other."""
+"""Misfits are equal within the error if one mean square is less than 1.7 times the other."""
 MOST_RATIO = 2.5
-"""A law whose root mean square misfit is this many times another's is not preferred, however simple it is."""
+"""A law whose rms misfit is this many times another's is not preferred, even if it is simpler."""
 SAME = 1e-3
-"""Misfits below this share of the yardstick are equally good: nothing measured tells them apart."""
+"""Misfits below this fraction of the common error are equivalent: measurements cannot distinguish them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,12 +77,12 @@ class Ranked:
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """Fits of the same data, best first, and what that means.
+    """Fits of the same data, best first, with a conclusion.
 
     Attributes:
         ranked: Best first.
-        preferred: The fit to take: the best, or the simplest of those that the data do not tell from it; of equally simple
-            ones the first in the order of `softmodels.fitting.problem.all_laws`.
+        preferred: The fit to take: the best, or the simplest of those that the data do not distinguish from it; of equally
+            simple ones the first in the order of `softmodels.fitting.problem.all_laws`.
         sentence: Why.
     """
 
@@ -125,7 +125,7 @@ def compare(fits: Sequence[LeastSquaresFit], judged: Sequence[LeastSquaresFit] |
         m = len(fit.free) + 1
         aicc = misfit + 2 * m + 2 * m * (m + 1) / max(fit.count - m - 1, 1)
         made.append(Ranked(fit, aicc, misfit + m * math.log(max(values, 1.0)), ratio, equal and ratio <= MOST_RATIO))
-    # A fit that did not converge, or that another leaves far behind, has no criterion worth ranking by.
+    # A fit that did not converge, or is much worse than another, is not ranked.
     made.sort(key=lambda one: (not one.fit.converged, not one.near, one.aicc))
     least, lowest = made[0].aicc, min(one.bic for one in made)
     ranked = tuple(dataclasses.replace(one, aicc=one.aicc - least, bic=one.bic - lowest) for one in made)
@@ -141,7 +141,7 @@ def _check(fits: Sequence[LeastSquaresFit]) -> None:
 
 
 def _on_curves(judged: Sequence[LeastSquaresFit]) -> tuple[list[float], float]:
-    """Misfit of each law in what remains of the closest one's, and how many values there are."""
+    """Return the misfit of each law relative to that of the closest one, and the number of values."""
     sums = _mean_squares(judged)
     values = CURVE_VALUES * len(judged[0].summaries)
     worth = max(min(sums), 1.0)
@@ -149,18 +149,18 @@ def _on_curves(judged: Sequence[LeastSquaresFit]) -> tuple[list[float], float]:
 
 
 def _equal(judged: Sequence[LeastSquaresFit]) -> list[bool]:
-    """Whether each law's misfit on the yardstick equals the closest one's within the error."""
+    """Return whether each law's misfit equals that of the closest one within the common error."""
     sums = _mean_squares(judged)
     return [one <= EQUAL**2 * max(min(sums), SAME**2) for one in sums]
 
 
 def _mean_squares(judged: Sequence[LeastSquaresFit]) -> list[float]:
-    """Mean square misfit of each law in units of the yardstick, every curve counting the same."""
+    """Return the mean square misfit of each law in common errors, all curves weighted equally."""
     return [sum(_means(fit).values()) / len(fit.summaries) for fit in judged]
 
 
 def _means(fit: LeastSquaresFit) -> dict[str, float]:
-    """Mean over each curve of the loss of its squared residuals; the priors' share goes to the first.
+    """Return the mean over each curve of the loss of its squared residuals; the priors' share goes to the first.
 
     The noise that averaging took from a curve counts as if it were there, so that each sampling has the same misfit.
     """
@@ -176,7 +176,7 @@ def _means(fit: LeastSquaresFit) -> dict[str, float]:
 
 
 def _on_residuals(fits: Sequence[LeastSquaresFit]) -> tuple[list[float], float]:
-    """The same for fits whose residuals have errors of their own."""
+    """Return the same for fits whose residuals have stated errors."""
     closest = min(fits, key=lambda fit: fit.deviance)
     worth = max(closest.dispersion * closest.count / closest.independent, 1e-300)
     if closest.loss != "linear":
@@ -185,7 +185,8 @@ def _on_residuals(fits: Sequence[LeastSquaresFit]) -> tuple[list[float], float]:
 
 
 def _ratios(fits: Sequence[LeastSquaresFit]) -> list[float]:
-    """Root mean square misfit of each law over that of the closest one, every curve or photograph counting the same."""
+    """Return the root mean square misfit of each law over that of the closest one, all curves or photographs weighted
+    equally."""
     labels, sizes = np.array(fits[0].rows.groups), np.array(fits[0].rows.sizes)
     hidden = {source.label: float(getattr(source, "averaged_away", 0.0)) for source in fits[0].problem.sources}
     misfits = [{k: math.hypot(v.rms, hidden.get(k, 0.0)) for k, v in fit.summaries.items()} for fit in fits]
@@ -199,7 +200,8 @@ def _ratios(fits: Sequence[LeastSquaresFit]) -> list[float]:
 
 
 def _simplicity(fit: LeastSquaresFit) -> tuple[int, int, str]:
-    """Fewest free parameters first, then the order of `all_laws`: nothing that the noise of a few readings can turn."""
+    """Return the sorting key by simplicity: free parameters, then the order of `all_laws`; independent of
+    noise."""
     order = all_laws()
     return len(fit.free), order.index(fit.label) if fit.label in order else len(order), fit.label
 
@@ -208,30 +210,30 @@ def _judgement(ranked: tuple[Ranked, ...]) -> tuple[LeastSquaresFit, str]:
     best = ranked[0].fit
     first = best.label
     if len(ranked) == 1:
-        return best, f"{first} is the only law fitted, so nothing says whether another would do better"
+        return best, f"only {first} was fitted; use --material all to compare laws"
     rivals = [one for one in ranked[1:] if one.aicc < UNDECIDED and one.fit.converged and one.near]
     if rivals:
         simplest, *more = sorted((ranked[0].fit, *(one.fit for one in rivals)), key=_simplicity)
         others = ", ".join(one.fit.label for one in rivals)
         alike = [one.label for one in more if len(one.free) == len(simplest.free)]
         why = f", as simple as {' and '.join(alike)} and before it in the order of laws" if alike else ", the simplest"
-        return simplest, f"{first} and {others} cannot be told apart by these data; take {simplest.label}{why}"
+        return simplest, f"the data do not distinguish {first} and {others}; use {simplest.label}{why}"
     second = ranked[1]
     times = f"a misfit {second.ratio / ranked[0].ratio:.3g} times as large"
     if not second.near or second.aicc < UNDECIDED:
         return best, f"the data prefer {first}: the next, {second.fit.label}, leaves {times}"
     joint = "and leaves" if second.ratio >= ranked[0].ratio else "although it leaves"
-    said = f"the next, {second.fit.label}, is {second.aicc:.3g} behind in AICc (over 2 tells) {joint} {times}"
+    said = f"the next, {second.fit.label}, is {second.aicc:.3g} worse in AICc (significant above 2) {joint} {times}"
     return best, f"the data prefer {first}: {said}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A law with its fit: what it is worth, and whether it may be used.
+# A law with its fit, its warnings and its acceptance.
 
 
 @dataclasses.dataclass(frozen=True)
 class DeviceMisfit:
-    """How well a fit follows the outlines and readings of one device.
+    """Misfit of a fit to the outlines and readings of one device.
 
     Attributes:
         device: Its name.
@@ -246,7 +248,7 @@ class DeviceMisfit:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FittedLaw:
-    """A law with its fit and what it is worth.
+    """A law with its fit and its warnings.
 
     Attributes:
         choice: The law.
@@ -268,23 +270,23 @@ class FittedLaw:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Everything that speaks against it."""
+        """All warnings on the fit."""
         profiles = (p.trouble for p in self.profiles.values() if p.trouble)
         found = (*self.objections, *self.fit.troubles, *self.verdict.flags, *self.judgement.warnings, *profiles)
         return tuple(dict.fromkeys(map(spoken, found)))
 
     @functools.cached_property
     def objections(self) -> tuple[str, ...]:
-        """What forbids its use, whether or not it converged and is stable."""
+        """Reasons for its rejection, apart from convergence and stability."""
         own = objections(self.fit, lambda values: self.choice.material(values).shear_modulus_0)
         return (*self.judgement.objections, *own)
 
     @property
     def errors(self) -> MaterialErrors:
-        """What is not known of the material: for ``sm.score(..., errors=...)`` and the band of a run.
+        """Errors of the material: for ``sm.score(..., errors=...)`` and the band of a run.
 
         Raises:
-            MaterialError: Nothing of the material was free, or the data do not determine it.
+            MaterialError: No parameter of the material was free, or the data do not determine it.
         """
         from softmodels.case.materials import MaterialErrors
         from softmodels.mechanics.sensitivity import known_parameters
@@ -299,30 +301,30 @@ class FittedLaw:
 
     @property
     def sound(self) -> bool:
-        """Whether it converged, is stable within its range, and nothing forbids its use."""
+        """Whether it converged, is stable within its range, and has no objections."""
         return self.fit.converged and not self.verdict.flags and not self.objections
 
     def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval: the likelihood's where there is a profile, else the covariance's."""
+        """Return the 95 % interval: from the profile likelihood if available, else from the covariance."""
         return self.profiles[name].interval if name in self.profiles else self.fit.interval(name)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Curves of one test that cannot be one material's: other batches, rates or laboratories, told apart before they are mixed.
+# Detect curves of the same test that contradict each other (other batches, rates or laboratories), before a joint fit.
 
 
 TEST_ERROR = 0.02
-"""Share of the stress that two tests of one cast differ by, each: cross-section, load cell, crosshead strain."""
+"""Relative error of the stress in a test of one cast: cross-section, load cell, crosshead strain."""
 BEYOND = 3.0
 """Curves that differ by this many standard errors contradict each other."""
 TOE = 0.05
-"""Stretches this near to rest are left out: there the grips' slack decides."""
+"""Stretches this close to 1 are skipped, because of slack in the grips."""
 SAMPLES = 50
 
 
 @dataclasses.dataclass(frozen=True)
 class CurveContradiction:
-    """Two curves of the same kind of test that differ by more than tests of one material do.
+    """Two curves of the same test that differ by more than tests of one material.
 
     Attributes:
         softer: Place of the softer curve in the list of curves.
@@ -347,13 +349,13 @@ class CurveContradiction:
         low, high = self.stretches
         return (
             f"{self.names[0]} and {self.names[1]} contradict each other: from stretch {low:.3g} to {high:.3g} the stress of "
-            f"the second is {self.ratio:.3g} times that of the first (they differ by {100 * self.difference:.2g} %, and tests "
-            f"of one material by less than {100 * self.allowed:.2g} %); batch, rate, conditioning or laboratory may differ"
+            f"the second is {self.ratio:.3g} times that of the first (a difference of {100 * self.difference:.2g} %; "
+            f"expected for one material: below {100 * self.allowed:.2g} %); batch, rate, conditioning or laboratory may differ"
         )
 
 
 def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> list[CurveContradiction]:
-    """All pairs of curves of the same test that contradict each other, by their stresses at the same stretches.
+    """Return all pairs of curves of the same test that contradict each other, by their stresses at the same stretches.
 
     No law is needed for that, so a law that follows neither cannot hide it, nor one that follows both poorly feign it.
 
@@ -388,12 +390,12 @@ def contradictions(curves: Sequence[TensileCurve], gauge_error: float = 0.0) -> 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SeparateFits:
-    """Curves that contradict each other, each with a fit of its own.
+    """Curves that contradict each other, with separate fits.
 
     Attributes:
         pairs: What contradicts what.
         curves: The measured curves.
-        own: The chosen law fitted to each of them alone.
+        own: The chosen law fitted to each of them separately.
     """
 
     pairs: tuple[CurveContradiction, ...]
@@ -402,7 +404,7 @@ class SeparateFits:
 
     @property
     def sentences(self) -> list[str]:
-        """What contradicts what, each curve's own material, and the spread between them."""
+        """Report the contradictions, the separate material of each curve, and their spread."""
         lines = [pair.sentence for pair in self.pairs]
         for curve, one in zip(self.curves, self.own, strict=True):
             values = ", ".join(
@@ -411,7 +413,7 @@ class SeparateFits:
             rms = next(iter(one.fit.summaries.values())).rms / 1e3
             modulus = " ".join(with_prefix(one.material.shear_modulus_0, "Pa"))
             lines.append(
-                f"{curve.name} alone: {one.choice.name} with {values}, shear modulus {modulus}, rms {rms:.3g} kPa: "
+                f"only {curve.name}: {one.choice.name} with {values}, shear modulus {modulus}, rms {rms:.3g} kPa: "
                 f"{separate_file(self, curve)}"
             )
         return [*lines, self.spread]
@@ -430,12 +432,12 @@ class SeparateFits:
         ]
         return (
             f"spread: shear modulus {ends[0]} to {ends[1]}, nominal stress at stretch {top:.3g} {ends[2]} to {ends[3]}; the "
-            "joint fit lies between the curves and follows none of them, so simulate with both ends"
+            "joint fit lies between the curves and matches none of them, so simulate with both extremes"
         )
 
 
 def separate_file(separate: SeparateFits, curve: TensileCurve) -> str:
-    """Name of the material file of a curve's own fit."""
+    """Return the name of the material file of a curve's separate fit."""
     number = next(i for i, other in enumerate(separate.curves, 1) if other is curve)
     return f"fitted-curve{number}.toml"
 
@@ -443,7 +445,7 @@ def separate_file(separate: SeparateFits, curve: TensileCurve) -> str:
 def fit_separately(
     curves: Sequence[TensileCurve], gauge_error: float, fit_one: Callable[[TensileCurve], FittedLaw]
 ) -> SeparateFits | None:
-    """Curves that contradict each other, fitted one by one; None where they go together.
+    """Return the curves that contradict each other, fitted separately; None if there are none.
 
     Args:
         curves: Measured curves.
@@ -455,26 +457,26 @@ def fit_separately(
 
 
 def fitted_alone(choice: LawChoice, fit: LeastSquaresFit, curve: TensileCurve) -> FittedLaw:
-    """A curve's own fit as a material with its stability."""
+    """Return the separate fit of a curve as a material with its stability."""
     material = choice.material(fit.values, stretches_of([curve]))
     return FittedLaw(choice, fit, material, judge(material, largest_strain([curve])), {})
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# All laws that were fitted to the same measurements, and which of them to take.
+# Report of all laws fitted to the same measurements, and the chosen one.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FitReport:
-    """All that was fitted, best law first, to which curves, and how.
+    """All fitted laws, best first, with curves and options.
 
     Attributes:
         laws: Fitted laws, by the comparison's order.
-        comparison: What the criterion says.
+        comparison: Result of the criterion.
         curves: Measured curves within the fit's range.
         how: The weighting in words.
-        apart: Curves that contradict each other, with a fit of each alone; None where they go together.
-        devices: Each device in words; empty for curves alone.
+        apart: Curves that contradict each other, with a separate fit of each; None if there are none.
+        devices: Each device in words; empty for only curves.
         notes: What was left out, and why.
         photographs: By law: each photograph with its fitted state; empty but for outlines.
     """
@@ -490,7 +492,7 @@ class FitReport:
 
     @property
     def chosen(self) -> FittedLaw:
-        """The preferred law; if that is not sound, the best that is; if none is, the preferred all the same."""
+        """The preferred law; if rejected, the best accepted one; if all are rejected, the preferred one."""
         preferred = next(one for one in self.laws if one.fit is self.comparison.preferred)
         return next((one for one in (preferred, *self.laws) if one.sound), preferred)
 
@@ -501,7 +503,7 @@ class FitReport:
 
     @property
     def ranges(self) -> list[str]:
-        """The devices and what was left out of its measurements; which part of each curve was fitted, and what was left out."""
+        """The measurements: devices, the fitted part of each curve, and what was left out."""
         curves = [
             f"{c.name} ({c.mode}): stretch {c.stretch[0]:.4g} to {c.stretch[-1]:.4g}, {len(c.stretch)} points"
             + "".join(f"; {remark}" for remark in c.remarks)
@@ -511,50 +513,52 @@ class FitReport:
 
     @property
     def verdict(self) -> str:
-        """Which law was taken, and why."""
+        """The chosen law, and why."""
         preferred = self.comparison.preferred
         if self.chosen.fit is preferred:
             return self.comparison.sentence
         one = next(one for one in self.laws if one.fit is preferred)
-        reason = "is not stable within the range" if one.verdict.flags else "is not sound"
+        reason = "is not stable within the range" if one.verdict.flags else "was rejected"
         reason = reason if preferred.converged else "did not converge"
         ratio = {one.fit.label: one.ratio for one in self.comparison.ranked}
         times = ratio[self.chosen.fit.label] / ratio[preferred.label]
         return (
-            f"{self.comparison.sentence}; but {preferred.label} {reason}, so {self.chosen.choice.name} is taken, whose misfit "
-            f"is {times:.3g} times as large"
+            f"{self.comparison.sentence}; but {preferred.label} {reason}, so {self.chosen.choice.name} is used, with "
+            f"a misfit {times:.3g} times as large"
         )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A fitted law held against what is known of its silicone: a wrong unit or factor of all pressures shows nowhere else.
+# Plausibility of a fitted law: compare it with published values, because a common wrong factor of all pressures shows nowhere
+# else.
 
 
 CASTABLE = (5e3, 1.5e6)
-"""Secant shear moduli in Pa of silicones that parts are cast of, from Ecoflex 00-10 (7 kPa) to hard PDMS (1 MPa)."""
+"""Range of secant shear moduli in Pa of casting silicones, from Ecoflex 00-10 (7 kPa) to hard PDMS (1 MPa)."""
 ANY = "any"
-"""In place of a silicone's name: any that can be cast."""
+"""Instead of a silicone's name: any casting silicone."""
 STRETCH = 1.5
-"""Uniaxial stretch at which moduli are compared, or the largest that was fitted."""
+"""Uniaxial stretch at which moduli are compared, or the largest fitted one."""
 ROOM = (1.05, 1.25)
-"""Factors below and above the published values of a product that several laboratories have measured; parts get stiffer."""
+"""Accepted factors below and above the published values of a product measured by several laboratories; parts stiffen with
+age."""
 ALONE = (1.7, 1.7)
 """The same for a product with one published curve: laboratories differ by up to a factor two."""
 GUESS = (4.0, 4.0)
-"""The same for a case's own law that is no named silicone."""
+"""The same for a case's own law that is not a named silicone."""
 FACTORS = (
-    (0.1, "a tenth of what is likely: were they in mm listed as cm, cm of water listed as mm, or kPa listed as cm of water?"),
-    (10.0, "ten times what is likely: were they in mm listed as cm, or cm of water or mbar listed as kPa?"),
-    (0.5, "half of what is likely: was the level of one tube alone listed?"),
-    (2.0, "twice what is likely: was the difference of the two tubes doubled?"),
-    (0.01, "a hundredth of what is likely: were they in hPa or mbar listed as Pa?"),
-    (100.0, "a hundred times what is likely: were they in Pa listed as hPa or mbar?"),
+    (0.1, "a tenth of the expected: were mm listed as cm, cm of water as mm, or kPa as cm of water?"),
+    (10.0, "ten times the expected: were mm listed as cm, or cm of water or mbar as kPa?"),
+    (0.5, "half of the expected: was the level of only one tube listed?"),
+    (2.0, "twice the expected: was the difference of the two tubes doubled?"),
+    (0.01, "a hundredth of the expected: were hPa or mbar listed as Pa?"),
+    (100.0, "a hundred times the expected: were Pa listed as hPa or mbar?"),
 )  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
 class Expected:
-    """What is known of a silicone.
+    """Published moduli of a silicone.
 
     Attributes:
         label: Whose modulus it is, in words.
@@ -569,7 +573,7 @@ class Expected:
     known: bool
 
     def range(self, stretch: float) -> tuple[float, float]:
-        """Lowest and highest believable secant shear modulus in Pa at a stretch."""
+        """Return the lowest and highest plausible secant shear modulus in Pa at a stretch."""
         if not self.curves:
             return CASTABLE
         moduli = [secant_modulus(curve, stretch) for curve in self.curves]
@@ -577,7 +581,7 @@ class Expected:
 
 
 def expected(silicone: str | None, material: Material | None = None) -> Expected:
-    """What a named silicone, or else a case's own material, leads to.
+    """Return the expected moduli of a named silicone, or else of a case's own material.
 
     Args:
         silicone: Name of a silicone, or `ANY`; None to go by the material.
@@ -588,7 +592,7 @@ def expected(silicone: str | None, material: Material | None = None) -> Expected
     """
     name = silicone or (named(material) if material is not None else None)
     if name == ANY or (name is None and material is None):
-        return Expected("silicones that can be cast", (), (1.0, 1.0), silicone == ANY)
+        return Expected("casting silicones", (), (1.0, 1.0), silicone == ANY)
     if name is None:
         assert material is not None
         return Expected("the case's own material", (material,), GUESS, False)
@@ -599,13 +603,13 @@ def expected(silicone: str | None, material: Material | None = None) -> Expected
 
 
 def published(name: str) -> tuple[Material, ...]:
-    """Laws of all sources that have pulled the product that a name means, whichever source the name stands for."""
+    """Return the laws of all tension sources of the product of a name, for any source in the name."""
     sources = PRODUCTS.get(product_of(name), ()) if silicone_called(name) else ()
     return tuple(one.material for one in sources if one.pulled)
 
 
 def objection(material: Material, largest: float, known: Expected) -> str:
-    """A sentence if a fitted law is none of its silicone's, empty if it may be.
+    """Return a sentence if a fitted law is implausible for its silicone; else "".
 
     Args:
         material: The fitted law.
@@ -623,26 +627,26 @@ def objection(material: Material, largest: float, known: Expected) -> str:
     return (
         f"its shear modulus at stretch {stretch:.3g} is {modulus / 1e3:.3g} kPa, {side} what {known.label} {kind} "
         f"({low / 1e3:.3g} to {high / 1e3:.3g} kPa){hint}. Check the unit of the pressures, or name the silicone (--silicone "
-        "NAME, or --silicone any if it is in no list)"
+        "NAME, or --silicone any if it is not listed)"
     ).replace("?.", "?")
 
 
 def hold_against(law: Material, largest: float, known: Expected, judgement: Judgement) -> Judgement:
-    """A judgement that knows the silicone too; where something else is wrong already, the modulus need not be right."""
+    """Return a judgement that includes the silicone's modulus, unless something else is already wrong."""
     said = "" if judgement.objections else objection(law, largest, known)
     return dataclasses.replace(judgement, objections=(said,)) if said else judgement
 
 
 def stretch_of(strain: float) -> float:
-    """Uniaxial stretch in tension with this I1 - 3."""
+    """Return the uniaxial stretch in tension with this I1 - 3."""
     return float(max(np.roots([1.0, 0.0, -(strain + 3.0), 2.0]).real))
 
 
 def caution(known: Expected) -> str:
-    """What cannot be noticed where nobody says which silicone it is, empty if that is known."""
+    """Return a warning if the silicone is unknown; else ""."""
     if known.known:
         return ""
     return (
-        "nothing tells which silicone this is, so a wrong factor that is common to all pressures, such as the level of one "
-        "tube alone, is not noticed; name it with --silicone"
+        "the silicone is not given, so a common wrong factor of all pressures (such as the level of only "
+        "one tube) cannot be detected; name it with --silicone"
     )

@@ -1,8 +1,8 @@
-"""Fitting parameters to measurements: bounded robust least squares over any sources of standardised residuals.
+"""Bounded robust least squares over any sources of standardised residuals.
 
-A source turns parameter values into residuals (model - measured) / error with exact derivatives. It may be a tensile curve
-or a simulated outline; this file knows neither. Every decision here rests on numbers that the sources return, so processes
-that share one source in lockstep stay in lockstep.
+A source turns parameter values into residuals (model - measured) / error with exact derivatives. It may be a tensile
+curve or a simulated outline. All decisions depend only on numbers from the sources, so processes
+that share a source stay synchronised.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from softmodels.fitting.result import LeastSquaresFit, StartResult
 LOSSES = ("linear", "soft_l1")
 ERRORS = ("stated", "unknown")
 SAME_DEVIANCE = 1e-4
-"""Starts whose deviances differ by less than this (plus the same share) ended in one and the same minimum."""
+"""Starts whose deviances differ by less than this (plus the same fraction) ended in the same minimum."""
 FAR = 0.1
-"""A fit whose next Newton step would still move it by this many standard errors has not converged."""
+"""Newton step in standard errors above which a fit has not converged."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Stopping:
-    """When a fit ends.
+    """Stopping criteria of a fit.
 
     Attributes:
         tolerance: Relative, on the sum of squares, on the parameters and on the gradient.
@@ -58,7 +58,7 @@ def fit_parameters(
     label: str = "",
     stopping: Stopping = Stopping(),
 ) -> LeastSquaresFit:
-    """Find the parameters at which all sources together agree best with their measurements.
+    """Find the parameters that best fit all sources jointly.
 
     Args:
         sources: What was measured.
@@ -66,7 +66,7 @@ def fit_parameters(
         loss: ``"linear"`` (least squares) or ``"soft_l1"``, in which residuals far above 1 count by their size and not by
             its square.
         starts: How many starting points: the parameters' own, then quasi-random ones around it (always the same). Or the
-            starting values themselves; what they leave out, or have outside the bounds, starts where its parameter says.
+            starting values themselves; what they leave out, or have outside the bounds, starts at its parameter's own start.
         errors: ``"stated"``: the sources' errors are believed unless the scatter is larger. ``"unknown"``: only their
             ratios are; their size follows from the scatter.
         label: What is fitted, for reports.
@@ -98,19 +98,19 @@ def fit_parameters(
     try:
         return _judge(problem, best, runs, errors, label)
     except CannotEvaluate as error:
-        raise FitError(f"the fit ended where its model has no answer: {error}") from None
+        raise FitError(f"the fit ended where its model cannot be evaluated: {error}") from None
 
 
 def _judge(
     problem: Problem, found: OptimizeResult, runs: list[StartResult], errors: str, label: str
 ) -> LeastSquaresFit:
-    """The result with everything that speaks against it."""
+    """Return the result with all warnings."""
     values = problem.values(found.x)
     residuals = problem.residuals(found.x)
     J, rows = problem.slopes(values)
     if len(residuals) < len(problem.free):
         few = f"{len(residuals)} numbers cannot determine {len(problem.free)} parameters"
-        raise FitError(f"{few}; fix some or measure more")
+        raise FitError(f"{few}; fix some parameters or add measurements")
     result = LeastSquaresFit(
         label=label or ", ".join(source.label for source in problem.sources), parameters=problem.parameters,
         values=values, residuals=residuals, jacobian=J, rows=rows,
@@ -119,11 +119,11 @@ def _judge(
     )  # fmt: skip
     troubles = []
     if found.status <= 0:
-        troubles.append(f"the fit did not converge within {found.nfev} evaluations; its values are not to be trusted")
+        troubles.append(f"the fit did not converge within {found.nfev} evaluations; do not use its values")
     elif (step := result.newton_step) > FAR:
         troubles.append(
-            f"the fit stopped where a further step would still move it by {step:.2g} standard errors; "
-            "its values are not to be trusted"
+            f"the fit stopped where a further step would still move it by {step:.2g} standard "
+            "errors; do not use its values"
         )
     ends = [(p, result.at_bounds[p.name]) for p in result.free if p.name in result.at_bounds]
     troubles += [f"{p.words} ended at its bound {bound:.4g} {p.unit}".rstrip() for p, bound in ends]
@@ -132,7 +132,7 @@ def _judge(
 
 
 def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]:
-    """Starts that ended elsewhere, if that other place is nearly as good; starts that could not be run."""
+    """Return warnings on starts that ended in a different, nearly as good minimum, and on failed starts."""
     room = SAME_DEVIANCE * (1 + result.deviance)
     likely = 3.84 * result.dispersion
     said = []
@@ -145,7 +145,7 @@ def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]
         other = ", ".join(f"{p.name} {rivals[0].values[p.name]:.4g}" for p in result.free if not p.hidden)
         said.append(
             f"{len(rivals)} of {len(runs)} starts ended in another minimum that fits nearly as well ({other}): "
-            "the data do not decide between them"
+            "the data do not distinguish them"
         )
     ended = [run for run in runs if math.isfinite(run.deviance)]
     if len(ended) > 1 and sum(run.deviance - result.deviance <= room for run in ended) == 1:
@@ -154,7 +154,7 @@ def _disagreement(runs: list[StartResult], result: LeastSquaresFit) -> list[str]
 
 
 def _apart(run: StartResult, result: LeastSquaresFit) -> bool:
-    """Whether a start ended further from the result than the result's own intervals reach.
+    """Return whether a start ended further from the result than the result's own intervals reach.
 
     Terms that have changed places (Ogden's) are the same result.
     """
@@ -170,7 +170,8 @@ def _apart(run: StartResult, result: LeastSquaresFit) -> bool:
 
 
 def _starting_points(free: Sequence[Parameter], starts: int | Sequence[Mapping[str, float]]) -> list[Array]:
-    """Coordinates: the given ones; or the parameters' own, then Halton points a factor e^1.5, or one size, around it."""
+    """Return the starting coordinates: the given ones; or the parameters' own, then Halton points within a factor e^1.5, or one
+    size, around them."""
     origin = np.array([p.inward(p.start) for p in free], dtype=float)
     if not isinstance(starts, int):
         chosen = [[start.get(p.name, p.start) for p in free] for start in starts]
@@ -178,7 +179,7 @@ def _starting_points(free: Sequence[Parameter], starts: int | Sequence[Mapping[s
         return [np.array([p.inward(v) for p, v in zip(free, one, strict=True)], dtype=float) for one in held]
     points = [origin]
     if starts > 1:
-        from scipy.stats import qmc  # a second to load, which most fits do not need
+        from scipy.stats import qmc  # takes a second to load, and most fits do not need it
 
         spread = np.array([1.5 if p.logarithmic else 1.0 for p in free])
         bounds = np.sort([[p.inward(p.lower), p.inward(p.upper)] for p in free])
@@ -199,22 +200,22 @@ def _check(sources: Sequence[Residuals], parameters: Sequence[Parameter], loss: 
     if len(set(names)) < len(names):
         raise FitError(f"a parameter is given twice among {', '.join(names)}")
     if missing := used - set(names):
-        raise FitError(f"no start is given for {', '.join(sorted(missing))}")
+        raise FitError(f"no starting value for {', '.join(sorted(missing))}")
     if idle := [p.name for p in parameters if not p.fixed and p.name not in used and p.prior is None]:
         raise FitError(f"nothing measured depends on {', '.join(idle)}; fix it")
     if all(p.fixed for p in parameters):
-        raise FitError("every parameter is fixed; there is nothing to fit")
+        raise FitError("every parameter is fixed; free at least one")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Profile likelihoods: how much worse the fit becomes as one parameter is held away from its best value.
+# Profile likelihoods: the rise of the deviance with one parameter fixed away from its best value.
 
 
 REACH = 1.6
-"""How far beyond the expected interval a profile looks at first, in half widths."""
+"""Initial range of a profile, in half widths of the expected interval."""
 DOUBLINGS = 6
 CLOSER, STEEP = 8, 1.5
-"""How often the interval's end is looked for more closely, and above which rise, in limits, that is needed."""
+"""Maximum refinements of the interval's end, and the relative rise above which they are needed."""
 RESTART_TOLERANCE = 1e-9
 
 
@@ -245,7 +246,7 @@ class Profile:
 
 
 def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:
-    """Hold a parameter at values on both sides of its best one and fit the others anew.
+    """Fix a parameter at values on both sides of its best one and refit the others.
 
     The interval is where the deviance rises by less than the square of Student's (or the normal) quantile times the
     residuals' dispersion and run: it bends with the model where the covariance's interval cannot (Venzon & Moolgavkar
@@ -268,12 +269,16 @@ def profile(result: LeastSquaresFit, name: str, n: int = 15) -> Profile:
     ends = tuple(_end(values, rises, best, limit, sign) for sign in (-1.0, 1.0))
     interval = (ends[0] if ends[0] is not None else p.lower, ends[1] if ends[1] is not None else p.upper)
     better = float(rises.min())
-    trouble = f"holding {name} at {values[rises.argmin()]:.4g} gave a better fit than the fit" if better < -0.05 else ""
+    trouble = (
+        f"fixing {name} at {values[rises.argmin()]:.4g} gave a better fit than the original one"
+        if better < -0.05
+        else ""
+    )
     return Profile(name, p.unit, values, rises, limit, interval, trouble)
 
 
 def _worth(result: LeastSquaresFit, name: str) -> float:
-    """Rise of the deviance that counts as 1: its curvature along the profile times the parameter's variance."""
+    """Return the rise of the deviance equivalent to 1: its curvature along the profile times the parameter's variance."""
     names = [p.name for p in result.free]
     slope = result.influence[1]
     error = result.reach(name) / result.quantile
@@ -290,7 +295,7 @@ def _worth(result: LeastSquaresFit, name: str) -> float:
 def _side(
     result: LeastSquaresFit, p: Parameter, sign: float, count: int, worth: float, limit: float
 ) -> list[tuple[float, float]]:
-    """Values and rises outward from the best value, until the limit is passed or a bound is reached."""
+    """Return the values and rises outward from the best value, until the limit is passed or a bound is reached."""
     best = result.values[p.name]
     bound = p.upper if sign > 0 else p.lower
     if best == bound:
@@ -307,7 +312,7 @@ def _side(
         ended = (held - bound) * sign >= 0.0
         held = bound if ended else held
         solved = _held(result, p.name, held, warm)
-        if solved is None:  # the law has no answer there: the likelihood ends
+        if solved is None:  # the model cannot be evaluated there: the profile ends
             found.append((held, math.inf))
             break
         rise = (solved[0] - result.deviance) / worth
@@ -321,7 +326,7 @@ def _side(
 def _closer(
     result: LeastSquaresFit, name: str, outward: list[tuple[float, float]], worth: float, limit: float
 ) -> list[tuple[float, float]]:
-    """More points about the crossing of the limit, where the profile leaps over it too far for a straight line."""
+    """Add points near the crossing of the limit if the steps are too large for linear interpolation."""
     more: list[tuple[float, float]] = []
     crossing = next((i for i in range(1, len(outward)) if outward[i][1] >= limit), None)
     if crossing is None:
@@ -341,7 +346,7 @@ def _closer(
 def _held(
     result: LeastSquaresFit, name: str, value: float, warm: dict[str, float]
 ) -> tuple[float, dict[str, float]] | None:
-    """Deviance and values with one parameter held; None where there is no answer."""
+    """Return the deviance and values with one parameter fixed; None if not available."""
     parameters = [
         dataclasses.replace(p, start=value, fixed=True)
         if p.name == name
@@ -367,7 +372,7 @@ def _held(
 
 
 def _end(values: Array, rises: Array, best: float, limit: float, sign: float) -> float | None:
-    """Where the signed root of the rise, nearly straight in the parameter, crosses the limit."""
+    """Return where the signed root of the rise, nearly straight in the parameter, crosses the limit."""
     outward = [(v, r) for v, r in zip(values, rises, strict=True) if (v - best) * sign >= 0.0]
     outward.sort(key=lambda point: abs(point[0] - best))
     for (v0, r0), (v1, r1) in itertools.pairwise(outward):

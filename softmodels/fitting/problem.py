@@ -1,4 +1,4 @@
-"""What a fit is asked: parameters, what is known of them, and sources of residuals as one vector function."""
+"""Fit problems: parameters, priors, and sources of residuals as one vector function."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from softmodels.materials.laws import (
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Groups of residuals, such as those of one curve or photograph: what they are, and how far neighbours keep together.
+# Groups of residuals, such as those of one curve or photograph, and their correlation length.
 
 
 SHORTEST = 8
-"""Groups with fewer residuals than this tell nothing about the correlation along them."""
+"""Minimum number of residuals of a group to estimate their correlation."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Rows:
-    """What each measured residual belongs to: its group, and the size and unit of a residual of 1."""
+    """Group of each measured residual, and the size and unit of a residual of 1."""
 
     groups: list[str]
     sizes: list[float]
@@ -56,7 +56,7 @@ class GroupSummary:
 
     Attributes:
         count: How many.
-        run: Over how many neighbours they keep together; 1 for independent scatter.
+        run: Their correlation length in points; 1 for independent scatter.
     """
 
     unit: str
@@ -68,7 +68,7 @@ class GroupSummary:
 
 
 def autocorrelation_time(r: Array) -> float:
-    """Sum of the autocorrelation over all lags, at least 1: how many neighbours are worth one independent value.
+    """Return the sum of the autocorrelation over all lags, at least 1: the number of neighbours per independent value.
 
     The sum ends at the first lag whose correlation could be chance (2 / sqrt(n)).
 
@@ -92,20 +92,20 @@ Labels = Sequence[str] | npt.NDArray[np.str_]
 
 
 class FitError(Spoken, ValueError):
-    """A fit that cannot be made; the message is a sentence for the user."""
+    """A fit is impossible; the message is for the user."""
 
 
 class UnsoundError(FitError):
-    """Measurements that contradict each other so that no fit of them is of use; the message is a sentence for the user."""
+    """The measurements contradict each other, so that no fit is usable; the message is for the user."""
 
 
 class CannotEvaluate(RuntimeError):
-    """Raised by a source for parameter values that have no answer, such as a simulation that finds no equilibrium."""
+    """Raised by a source that cannot be evaluated at the parameter values, such as a simulation without equilibrium."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Prior:
-    """What is known beforehand: one more residual (value - mean) / error, in the parameter's unit."""
+    """Prior knowledge: an additional residual (value - mean) / error, in the parameter's unit."""
 
     mean: float
     error: float
@@ -116,7 +116,7 @@ class Prior:
 
 
 class Change(TypedDict, total=False):
-    """What a user wants of a `Parameter`: its fields to replace."""
+    """A user's changes to a `Parameter`: the fields to replace."""
 
     start: float
     lower: float
@@ -127,7 +127,7 @@ class Change(TypedDict, total=False):
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
-    """One number that a fit may change.
+    """A parameter of a fit.
 
     Where the bounds keep the sign and span two decades, the fit works on the logarithm.
 
@@ -137,7 +137,7 @@ class Parameter:
         start: First guess.
         lower: Lower bound, perhaps ``-inf``.
         upper: Upper bound, perhaps ``inf``.
-        prior: What is known beforehand.
+        prior: What is known in advance.
         fixed: Keep it at ``start``.
         hidden: No one asks for its value: reports leave it out.
         title: What reports call it; its name if empty.
@@ -161,13 +161,15 @@ class Parameter:
         if not math.isfinite(self.start):
             raise FitError(f"{self.name} starts at {self.start}, which is not a finite number")
         if not self.fixed and not self.lower < self.upper:
-            raise FitError(f"{self.name}: the bounds {self.lower:g} and {self.upper:g} leave nothing between them")
+            raise FitError(
+                f"{self.name}: the bounds {self.lower:g} and {self.upper:g} must have the lower one below the upper one"
+            )
         if not self.fixed and not self.lower <= self.start <= self.upper:
             raise FitError(f"{self.name} starts at {self.start:g}, outside its bounds {self.lower:g} to {self.upper:g}")
 
     @property
     def words(self) -> str:
-        """What reports call it."""
+        """The parameter's name in reports."""
         return self.title or self.name
 
     @property
@@ -183,7 +185,7 @@ class Parameter:
 
     @property
     def scale(self) -> float:
-        """A size of the parameter, by which a fit divides it."""
+        """The scale of the parameter in a fit."""
         if self.start != 0.0:
             return abs(self.start)
         if self.prior:
@@ -204,17 +206,17 @@ class Parameter:
         )  # fmt: skip
 
     def inward(self, value: float) -> float:
-        """The fit's own coordinate of a value."""
+        """Return the fit's own coordinate of a value."""
         with np.errstate(divide="ignore"):
             return float(np.log(abs(value))) if self.logarithmic else value / self.scale
 
     def outward(self, x: float) -> float:
-        """The value at a coordinate, within the bounds."""
+        """Return the value at a coordinate, within the bounds."""
         value = math.copysign(float(np.exp(x)), self.start) if self.logarithmic else x * self.scale
         return min(max(value, self.lower), self.upper)
 
     def rate(self, value: float) -> float:
-        """d(value) / d(coordinate)."""
+        """Return d(value) / d(coordinate)."""
         return value if self.logarithmic else self.scale
 
 
@@ -226,12 +228,12 @@ class Residuals(Protocol):
     """A source of residuals.
 
     A source may also carry ``unit`` (str) and ``errors`` (scalar or one per residual, in that unit): what a residual of 1
-    stands for. A fit then tells its residuals in that unit.
+    stands for. A fit then reports its residuals in that unit.
     """
 
     @property
     def label(self) -> str:
-        """What it is, in a few words."""
+        """A short description."""
         ...
 
     @property
@@ -240,7 +242,7 @@ class Residuals(Protocol):
         ...
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, Labels]:
-        """Standardised residuals at parameter values.
+        """Return the standardised residuals at parameter values.
 
         Residuals of one group stand in their order along the curve: their correlation is judged along it. The fit asks
         without derivatives first and then, if it keeps the values, with them; a costly source remembers its last answer.
@@ -261,11 +263,11 @@ class Residuals(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class Extra:
-    """What a fit takes beside its own measurements, such as tensile curves beside outlines.
+    """Additional data of a fit, such as tensile curves with outlines.
 
     Attributes:
         sources: They depend on the law's parameters by the same names.
-        parameters: Of theirs alone.
+        parameters: Of theirs only.
     """
 
     sources: Sequence[Residuals] = ()
@@ -290,7 +292,7 @@ class Problem:
         return {p.name: values[p.name] for p in self.parameters}
 
     def residuals(self, x: Array) -> Array:
-        """All residuals, the priors' last; nan where a source has no answer."""
+        """Return all residuals, the priors' last; nan where a source cannot be evaluated."""
         values = self.values(x)
         self.evaluations += 1
         try:
@@ -308,7 +310,8 @@ class Problem:
         return self.slopes(values)[0] * np.array([p.rate(values[p.name]) for p in self.free])
 
     def slopes(self, values: Mapping[str, float]) -> tuple[Array, Rows]:
-        """Derivatives by the free parameters' values, shape (n, free), and what each row is, the priors' left out."""
+        """Return the derivatives by the free parameters' values, shape (n, free), and what each row is, the priors' left
+        out."""
         column = {p.name: i for i, p in enumerate(self.free)}
         blocks: list[Array] = []
         rows = Rows([], [], [])
@@ -345,7 +348,7 @@ class Problem:
 
 
 def loss_of(loss: str, z: Array, priors: int) -> Array:
-    """rho(z), rho'(z), rho''(z) of squared residuals z, shape (3, n); the last ``priors`` of them count as they are."""
+    """Return rho(z), rho'(z), rho''(z) of squared residuals z, shape (3, n); the last ``priors`` of them without the loss."""
     plain = np.array([z, np.ones_like(z), np.zeros_like(z)])
     if loss == "linear":
         return plain
@@ -356,7 +359,7 @@ def loss_of(loss: str, z: Array, priors: int) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How laws are fitted, as one value: what the command line's options and a library call's keywords become.
+# `FitOptions`: options of a fit, from the command line or a library call.
 
 
 for _option, _argument in (("fix", "FitOptions.changes of"), ("untrusted", "FitOptions(untrusted=True)")):
@@ -367,21 +370,21 @@ BENCH = ("pressure_offset", "pressure_scale", "leak", "scale", "zero", "centre")
 """Parameters of the bench."""
 
 SECTION_ERROR, LOAD_CELL_ERROR = 0.03, 0.01
-"""Standard errors, as shares, that a test's stress has as a whole unless somebody knows better. The cross-section: ISO 37 lets
-the thickness of one dumb-bell vary by 2 % and measures its width to 0.05 mm, 1 % of it; cast strips are no better. The load
+"""Default relative standard errors of a test's stress as a whole. The cross-section: ISO 37 lets
+the thickness of one dumb-bell vary by 2 % and measures its width to 0.05 mm, 1 % of it; cast strips are similar. The load
 cell: class 1 of ISO 7500-1."""
 USUAL_GAUGE_ERROR = math.hypot(SECTION_ERROR, LOAD_CELL_ERROR)
-"""What they make together."""
+"""Their combination."""
 
 HEIGHTS_FROM = ("shadow", "apex", "undeformed")
-"""What heights of a device that hangs under loads may count from: the upper edge of its shadow at zero pressure, its apex
+"""Zero of the heights of a device with dead loads: the upper edge of its shadow at zero pressure, its apex
 there, or its undeformed top."""
 
 
 @checked
 @dataclasses.dataclass(frozen=True)
 class FitOptions:
-    """How laws are fitted.
+    """Options of the fit of laws.
 
     Attributes:
         poisson: Poisson's ratio of the fitted material, given and not fitted (but see ``free``).
@@ -390,12 +393,12 @@ class FitOptions:
         profiles: Whether the intervals come from profile likelihoods; else from the covariance.
         silicone: Name of the silicone, whose known moduli show pressures in a wrong unit; ``"any"`` if it is in no list.
         stress_error: Standard error of stresses, see `softmodels.fitting.curves.residuals.StressError.from_text`.
-        gauge_error: Standard error of a factor on each test (cross-section, load cell), a share; 0 for none. A curve alone says
-            nothing of such a factor, so the intervals are too narrow without it.
+        gauge_error: Standard error of a factor on each test (cross-section, load cell), a share; 0 for none. A curve does not
+            show such a factor, so the intervals are too narrow without it.
         free: With a device: what is fitted of bench and device beside the law, see
-        `softmodels.fitting.outlines.residuals.Bench`. without: With a device: names of photographs that are left out.
+        `softmodels.fitting.outlines.residuals.Bench`. exclude: With a device: names of photographs to exclude.
         untrusted: With a device: whether measurements are taken that the measurement does not trust.
-        heights_from: With a device that hangs under loads or whose top is not flat: what its heights count from, one of
+        height_datum: With a device that hangs under loads or whose top is not flat: what its heights count from, one of
             `HEIGHTS_FROM`; empty for the shadow, or the apex where the undeformed top is not flat. Outlines of
             such a top (balloon, bellows) have to state it.
     """
@@ -408,15 +411,15 @@ class FitOptions:
     stress_error: str = "auto"
     gauge_error: float = USUAL_GAUGE_ERROR
     free: tuple[str, ...] = BENCH
-    without: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
     untrusted: bool = False
-    heights_from: str = ""
+    height_datum: str = ""
 
     def __post_init__(self) -> None:
         texts = Several(Words())
         kinds: dict[str, Kind] = {
             "poisson": Quantity(), "gauge_error": Quantity(), "robust": Flag(), "profiles": Flag(), "untrusted": Flag(),
-            "stress_error": Words(), "heights_from": Words(), "free": texts, "without": texts,
+            "stress_error": Words(), "height_datum": Words(), "free": texts, "exclude": texts,
         }  # fmt: skip
         for name, kind in kinds.items():
             value = getattr(self, name)
@@ -431,32 +434,32 @@ class FitOptions:
             raise FitError(
                 f"changes is {brief(self.changes)}; it must be a table by parameter, such as {{'c1': {{'value': 14e3}}}}"
             )
-        if self.heights_from not in ("", *HEIGHTS_FROM):
-            known = f"{', '.join(HEIGHTS_FROM)}{meant(self.heights_from, HEIGHTS_FROM)}"
-            raise FitError(f"heights_from is {self.heights_from!r}; it is one of {known}")
+        if self.height_datum not in ("", *HEIGHTS_FROM):
+            known = f"{', '.join(HEIGHTS_FROM)}{meant(self.height_datum, HEIGHTS_FROM)}"
+            raise FitError(f"height_datum is {self.height_datum!r}; it must be one of {known}")
         if not 0.0 <= self.gauge_error < 1.0:
-            raise FitError(f"a gauge error of {self.gauge_error:g} is not a share between 0 and 100 %")
+            raise FitError(f"a gauge error of {self.gauge_error:g} must be between 0 and 100 %")
 
     @property
     def gauge_words(self) -> str:
-        """The factor on each test, a clause begun with a comma."""
+        """The factor on each test, a clause starting with a comma."""
         if not self.gauge_error:
-            return ", no factor on the tests (--gauge-error): the intervals leave the errors of cross-section and load cell out"
+            return ", no factor on the tests (--gauge-error): intervals without errors of cross-section and load cell"
         usual = ""
         if self.gauge_error == USUAL_GAUGE_ERROR:
             usual = (
-                f" (cross-section {100 * SECTION_ERROR:g} % and load cell {100 * LOAD_CELL_ERROR:g} %, as is usual; "
-                "--gauge-error gives others)"
+                f" (cross-section {100 * SECTION_ERROR:g} % and load cell {100 * LOAD_CELL_ERROR:g} %, the default; "
+                "change it with --gauge-error)"
             )
         return f", a factor of 1 +- {100 * self.gauge_error:.3g} % on each test{usual}"
 
     @property
     def loss(self) -> str:
-        """See `softmodels.fitting.least_squares.fit_parameters`."""
+        """Loss function, see `softmodels.fitting.least_squares.fit_parameters`."""
         return "soft_l1" if self.robust else "linear"
 
     def changes_of(self, names: tuple[str, ...]) -> Changes:
-        """The changes that are about these parameters."""
+        """Return the changes of these parameters."""
         return {name: change for name, change in self.changes.items() if name in names}
 
 
@@ -464,17 +467,17 @@ DEFAULTS = FitOptions()
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A law as something to fit: its numbers by name, their bounds, and where to start.
+# Laws for fits: parameter names, bounds and starting values.
 #
 # A law that is a sum of terms, such as ``ogden``, with a number behind its name has that many of them. Poisson's ratio is not
-# fitted: tension alone hardly sees it.
+# fitted, because tension hardly depends on it.
 
 
 Design = Callable[[Material, Sequence[str]], Array]
 """Slopes of all standardised stresses by the named parameters of a material, shape (n, m)."""
 
 STARTS = 6
-"""Starts of a law of several terms that are kept, of all combinations of its grid."""
+"""Number of starts of a law of several terms, out of all combinations of its grid."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -508,32 +511,34 @@ class LawChoice:
             raise FitError(f"law {text!r} is unknown; known are {known_laws()} and all{meant(text, [*LAWS, 'all'])}")
         terms = int(found[2])
         if terms > law.most_terms:
-            raise FitError(f"law {text!r}: at most {law.most_terms} terms of {law.title or law.name} can be told apart")
+            raise FitError(
+                f"law {text!r}: at most {law.most_terms} terms of {law.title or law.name} can be distinguished"
+            )
         return cls(text, law, terms, poisson)
 
     @classmethod
     def from_law(cls, law: type[Material], poisson: float = 0.5) -> LawChoice:
-        """A law's class, with as many terms as are usual."""
+        """Return a law's class, with as many terms as are usual."""
         name = f"{law.name}{law.usual_terms}" if law.usual_terms else law.name
         return cls(name, law, law.usual_terms, poisson)
 
     @classmethod
     def of(cls, material: Material) -> LawChoice:
-        """The law of a material, with its number of terms and its Poisson's ratio."""
+        """Return the law of a material, with its number of terms and its Poisson's ratio."""
         name = f"{material.name}{material.terms}" if material.terms else material.name
         return cls(name, type(material), material.terms, material.poisson)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the numbers that a fit may change, Poisson's ratio left out."""
+        """Names of the fitted parameters, without Poisson's ratio."""
         return self.law.parameter_names(self.terms)
 
     def unit(self, name: str) -> str:
-        """Unit of one of `names`."""
+        """Return the unit of one of `names`."""
         return self.law.parameter_unit(name)
 
     def material(self, values: Mapping[str, float], stretches: tuple[float, float] | None = None) -> Material:
-        """The material with these numbers, which were fitted over a range of stretch.
+        """Return the material with these parameters, fitted over a range of stretch.
 
         Raises:
             MaterialError: The law cannot take them.
@@ -542,14 +547,14 @@ class LawChoice:
         return made if stretches is None else dataclasses.replace(made, fitted_stretch=stretches)
 
     def parameters(self, start: Mapping[str, float]) -> tuple[Parameter, ...]:
-        """Parameters with the law's own bounds about a start."""
+        """Return the parameters with the law's own bounds about a start."""
         return tuple(
             Parameter(name, self.unit(name), start[name], *self.law.parameter_bounds(name, start))
             for name in self.names
         )
 
     def from_modulus(self, modulus: float, most: float = 10.0) -> dict[str, float]:
-        """A start from the small-strain shear modulus in Pa alone; ``most`` is the largest I1 - 3 expected."""
+        """Return a start from only the small-strain shear modulus in Pa; ``most`` is the largest I1 - 3 expected."""
         return self.law.starting_values(modulus, most, self.terms)
 
 
@@ -573,9 +578,11 @@ def law_choices(laws: Laws, poisson: float = 0.5) -> list[LawChoice]:
             isinstance(law, type) and issubclass(law, Material) and law is not Material
         ):
             hint = "; give its class, without its numbers" if isinstance(law, Material) else ""
-            raise FitError(f"law {brief(law)} is none; it is a name such as 'yeoh', or a class such as sm.Yeoh{hint}")
+            raise FitError(
+                f"law {brief(law)} is invalid; it must be a name such as 'yeoh', or a class such as sm.Yeoh{hint}"
+            )
     if not chosen:
-        raise FitError(f"there is no law to fit; known are {known_laws()} and all")
+        raise FitError(f"no law is given; known are {known_laws()} and all")
     choices = [
         LawChoice.from_text(law, poisson) if isinstance(law, str) else LawChoice.from_law(law, poisson)
         for law in chosen
@@ -587,25 +594,27 @@ def law_choices(laws: Laws, poisson: float = 0.5) -> list[LawChoice]:
 
 
 def all_laws() -> tuple[str, ...]:
-    """Names of the laws, with their numbers of terms, that ``all`` compares; the order decides between equally simple ones."""
+    """Return the names of the laws compared by ``all``, with numbers of terms; the order decides between equally
+    simple ones."""
     return tuple(f"{name}{terms or ''}" for name, law in LAWS.items() for terms in law.compared_terms)
 
 
 def known_laws() -> str:
-    """The names that `LawChoice.from_text` knows."""
+    """Return the names accepted by `LawChoice.from_text`."""
     several = [f"{name}1 to {name}{law.most_terms}" for name, law in LAWS.items() if law.most_terms]
     return ", ".join([*LAWS, *several])
 
 
 def all_parameters() -> dict[str, str]:
-    """Units of all parameters of all laws, however many terms these have, by name."""
+    """Return the units of all parameters of all laws, however many terms these have, by name."""
     return {name: law.parameter_unit(name) for law in LAWS.values() for name in law.parameter_names(law.most_terms)}
 
 
 def closed_starts(
     choice: LawChoice, design: Design, target: Array, modulus: float, most: float
 ) -> list[dict[str, float]]:
-    """Starts by linear least squares, where a law is linear in its numbers, or over a grid of those in which it is not.
+    """Return the starts by linear least squares, over a grid of the nonlinear
+    parameters.
 
     Args:
         choice: The law.
@@ -634,7 +643,8 @@ def closed_starts(
 
 
 def _term_starts(choice: LawChoice, design: Design, target: Array, modulus: float) -> list[dict[str, float]]:
-    """Non-negative least squares for the terms' factors over combinations of their shape parameters' grid; the best few.
+    """Return the non-negative least squares for the terms' factors over combinations of their shape parameters' grid; the best
+    few.
 
     Each factor has the sign that gives its term a shear modulus above zero (Ogden's mu_i alpha_i).
     """
@@ -656,7 +666,7 @@ def _term_starts(choice: LawChoice, design: Design, target: Array, modulus: floa
         A = np.column_stack([columns[value] for value in shapes])
         size = np.linalg.norm(A, axis=0)
         found, misfit = nnls(A / size, target)
-        # A term that the grid leaves out starts small, not at its bound.
+        # A term not in the grid starts small, not at its bound.
         sizes = np.maximum(found / size, 5e-4 * modulus / np.array([moduli[value] for value in shapes]))
         tried.append((misfit, shapes, np.array([signs[value] for value in shapes]) * sizes))
     tried.sort(key=lambda one: one[0])
@@ -668,7 +678,8 @@ def _term_starts(choice: LawChoice, design: Design, target: Array, modulus: floa
 
 
 def by_bounds(choice: LawChoice, starts: Sequence[Mapping[str, float]]) -> list[list[Mapping[str, float]]]:
-    """Starts in groups that one set of bounds holds: the signs of Ogden's exponents stay what they are where a fit starts."""
+    """Return the starts grouped by bounds: the signs of Ogden's exponents are fixed by the
+    start."""
     grouped: dict[tuple[tuple[float, float], ...], list[Mapping[str, float]]] = {}
     for start in starts:
         bounds = tuple(choice.law.parameter_bounds(name, start) for name in choice.names)

@@ -1,4 +1,4 @@
-"""What a fit found: values, error bars, what the data see of them, and how well they are followed."""
+"""Result of a fit: values, error bars, identifiability and misfit."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from softmodels.materials.laws import MaterialError
 
 LEVEL = 0.95
 BLIND = 1e-8
-"""Directions in which the scaled Jacobian is this much smaller than in its largest are not seen at all."""
+"""Relative singular value of the scaled Jacobian below which a direction is undetermined."""
 LEAST_FREEDOM = 0.2
-"""A residual whose leverage leaves it less freedom than this counts as if it had this much."""
+"""Minimum freedom of a residual, 1 - leverage."""
 EXACT = 1e-6
-"""Residuals below this share of the model are no scatter."""
+"""Residuals below this fraction of the model count as rounding."""
 
 
 @dataclasses.dataclass(frozen=True)
 class StartResult:
-    """Where one start ended: parameters, deviance (infinite if it could not begin), and what went wrong, if anything."""
+    """Result of one start: parameters, deviance (infinite if it failed), and an error, if any."""
 
     values: Mapping[str, float]
     deviance: float
@@ -44,7 +44,7 @@ class LeastSquaresFit:
     """A fit and its statistics.
 
     Error bars rest on the sandwich formula of robust regression (Huber & Ronchetti 2009, Robust Statistics, section 7.6),
-    widened where neighbouring residuals keep together: a law that misses a densely measured curve leaves long runs of one
+    widened where neighbouring residuals are correlated: a law that misses a densely measured curve leaves long runs of one
     sign, and a hundred points of one run are worth about one.
 
     Attributes:
@@ -89,7 +89,7 @@ class LeastSquaresFit:
 
     @property
     def converged(self) -> bool:
-        return not any("not to be trusted" in trouble for trouble in self.troubles)
+        return not any("do not use its values" in trouble for trouble in self.troubles)
 
     @property
     def count(self) -> int:
@@ -98,7 +98,7 @@ class LeastSquaresFit:
 
     @functools.cached_property
     def at_bounds(self) -> dict[str, float]:
-        """Free parameters that ended at a bound, and which."""
+        """Free parameters that ended at a bound, and which bound."""
         found = {}
         for p in self.free:
             x = p.inward(self.values[p.name])
@@ -119,26 +119,26 @@ class LeastSquaresFit:
 
     @functools.cached_property
     def scatter(self) -> float:
-        """Standard deviation of the residuals in units of their stated errors, counted as the loss counts them."""
+        """Standard deviation of the residuals in units of their stated errors, weighted by the loss."""
         psi, slope = self.influence
         freedom = max(len(self.residuals) - len(self.free), 1)
         return math.sqrt(len(self.residuals) / freedom * float(np.mean(psi**2))) / slope
 
     @property
     def dispersion(self) -> float:
-        """Variance of a residual as the error bars take it: never below the stated one, if errors are stated."""
+        """Variance of a residual for the error bars: at least the stated one, if errors are stated."""
         return self.scatter**2 if self.errors == "unknown" else max(1.0, self.scatter**2)
 
     @functools.cached_property
     def runs(self) -> dict[str, float]:
-        """By group: over how many neighbours its residuals keep together (integrated autocorrelation, at least 1)."""
+        """Correlation length of the residuals by group, in points (integrated autocorrelation, at least 1)."""
         psi, _ = self.influence
         labels = np.array(self.rows.groups)
         return {str(name): autocorrelation_time(psi[labels == name]) for name in dict.fromkeys(self.rows.groups)}
 
     @functools.cached_property
     def independent(self) -> float:
-        """How many independent residuals the measured ones are worth."""
+        """Effective number of independent residuals."""
         return sum(self.rows.groups.count(name) / run for name, run in self.runs.items())
 
     # -- error bars ---------------------------------------------------------------------------------------------------
@@ -157,7 +157,7 @@ class LeastSquaresFit:
 
     @functools.cached_property
     def considered(self) -> Array:
-        """The part of the covariance that `shared` errors make, shape (m, m)."""
+        """The part of the covariance due to `shared` errors, shape (m, m)."""
         if self.shared is None:
             return read_only(np.zeros((len(self.free), len(self.free))))
         inside = [p.name not in self.at_bounds for p in self.free]
@@ -180,7 +180,7 @@ class LeastSquaresFit:
         return result
 
     def information(self, J: Array) -> tuple[Array, Array]:
-        """Expected curvature of half the deviance, and the variance of its slope.
+        """Return the expected curvature of half the deviance, and the variance of its slope.
 
         Stated errors say how the variance is spread over the residuals. Unknown ones do not: there each residual speaks
         for itself, made larger by its leverage (HC3: MacKinnon & White 1985, doi 10.1016/0304-4076(85)90158-7), so that a
@@ -201,7 +201,7 @@ class LeastSquaresFit:
 
     @functools.cached_property
     def newton_step(self) -> float:
-        """How far one more Gauss-Newton step would move the parameters, in standard errors; 0 at a minimum."""
+        """Length of one more Gauss-Newton step, in standard errors; 0 at a minimum."""
         inside = [i for i, p in enumerate(self.free) if p.name not in self.at_bounds]
         if not inside:
             return 0.0
@@ -212,34 +212,35 @@ class LeastSquaresFit:
         gradient = J.T @ np.concatenate([psi, self.residuals[self.count :]])
         bread, _ = self.information(J)
         step = np.linalg.pinv(bread, rcond=BLIND, hermitian=True) @ gradient
-        # Numbers that a law follows to rounding have no standard error to speak of.
+        # Data matched to rounding have no meaningful standard error.
         model = self.jacobian[: self.count] @ np.array([self.values[p.name] for p in self.free])
         rounding = EXACT**2 * float(np.mean(model**2))
         return math.sqrt(max(float(gradient @ step), 0.0) / max(self.dispersion, rounding, 1e-300))
 
     @property
     def quantile(self) -> float:
-        """Half a 95 % interval in standard errors: Student's where the errors' size follows from the scatter."""
+        """Half a 95 % interval in standard errors: Student's if the errors are estimated from the scatter."""
         if self.errors == "stated" and self.dispersion == 1.0:
             return float(ndtri((1 + LEVEL) / 2))
         return float(stdtrit(max(self.independent - len(self.free), 1.0), (1 + LEVEL) / 2))
 
     def error(self, name: str) -> float:
-        """Standard error of a parameter in its unit; 0 if it is fixed, nan at a bound."""
+        """Return the standard error of a parameter in its unit; 0 if it is fixed, nan at a bound."""
         names = [p.name for p in self.free]
         if name not in names:
             return 0.0
         variance = self.covariance[names.index(name)][names.index(name)]
-        return math.inf if variance < 0.0 else math.sqrt(variance)  # below zero: nothing but rounding is left of it
+        return math.inf if variance < 0.0 else math.sqrt(variance)  # negative: only rounding is left
 
     def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval of a parameter from the covariance, in its unit; nan at a bound (see
+        """Return the 95 % interval of a parameter from the covariance; nan at a bound (see
         `softmodels.fitting.least_squares`)."""
         reach = self.reach(name)
         return self.values[name] - reach, self.values[name] + reach
 
     def reach(self, name: str) -> float:
-        """Half of a parameter's 95 % interval: the scatter counts by Student's quantile, what is considered by the normal."""
+        """Return half of a parameter's 95 % interval: Student's quantile for the scatter, the normal one for
+        considered errors."""
         names = [p.name for p in self.free]
         if name not in names:
             return 0.0
@@ -289,7 +290,7 @@ class LeastSquaresFit:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Whether a fit may be used: what forbids it, whatever its law and its data.
+# Acceptance of a fit: general objections, for any law and data.
 
 
 NORMAL = 1.96
@@ -298,7 +299,7 @@ NORMAL = 1.96
 
 @dataclasses.dataclass(frozen=True)
 class Judgement:
-    """What is known of a device, a bench and a silicone, and speaks against a fit.
+    """Objections to a fit from the device, the bench and the silicone.
 
     Attributes:
         objections: Sentences that forbid its use.
@@ -315,14 +316,14 @@ NOTHING = Judgement()
 
 
 def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], float]) -> tuple[str, ...]:
-    """Sentences that forbid the use of a fit; none if it is sound.
+    """Return the objections to a fit, as sentences; empty if accepted.
 
     Args:
         fit: The fit.
         modulus: The law's small-strain shear modulus in Pa at parameter values.
     """
     found = [
-        f"{p.words} ended at its bound {with_unit(bound, p)}, so that its value and its interval mean nothing"
+        f"{p.words} ended at its bound {with_unit(bound, p)}, so its value and interval are meaningless"
         for p in fit.free
         if (bound := fit.at_bounds.get(p.name)) is not None and bound not in p.answers
     ]
@@ -336,23 +337,23 @@ def objections(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], fl
 
 
 def with_unit(value: float, p: Parameter) -> str:
-    """A parameter's value with its unit."""
+    """Return a parameter's value with its unit."""
     return f"{value:.4g} {p.unit}".rstrip()
 
 
 def _undetermined(fit: LeastSquaresFit, p: Parameter) -> str:
-    """Why a parameter is not determined, empty if it is; one with a prior always is."""
+    """Return why a parameter is not determined, empty if it is; one with a prior always is."""
     if p.prior or p.hidden or p.name in fit.at_bounds:
         return ""
     if not math.isfinite(fit.error(p.name)):
-        return "another one makes up for any change of it"
+        return "another parameter compensates any change of it"
     low, high = (fit.values[p.name] + sign * NORMAL * fit.error(p.name) for sign in (-1.0, 1.0))
     whole = math.isfinite(p.upper - p.lower) and low <= p.lower and high >= p.upper
     return "its interval is as wide as its bounds" if whole and not p.answers else ""
 
 
 def _modulus_error(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]], float]) -> float:
-    """Standard error of the shear modulus in Pa, by its derivatives; 0 where nothing it depends on is free."""
+    """Return the standard error of the shear modulus in Pa, by its derivatives; 0 if it depends on no free parameter."""
     slope = np.zeros(len(fit.free))
     for i, p in enumerate(fit.free):
         if p.name in fit.at_bounds or p.hidden or p.name == "poisson":
@@ -360,7 +361,7 @@ def _modulus_error(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]]
         step = 1e-6 * (abs(fit.values[p.name]) or p.scale)
         try:
             ends = [modulus({**fit.values, p.name: fit.values[p.name] + sign * step}) for sign in (-1.0, 1.0)]
-        except MaterialError:  # a law at the edge of what it can be: its modulus is nothing but rounding
+        except MaterialError:  # a degenerate law, whose modulus is only rounding
             return math.inf
         slope[i] = (ends[1] - ends[0]) / (2 * step)
     seen = slope != 0.0
@@ -371,15 +372,15 @@ def _modulus_error(fit: LeastSquaresFit, modulus: Callable[[Mapping[str, float]]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What the data see of a fit's parameters, and what they do not.
+# Identifiability of a fit's parameters.
 
 
 TOGETHER = 0.98
-"""Parameters whose estimates correlate beyond this are seen only together."""
+"""Correlation above which two parameters are identifiable only jointly."""
 
 
 def singular_values(fit: LeastSquaresFit) -> tuple[Array, Array]:
-    """Singular values (m,) of the data's Jacobian and its right vectors (m, m), in rows.
+    """Return the singular values (m,) of the data's Jacobian and its right vectors (m, m), in rows.
 
     The columns are scaled by what is a large change of each parameter: its prior's error, half the span of its bounds,
     or its own size. A value far below 1 is a combination that the data cannot tell from no change.
@@ -398,30 +399,32 @@ def _reach(fit: LeastSquaresFit, p: Parameter) -> float:
 
 
 def unseen(fit: LeastSquaresFit) -> tuple[str, ...]:
-    """Sentences on parameters, or combinations of them, that the data do not determine."""
+    """Return the sentences on parameters, or combinations of them, that the data do not determine."""
     said = []
     for p in fit.free:
         if p.name in fit.at_bounds:
             continue
         room, against = _allowed(p, fit.values[p.name])
         if not fit.quantile * _data_error(fit, p) < room:
-            rests = f"{p.words} rests on its prior: without it, its interval would be wider"
-            said.append(rests if p.prior else f"the data do not see {p.words}: its interval is wider than {against}")
+            rests = f"{p.words} depends on its prior: without it, its interval would be wider"
+            said.append(
+                rests if p.prior else f"the data do not determine {p.words}: its interval is wider than {against}"
+            )
     R = fit.correlations
     for i, a in enumerate(fit.free):
         for j in range(i):
             if abs(R[i, j]) > TOGETHER and not (a.hidden or fit.free[j].hidden):
                 both = f"{fit.free[j].name} and {a.name}"
-                said.append(f"the data see {both} only together (correlation {R[i, j]:.3f})")
+                said.append(f"the data determine {both} only jointly (correlation {R[i, j]:.3f})")
     values, vectors = singular_values(fit)
     if np.isinf(np.diag(fit.covariance)).any() and values[-1] <= BLIND * max(values[0], 1e-300):
         mixed = [p.words for p, share in zip(fit.free, vectors[-1], strict=True) if abs(share) > 0.1]
-        said.append(f"the data do not see one combination of {', '.join(mixed)} at all")
+        said.append(f"the data do not determine one combination of {', '.join(mixed)}")
     return tuple(said)
 
 
 def _data_error(fit: LeastSquaresFit, p: Parameter) -> float:
-    """Standard error of a parameter as if there were no prior on it."""
+    """Return the standard error of a parameter without its prior."""
     if not p.prior:
         return fit.error(p.name)
     own = fit.count + [q.name for q in fit.free if q.prior].index(p.name)
@@ -432,7 +435,7 @@ def _data_error(fit: LeastSquaresFit, p: Parameter) -> float:
 
 
 def _allowed(p: Parameter, value: float) -> tuple[float, str]:
-    """How wide an interval may be before the data say nothing: its half width, and what it is held against."""
+    """Return the maximum half width of an interval for a determined parameter, and its reference."""
     if p.prior:
         return 1.96 * p.prior.error, "its prior"
     if p.logarithmic or not math.isfinite(p.upper - p.lower):

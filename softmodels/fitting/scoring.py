@@ -1,4 +1,4 @@
-"""How well a given law predicts measurements that it was not fitted to: misfit, chi squared, coverage, worst place."""
+"""Scores of a law against measurements it was not fitted to: misfit, chi squared, coverage, worst point."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 WITHIN = 1.959964
 """Half of the 95 % band of a normal error, in standard errors."""
 BAND = 0.95
-"""Share of its errors within which a material may be another one."""
+"""Tolerance relative to its errors for identical materials."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Score:
         material: Its name as asked for.
         data: What it was held against.
         count: Measured values.
-        rms: Root mean square of predicted less measured, in ``unit``; across the outlines, where there are some.
+        rms: Root mean square of predicted minus measured, in ``unit``; across the outlines, where there are some.
         unit: Pa or m.
         chi2: Chi squared per value (per degree of freedom where the bench is fitted along): 1 where the law is off by no
             more than the measurement's error.
@@ -88,7 +88,7 @@ class Score:
 
 
 def _explained(residuals: Array, slopes: Array, free: Array, errors: MaterialErrors) -> float:
-    """Largest drop of chi squared as a material moves within the 95 % region of its errors; to first order.
+    """Return the largest drop of chi squared as a material varies within the 95 % region of its errors, to first order.
 
     Args:
         residuals: In standard errors, at the least squares of what is free beside the material, shape (n,).
@@ -118,7 +118,7 @@ def _explained(residuals: Array, slopes: Array, free: Array, errors: MaterialErr
 def score_curve(
     name: str, material: Material, curve: TensileCurve, error: StressError, errors: MaterialErrors | None = None
 ) -> Score:
-    """Hold a material against a measured curve.
+    """Score a material against a measured curve.
 
     Args:
         name: The material's name.
@@ -133,7 +133,9 @@ def score_curve(
     predicted = respond(material, curve.stretch, curve.mode).stress
     if not np.isfinite(predicted).all():
         first = float(curve.stretch[~np.isfinite(predicted)][0])
-        raise TensileError(f"{name} has no stress at stretch {first:.4g} of {curve.name}; keep below it with --stretch")
+        raise TensileError(
+            f"{name} has no stress at stretch {first:.4g} of {curve.name}; limit the range with --stretch"
+        )
     off = predicted - curve.stress
     sizes = off / error.of(curve)
     at = int(np.argmax(np.abs(sizes)))
@@ -157,7 +159,7 @@ def score_outlines(
     comm: MPI.Comm,
     errors: MaterialErrors | None = None,
 ) -> Score:
-    """Hold a material against outlines of a device: the law as it is, what the bench may have got wrong fitted along.
+    """Score a material against outlines of a device: with fixed law, while the bench corrections are fitted.
 
     Args:
         name: The material's name.
@@ -201,7 +203,7 @@ def score_outlines(
         source.fixed = source.fixed - set(errors.names)
         _, J, _ = source.evaluate(fit.values, True)
         assert J is not None
-        slopes = np.zeros((len(fit.residuals), len(errors.names)))  # the bench's priors know nothing of the material
+        slopes = np.zeros((len(fit.residuals), len(errors.names)))  # the bench's priors do not depend on the material
         slopes[: fit.count] = J[:, [source.parameters.index(one) for one in errors.names]]
         explained = _explained(fit.residuals, slopes, fit.jacobian, errors) / freedom
     return Score(
@@ -222,7 +224,7 @@ def _covered(sizes: Array) -> float:
 
 
 def write_scores(path: Path, scores: Sequence[Score]) -> None:
-    """Every number as CSV, one row per material and measurement."""
+    """Write every number as CSV, one row per material and measurement."""
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(
@@ -247,7 +249,7 @@ def write_scores(path: Path, scores: Sequence[Score]) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Materials held against measurements that they were not fitted to: one call from laws and data to a list of scores.
+# Score materials against measurements they were not fitted to: from laws and data to a list of scores.
 
 
 type Materials = Material | str | Sequence[Material | str] | Mapping[str, Material | str]
@@ -267,9 +269,9 @@ def score(
     stress_error: str = "auto",
     untrusted: bool = False,
 ) -> list[Score]:
-    """Score materials against tensile curves, and against outlines of a device; nothing of the materials is fitted.
+    """Score materials against tensile curves, and against outlines of a device, without fitting.
 
-    With outlines, what the bench may have got wrong (an offset of the pressure, a leak, the zero plane) is fitted along, as in
+    With outlines, systematic errors of the bench (an offset of the pressure, a leak, the zero plane) are fitted too, as in
     a fit. Under MPI all ranks call it.
 
     Args:
@@ -299,9 +301,9 @@ def score(
     given = several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
     flag("untrusted", untrusted)
     if (device is None) != (not given):
-        raise FitError("a device and its outlines belong together; give both, or neither")
+        raise FitError("a device needs its outlines and vice versa; give both, or neither")
     if not ready and not given:
-        raise FitError("there is nothing to score against; give a tensile curve, or a device with its outlines")
+        raise FitError("there are no measurements; give a tensile curve, or a device with its outlines")
     error = error_of(stress_error)
     scores = [
         score_curve(name, one, curve, error, uncertain.get(name)) for curve in ready for name, one in known.items()
@@ -313,7 +315,7 @@ def score(
 
 
 def error_of(text: str) -> StressError:
-    """The standard error of stresses that a score needs the size of.
+    """Return the standard error of stresses; a score needs its absolute size.
 
     Raises:
         TensileError: No size, or not a size.
@@ -321,12 +323,12 @@ def error_of(text: str) -> StressError:
     if text == "auto":
         return StressError(RELATIVE, None, True)
     if text == "constant":
-        raise TensileError("a score needs the size of the error: write 2%+0.5kPa, or auto")
+        raise TensileError("a score needs absolute errors: write 2%+0.5kPa, or auto")
     return StressError.from_text(text)
 
 
 def outlines_of(given: Iterable[Outline | Path | str], untrusted: bool) -> list[Outline]:
-    """Outlines, those of files after the others."""
+    """Return the outlines, those of files after the others."""
     from softmodels.fitting.outlines.shapes import read_outlines
 
     given = list(given)
@@ -342,7 +344,7 @@ def against_outlines(
     comm: MPI.Comm,
     errors: Mapping[str, MaterialErrors] = MappingProxyType({}),
 ) -> list[Score]:
-    """Scores of materials against outlines of a device, with their errors by name; see `score_outlines`.
+    """Return the scores of materials against outlines of a device, with their errors by name; see `score_outlines`.
 
     Raises:
         FitError: The device has no such states under a material, which is named.
@@ -362,14 +364,14 @@ def _errors(
     found = {}
     for name, given in errors.items():
         if name not in materials:
-            raise FitError(f"errors of {name!r} are given, which is not scored; {known_are(name, list(materials))}")
+            raise FitError(f"errors of {name!r} are given, but it is not scored; {known_are(name, list(materials))}")
         found[name] = given if isinstance(given, MaterialErrors) else MaterialErrors.from_file(Path(given))
         found[name].check(materials[name])
     return found
 
 
 def _named(materials: Materials) -> dict[str, Material]:
-    """Materials by what they are called in the scores.
+    """Return the materials by their names in the scores.
 
     Raises:
         FitError: None, or one twice.
@@ -383,5 +385,5 @@ def _named(materials: Materials) -> dict[str, Material]:
         if len(found) < len(given):
             raise FitError("a material is given twice")
     if not found:
-        raise FitError("there is nothing to score; give a material")
+        raise FitError("there is no material; give at least one")
     return found

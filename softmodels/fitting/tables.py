@@ -1,4 +1,4 @@
-"""A fit in words and tables: for the terminal, for a page, and as files that go on into a simulation."""
+"""Text, tables and files of a fit: for the terminal, the report, and simulations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from softmodels.materials.specimens import respond
 
 
 def parameter_rows(law: FittedLaw) -> list[tuple[str, str, str, str]]:
-    """Parameter, value, unit and 95 % interval, as texts."""
+    """Return the parameter, value, unit and 95 % interval, as texts."""
     rows = []
     for p in law.fit.parameters:
         if p.hidden:
@@ -52,13 +52,13 @@ def _plain(value: float, error: float) -> str:
 
 
 def correlation_rows(law: FittedLaw) -> list[list[str]]:
-    """The correlations of the free parameters below the diagonal, as texts; empty for one parameter."""
+    """Return the correlations of the free parameters below the diagonal, as texts; empty for one parameter."""
     names, R = [p.name for p in law.fit.free if not p.hidden], law.fit.correlations
     return [[names[i], *(f"{R[i, j]:+.3f}" for j in range(i))] for i in range(1, len(names))]
 
 
 def residual_rows(law: FittedLaw) -> list[tuple[str, str, str, str, str]]:
-    """Group, rms, mean, largest, and over how many points residuals keep together, as texts."""
+    """Return the group, rms, mean, largest residual and correlation length, as texts."""
     rows = []
     for name, group in law.fit.summaries.items():
         factor, unit = (1e-3, "kPa") if group.unit == "Pa" else (1.0, group.unit)
@@ -68,7 +68,7 @@ def residual_rows(law: FittedLaw) -> list[tuple[str, str, str, str, str]]:
 
 
 def as_text(report: FitReport) -> str:
-    """The report for a terminal."""
+    """Return the report for a terminal."""
     lines = [*report.ranges, report.how, ""]
     for law in report.laws:
         modulus, unit = with_prefix(law.material.shear_modulus_0, "Pa")
@@ -83,13 +83,13 @@ def as_text(report: FitReport) -> str:
             pairs = zip(law.fit.free, others, strict=False)
             lines.append(f"  correlation of {name}: " + ", ".join(f"{p.name} {text}" for p, text in pairs))
         for name, rms, mean, largest, run in residual_rows(law):
-            lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residuals keep together over {run}")
+            lines.append(f"  {name}: rms {rms}, mean {mean}, largest {largest}; residual correlation length: {run}")
         lines += [
             f"  {one.device}: chi squared {one.chi2:.4g} of {one.count} values ({one.chi2 / one.count:.3g} per value)"
             for one in law.devices
         ]
         lines += [f"  {text}" for text in (law.material.remark,) if text]
-        lines += [f"  {'not sound' if text in law.objections else 'warning'}: {text}" for text in law.warnings]
+        lines += [f"  {'rejected' if text in law.objections else 'warning'}: {text}" for text in law.warnings]
         lines += [f"  {text}" for text in (*unseen(law.fit), *law.verdict.notes)]
         lines.append("")
     if len(report.laws) > 1:
@@ -101,7 +101,7 @@ def as_text(report: FitReport) -> str:
 
 
 def material_toml(law: FittedLaw, report: FitReport) -> str:
-    """A material file for ``--material``, which says what it rests on."""
+    """Return a material file for ``--material``, with the basis of the fit."""
     import tomli_w
 
     fit = law.fit
@@ -124,7 +124,7 @@ def material_toml(law: FittedLaw, report: FitReport) -> str:
 
 
 def as_json(report: FitReport) -> str:
-    """Every number of the report, in Pa and pure numbers."""
+    """Return every number of the report, in Pa and pure numbers."""
     return json.dumps(
         {
             "range": report.ranges,
@@ -183,12 +183,12 @@ def _law_json(law: FittedLaw, report: FitReport) -> dict[str, object]:
 
 
 def _finite(value: float) -> float | None:
-    """JSON has no infinity."""
+    """Return a number, or None for infinity, which JSON does not have."""
     return float(value) if math.isfinite(value) else None
 
 
 def write_curves(path: Path, laws: Sequence[FittedLaw], curves: Sequence[TensileCurve]) -> None:
-    """Measured and fitted nominal stresses in Pa, one row per point."""
+    """Write measured and fitted nominal stresses in Pa, one row per point."""
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(["curve", "test", "stretch", "measured_Pa", *(f"{law.choice.name}_Pa" for law in laws)])
@@ -199,14 +199,14 @@ def write_curves(path: Path, laws: Sequence[FittedLaw], curves: Sequence[Tensile
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The material files of a fit: what may go into a simulation has another name than what may not.
+# Material files of a fit, with different names for accepted and rejected ones.
 
 
 SOUND, UNSOUND, EARLIER = "fitted", "unsound", "earlier-"
 
 
 def write_materials(report: FitReport, folder: Path, more: Mapping[str, str] = MappingProxyType({})) -> None:
-    """Write each law's material file, as ``fitted.toml`` only if the chosen law is sound.
+    """Write each law's material file, as ``fitted.toml`` only if the chosen law is accepted.
 
     An earlier fit's ``fitted*.toml`` that this one does not replace is renamed to ``earlier-fitted*.toml``: nobody shall take
     it for this one's. An earlier ``unsound*.toml`` is removed.
@@ -226,12 +226,12 @@ def write_materials(report: FitReport, folder: Path, more: Mapping[str, str] = M
 
 
 def name_of(fitted: FittedLaw, law: str = "") -> str:
-    """File name of a law's material; without its name, the chosen one's."""
+    """Return the file name of a law's material; without a law, the chosen one's."""
     return f"{SOUND if fitted.sound else UNSOUND}{'-' + law if law else ''}.toml"
 
 
 def retire(folder: Path, replaced: set[str] = frozenset()) -> None:  # type: ignore[assignment]
-    """Take an earlier fit's material files out of the way, but for those whose names are in ``replaced``."""
+    """Rename an earlier fit's material files, except those in ``replaced``."""
     for stem in (SOUND, UNSOUND):
         for path in sorted({*folder.glob(f"{stem}.toml"), *folder.glob(f"{stem}-*.toml")}):
             if path.name in replaced or not _of_a_fit(path):
@@ -243,7 +243,7 @@ def retire(folder: Path, replaced: set[str] = frozenset()) -> None:  # type: ign
 
 
 def _of_a_fit(path: Path) -> bool:
-    """Whether a file is one that `write_materials` has written; a user's own stays."""
+    """Return whether `write_materials` has written a file; a user's file stays."""
     with contextlib.suppress(OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
         return {"material", "fit"} <= set(tomllib.loads(read_text(path)))
     return False

@@ -1,10 +1,10 @@
-"""What a law is, and the table of laws by name.
+"""Base class of material laws, and the table of laws by name.
 
-A law is a frozen dataclass below `Material`. Two things it has to state: `Material.shape`, its energy, and
+A law is a frozen dataclass below `Material`. It has to define `Material.shape`, its energy, and
 `Material.shear_modulus_0`. Its parameters are fields made by `parameter`, each with its unit, a help text and the bounds that
-a fit keeps. All else has a default that a law may replace: whether it is linear in its parameters, where a fit starts, in
-which other parameters or conventions it is written, at which strain it ends. So a law is one class, also outside of this
-library; `register_law` lets command lines and files find it by its name.
+a fit keeps. All else has a default that a law may override: linearity in its parameters, starting
+values of a fit, other parameters or conventions, locking strain. So a law is a single class, also outside this
+library; `register` makes it available by name to command lines and files.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from softmodels.common.units import with_prefix
 from softmodels.materials.strain import Expression, StrainMeasures
 
 Values = Mapping[str, Any]
-"""Numbers by the names of a law's fields; tuples of numbers for fields that have one for each term."""
+"""Numbers by the names of a law's fields; tuples of numbers for fields with one per term."""
 
 
 Parameters = Any
-"""Carries a law's parameters by name: a material (numbers), or UFL constants, so that new values compile nothing."""
+"""A law's parameters by name: a material (numbers), or UFL constants, so that new values do not recompile."""
 
 
 SOFTEST = 500.0
-"""Shear modulus in Pa below which no silicone is: of the softest gels, with room."""
+"""Minimum shear modulus in Pa of a silicone: of the softest gels, with a margin."""
 
 
 class MaterialError(Spoken, ValueError):
-    """An impossible or unknown material; the message is a sentence for the user."""
+    """An invalid or unknown material; the message is for the user."""
 
 
 def parameter(
@@ -45,7 +45,7 @@ def parameter(
     many: bool = False,
     grid: tuple[float, ...] = (),
 ) -> Any:
-    """A field of a law.
+    """Return a field of a law.
 
     Args:
         unit: ``"Pa"`` or ``""``.
@@ -61,12 +61,12 @@ def parameter(
 
 
 def poissons_ratio() -> float:
-    """The field ``poisson`` that every law ends with."""
+    """Return the field ``poisson``, the last one of every law."""
     return parameter("", "Poisson's ratio at small strain, -1 to 0.5", 0.49, bounds=(-1.0, 0.5))
 
 
 def parameter_fields(law: Material | type[Material]) -> list[dataclasses.Field[Any]]:
-    """The fields of a law that are its `parameter`s, in their order."""
+    """Return the fields of a law that are its `parameter`s, in their order."""
     return [field for field in dataclasses.fields(law) if "unit" in field.metadata]
 
 
@@ -78,7 +78,7 @@ def _check_range(law: str, stretches: tuple[float, float] | None) -> None:
     except (TypeError, ValueError):
         low, high = math.nan, math.nan
     if not 0.0 < low < high < math.inf:
-        raise MaterialError(f"{law}: fitted_stretch = {stretches} is no range of stretch; write it like [1.02, 3.0]")
+        raise MaterialError(f"{law}: fitted_stretch = {stretches} is not a range of stretch; write it like [1.02, 3.0]")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,14 +91,14 @@ class Material:
         linear: Whether the energy is linear in all parameters but Poisson's ratio.
         most_terms: Most terms that a fit can tell apart, of a law that is a sum of terms of one form; 0 for other laws. Each
             term has one factor in Pa, which enters linearly, and one shape parameter, which has a grid.
-        usual_terms: Terms where nobody says how many.
+        usual_terms: Default number of terms.
         compared_terms: Numbers of terms that are compared where all laws are.
         alternatives: Numbers that stand in for parameters, see `from_values`: unit and help by name.
-        isochoric: Whether `shape` is of the isochoric strain alone.
-        conventions: Ways in which the same parameters are written, the law's own first; empty where there is one alone.
+        isochoric: Whether `shape` depends only on the isochoric strain.
+        conventions: Ways in which the same parameters are written, the law's own first; empty if there is only one.
         convention_help: What the conventions are.
         fitted_stretch: Range of stretch that the parameters were fitted over; None where that is not known. It is no part of
-            the law: two materials that differ in it alone are equal.
+            the law: two materials that differ only in it are equal.
     """
 
     name: ClassVar[str]
@@ -117,7 +117,7 @@ class Material:
 
     def __post_init__(self) -> None:
         if type(self) is Material:
-            raise MaterialError("Material is what all laws have in common; take one of them, such as Yeoh")
+            raise MaterialError("Material is the base class of all laws; use one of them, such as Yeoh")
         _check_range(self.name, self.fitted_stretch)
         for field in parameter_fields(self):
             of = Quantity(field.metadata["unit"])
@@ -136,22 +136,22 @@ class Material:
 
     @property
     def doubt(self) -> str:
-        """Why its numbers are hardly meant: a sentence, empty for those of a silicone or of what is stiffer."""
+        """A sentence if its parameters are implausible; empty for silicones and stiffer materials."""
         if self.shear_modulus_0 >= SOFTEST:
             return ""
         return (
-            f"{self.name}: the shear modulus is {self.shear_modulus_0:.4g} Pa, and silicones have 5 to 500 kPa; numbers are in "
-            "Pa, so write kPa as a text such as '14 kPa'"
+            f"{self.name}: the shear modulus is {self.shear_modulus_0:.4g} Pa, but silicones have 5 to 500 kPa; "
+            "numbers are in Pa, so write kPa as a text such as '14 kPa'"
         )
 
     # -- the energy ---------------------------------------------------------------------------------------------------
 
     def check(self) -> None:
-        """Raise `MaterialError` for parameters this law cannot take."""
+        """Raise `MaterialError` for invalid parameters of this law."""
 
     @staticmethod
     def shape(strain: StrainMeasures, m: Parameters) -> Expression:
-        """Energy of the change of shape in Pa.
+        """Return the energy of the change of shape in Pa.
 
         Args:
             strain: Measures of strain, in numpy or UFL.
@@ -176,13 +176,14 @@ class Material:
         return 2 * self.shear_modulus_0 * (1 + self.poisson) / (3 * (1 - 2 * self.poisson))
 
     def energy(self, strain: StrainMeasures) -> Expression:
-        """Energy in Pa of a compressible deformation. With an infinite bulk only J = 1 has one, and it is the shape's."""
+        """Return the energy in Pa of a compressible deformation. With an infinite bulk only J = 1 is possible, with the
+        shape's energy."""
         shape = self.shape(strain, self)
         return shape if math.isinf(self.bulk) else shape + self.bulk / 2 * (strain.J - 1) ** 2
 
     @property
     def strain_limit(self) -> float:
-        """I1 - 3 at which the energy ends (chains are taut); infinite where it does not."""
+        """I1 - 3 at which the chains lock; infinite without locking."""
         return math.inf
 
     @property
@@ -199,7 +200,7 @@ class Material:
 
     @classmethod
     def from_values(cls, values: Values, convention: str = "") -> Material:
-        """A material from its parameters, or from numbers that stand in for them.
+        """Return a material from its parameters, or from numbers that stand in for them.
 
         Args:
             values: Fields and `alternatives` by name, in Pa or dimensionless.
@@ -212,36 +213,37 @@ class Material:
 
     @property
     def remark(self) -> str:
-        """What a reader of its parameters has to know, such as their values in another convention; mostly empty."""
+        """A remark on its parameters, such as their values in another convention; mostly empty."""
         return ""
 
     # -- how it is fitted ---------------------------------------------------------------------------------------------
 
     @property
     def terms(self) -> int:
-        """Its number of terms; 0 for a law that is no sum of terms of one form."""
+        """Its number of terms; 0 for a law that is not a sum of similar terms."""
         return len(getattr(self, _term_fields(type(self))[0])) if self.most_terms else 0
 
     @classmethod
     def parameter_names(cls, terms: int = 0) -> tuple[str, ...]:
-        """Names of its numbers but for Poisson's ratio, those of terms counted through: ``mu1``, ``alpha1``, ``mu2`` ..."""
+        """Return the names of its parameters without Poisson's ratio, numbered by term: ``mu1``, ``alpha1``, ``mu2``
+        ..."""
         single = [f.name for f in parameter_fields(cls) if not f.metadata["many"] and f.name != "poisson"]
         return (*single, *(f"{name}{i + 1}" for i in range(terms) for name in _term_fields(cls)))
 
     @classmethod
     def parameter_unit(cls, name: str) -> str:
-        """Unit of one of `parameter_names`."""
+        """Return the unit of one of `parameter_names`."""
         return str(_field(cls, name).metadata["unit"])
 
     @classmethod
     def parameter_bounds(cls, name: str, start: Mapping[str, float]) -> tuple[float, float]:
-        """Within which a fit that begins at ``start`` keeps one of `parameter_names`."""
+        """Return the bounds of one of `parameter_names` in a fit that starts at ``start``."""
         low, high = _field(cls, name).metadata["bounds"]
         return low, high
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, float], terms: int = 0, poisson: float = 0.5) -> Material:
-        """A material from numbers by `parameter_names`.
+        """Return a material from numbers by `parameter_names`.
 
         Raises:
             MaterialError: The law cannot take them.
@@ -260,7 +262,7 @@ class Material:
 
     @classmethod
     def starting_values(cls, modulus: float, strain: float = 10.0, terms: int = 0) -> dict[str, float]:
-        """Where a fit may start, from the small-strain shear modulus alone.
+        """Return starting values of a fit from the small-strain shear modulus.
 
         By default parameters in Pa that have no default value share the modulus, and numbers without one are 1, or twice the
         bound that 1 is beyond.
@@ -277,7 +279,7 @@ class Material:
 
     @classmethod
     def starting_grid(cls, modulus: float, strain: float) -> list[dict[str, float]]:
-        """Several starts of a law that is neither linear nor a sum of terms; see `starting_values`."""
+        """Return several starts for a law that is neither linear nor a sum of terms; see `starting_values`."""
         return [cls.starting_values(modulus, strain)]
 
 
@@ -301,10 +303,10 @@ register_law = LAWS.register
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Hyperelastic laws: one frozen dataclass each, which carries all that is known of it.
+# Hyperelastic laws, a frozen dataclass each.
 #
-# Every law is an energy per reference volume W = shape(F) + bulk/2 (J - 1)^2, stress-free at F = I. The shape part is what a
-# law states; the volumetric part is common, and becomes p (J - 1) - p^2 / (2 bulk) in the mixed form, so that
+# Every law is an energy per reference volume W = shape(F) + bulk/2 (J - 1)^2, stress-free at F = I. The shape part defines
+# a law; the volumetric part is common, and becomes p (J - 1) - p^2 / (2 bulk) in the mixed form, so that
 # ``poisson = 0.5`` (an infinite bulk) is an ordinary value there. See `softmodels.materials.laws` for how to add a law.
 
 
@@ -328,9 +330,9 @@ class NeoHookean(Material):
     linear: ClassVar[bool] = True
     isochoric: ClassVar[bool] = False
     alternatives: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "young": ("Pa", "Young's modulus, in place of the shear modulus"),
+        "young": ("Pa", "Young's modulus, instead of the shear modulus"),
         "c1": ("Pa", "the thesis' C1 = mu/2"),
-        "d1": ("Pa", "the thesis' D1 = lambda/2, with --c1 = mu/2, in place of modulus and Poisson's ratio"),
+        "d1": ("Pa", "the thesis' D1 = lambda/2, with --c1 = mu/2, instead of modulus and Poisson's ratio"),
     }
     shear_modulus: float = parameter("Pa", "shear modulus mu", bounds=MODULUS_BOUNDS)
     poisson: float = poissons_ratio()  # type: ignore[assignment]
@@ -345,7 +347,7 @@ class NeoHookean(Material):
 
     @property
     def bulk(self) -> float:
-        """Lame's first constant lambda in Pa: here the shape part resists a change of volume too."""
+        """Lame's first constant lambda in Pa, because the shape part also resists changes of volume here."""
         nu = self.poisson
         return math.inf if nu == 0.5 else 2 * self.shear_modulus * nu / (1 - 2 * nu)
 
@@ -372,7 +374,7 @@ class NeoHookean(Material):
         """From Young's modulus in Pa: mu = E / (2 (1 + nu))."""
         young, poisson = _number(cls, "young", young), _number(cls, "poisson", poisson, "")
         if poisson == -1.0:
-            raise MaterialError("neo-hookean: poisson = -1 is outside -1 to 0.5")  # ahead of a division by zero
+            raise MaterialError("neo-hookean: poisson = -1 is outside -1 to 0.5")  # avoids a division by zero
         return cls(young / (2 * (1 + poisson)), poisson)
 
     @classmethod
@@ -448,7 +450,7 @@ class Yeoh(Material):
 class Ogden(Material):
     """Ogden: W = sum_i mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3), isochoric stretches; mu = sum mu_i alpha_i / 2.
 
-    Ogden 1972, doi 10.1098/rspa.1972.0026. Many programs write 2 mu_i / alpha_i^2 in place of mu_i / alpha_i: see
+    Ogden 1972, doi 10.1098/rspa.1972.0026. Many programs write 2 mu_i / alpha_i^2 instead of mu_i / alpha_i: see
     `from_two_mu`. The same numbers read in the other way are another rubber.
     """
 
@@ -458,12 +460,12 @@ class Ogden(Material):
     usual_terms: ClassVar[int] = 2
     compared_terms: ClassVar[tuple[int, ...]] = (1, 2, 3)
     conventions: ClassVar[tuple[str, ...]] = ("mu/alpha", "2mu/alpha^2")
-    convention_help: ClassVar[str] = "how mu and alpha are meant: W = sum mu/alpha (...) or sum 2mu/alpha^2 (...)"
+    convention_help: ClassVar[str] = "convention of mu and alpha: W = sum mu/alpha (...) or sum 2mu/alpha^2 (...)"
     mu: tuple[float, ...] = parameter(
-        "Pa", "factors mu_i of W = sum mu_i/alpha_i (...), with commas", bounds=(1e-6, 1e12), many=True
+        "Pa", "factors mu_i of W = sum mu_i/alpha_i (...), separated by commas", bounds=(1e-6, 1e12), many=True
     )
     alpha: tuple[float, ...] = parameter(
-        "", "exponents alpha_i, with commas", bounds=(0.05, 30.0), many=True,
+        "", "exponents alpha_i, separated by commas", bounds=(0.05, 30.0), many=True,
         grid=(0.7, 1.3, 2.0, 3.0, 4.5, 7.0, 11.0, -0.7, -1.3, -2.0, -4.0),
     )  # fmt: skip
     poisson: float = poissons_ratio()  # type: ignore[assignment]
@@ -471,10 +473,10 @@ class Ogden(Material):
     def check(self) -> None:
         if len(self.mu) != len(self.alpha) or not self.mu:
             raise MaterialError(
-                f"ogden: {len(self.mu)} values of mu and {len(self.alpha)} of alpha; they come in pairs"
+                f"ogden: {len(self.mu)} values of mu but {len(self.alpha)} of alpha; give equal numbers"
             )
         if 0.0 in self.alpha:
-            raise MaterialError("ogden: an exponent alpha is zero")
+            raise MaterialError("ogden: an exponent alpha is zero; it must not be")
 
     @staticmethod
     def shape(strain: StrainMeasures, m: Parameters) -> Expression:
@@ -493,7 +495,7 @@ class Ogden(Material):
 
     @classmethod
     def parameter_bounds(cls, name: str, start: Mapping[str, float]) -> tuple[float, float]:
-        """mu_i keeps the sign of its alpha_i, and this its own, which is what makes every term stable (Ogden 1972)."""
+        """Keep the sign of alpha_i, and the same sign for mu_i, so that every term is stable (Ogden 1972)."""
         low, high = super().parameter_bounds(name, start)
         number = name.removeprefix("alpha").removeprefix("mu")
         return (low, high) if start[f"alpha{number}"] > 0.0 else (-high, -low)
@@ -510,7 +512,7 @@ class Ogden(Material):
     def remark(self) -> str:
         factors = (" ".join(with_prefix(mu * a / 2, "Pa")) for mu, a in zip(self.mu, self.alpha, strict=True))
         own, other = self.conventions
-        return f"mu is meant as W = sum {own} (...); in the convention {other} the factors are {', '.join(factors)}"
+        return f"convention of mu: W = sum {own} (...); in the convention {other} the factors are {', '.join(factors)}"
 
     @classmethod
     def from_values(cls, values: Values, convention: str = "") -> Ogden:
@@ -526,12 +528,12 @@ class Ogden(Material):
         except FieldError as error:
             raise MaterialError(f"ogden: {error}") from None
         if len(mu) != len(alpha) or 0.0 in alpha:
-            raise MaterialError("ogden: mu and alpha come in pairs, and no alpha is zero")
+            raise MaterialError("ogden: give equal numbers of mu and alpha, and no alpha of zero")
         return cls(tuple(2 * m / a for m, a in zip(mu, alpha, strict=True)), tuple(alpha), poisson)
 
 
 def _number(law: type[Material], name: str, value: object, unit: str = "Pa") -> float:
-    """A number that stands in for a parameter; `MaterialError` if it is none."""
+    """Return a number that replaces a parameter; raise `MaterialError` if it is invalid."""
     try:
         return Quantity(unit).settled(name, value)
     except FieldError as error:
@@ -546,11 +548,11 @@ def _terms(values: Expression) -> range:
 @register_law
 @dataclasses.dataclass(frozen=True)
 class Gent(Material):
-    """Gent: W = -mu/2 Jm ln(1 - (I1_bar - 3)/Jm); chains are taut at I1_bar = 3 + Jm. Gent 1996, doi 10.5254/1.3538357."""
+    """Gent: W = -mu/2 Jm ln(1 - (I1_bar - 3)/Jm); chains lock at I1_bar = 3 + Jm. Gent 1996, doi 10.5254/1.3538357."""
 
     name: ClassVar[str] = "gent"
     shear_modulus: float = parameter("Pa", "shear modulus mu", bounds=MODULUS_BOUNDS)
-    limit: float = parameter("", "Jm: the largest I1 - 3 the chains allow", bounds=(1e-2, 1e5))
+    limit: float = parameter("", "Jm: the I1 - 3 at which the chains lock", bounds=(1e-2, 1e5))
     poisson: float = poissons_ratio()  # type: ignore[assignment]
 
     def check(self) -> None:

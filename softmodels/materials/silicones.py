@@ -1,11 +1,11 @@
-"""Named silicones: a law, the stretches it was fitted over, and whose measurement it is; several sources for one product.
+"""Named silicones: a law, its fitted range of stretch, and its source; several sources per product.
 
-A modulus without its fit range means nothing: the neo-Hookean modulus of one and the same Ecoflex 00-30 specimen is 15 kPa
+A modulus is meaningless without its fitted range: the neo-Hookean modulus of one and the same Ecoflex 00-30 specimen is 15 kPa
 up to stretch 1.5 and 58 kPa over its whole curve. Batches, rates and laboratories differ too: the sources of one product lie
-a factor of two and more apart. A product's plain name means its middle source (`middle`). Use these to begin with, over their
-whole spread, and your own fit to conclude.
+a factor of two and more apart. A product's plain name selects its median source (`middle`). Use these for first estimates, over
+their whole spread, and your own fit for conclusions.
 
-Parameters of measured curves are least-squares fits made here, and say so; what was published as numbers is given as it was.
+Parameters of measured curves are least-squares fits made here, and marked so; published parameters are given unchanged.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from softmodels.materials.specimens import secant_modulus
 PSI = 6894.757293168
 """Pa."""
 WORKING_STRETCH = 1.5
-"""Uniaxial stretch at which the sources of a product are compared: where actuators work, and within the range of every source
-in tension (but for `JOHNSTON`'s, whose law is neo-Hookean)."""
+"""Uniaxial stretch at which the sources of a product are compared: in the working range of actuators, and in the range of every
+source in tension (except `JOHNSTON`'s, whose law is neo-Hookean)."""
 RUBBER = 0.5
-"""Poisson's ratio: rubber's bulk modulus is some 1e5 times its shear modulus, and the fits take it for incompressible."""
+"""Poisson's ratio: rubber's bulk modulus is some 1e5 times its shear modulus, and the fits assume incompressibility."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Origin:
-    """Whose measurement it is.
+    """Source of a measurement.
 
     Attributes:
         key: Short name of the source, such as ``"marechal-2021"``.
@@ -137,12 +137,12 @@ class Silicone:
 
     @property
     def pulled(self) -> bool:
-        """Whether the law says anything of tension."""
+        """Whether the source covers tension."""
         return self.stretches is None or self.stretches[1] > 1.0
 
 
 def _marechal(c1: float, c2: float, elongation: float, top: float = 3.0, c3: float = 0.0) -> Silicone:
-    """Least squares on the nominal stress (Pa), c2 and c3 not below zero so that the law stays stable."""
+    """Return the least squares on the nominal stress (Pa), c2 and c3 not below zero so that the law stays stable."""
     return Silicone(Yeoh(c1, c2, c3, RUBBER), (1.02, top), MARECHAL, elongation)
 
 
@@ -197,18 +197,19 @@ PRODUCTS: dict[str, tuple[Silicone, ...]] = {
 
 
 def working_modulus(material: Material) -> float:
-    """Secant shear modulus in Pa at `WORKING_STRETCH`, by which sources are compared."""
+    """Return the secant shear modulus in Pa at `WORKING_STRETCH`, by which sources are compared."""
     return secant_modulus(material, WORKING_STRETCH)
 
 
 def in_tension(many: Sequence[Silicone]) -> list[Silicone]:
-    """Sources that were pulled, from the softest to the stiffest by `working_modulus`; compressed ones only if all are."""
+    """Return the tension sources, from the softest to the stiffest by `working_modulus`; compression ones only if there are no
+    others."""
     pulled = [one for one in many if one.pulled] or list(many)
     return sorted(pulled, key=lambda one: working_modulus(one.material))
 
 
 def middle(many: Sequence[Silicone]) -> Silicone:
-    """The source that a product's plain name means: the middle one in tension, of an even number the stiffer of the two.
+    """Return the source selected by a product's plain name: the median one in tension, the stiffer of the middle two.
 
     The stiffer, since crosshead strain counts slip in the grips as strain, so that curves err on the soft side: measured
     membranes of Ecoflex 00-30 and a measured beam of Dragon Skin 10 lie by the stiffer one.
@@ -222,20 +223,20 @@ SILICONES: dict[str, Silicone] = {
     for product, many in PRODUCTS.items()
     for one in many
 }
-"""By name: the product alone for its `middle` source, ``product/source`` for the others."""
+"""By name: only the product for its `middle` source, ``product/source`` for the others."""
 
 OTHER_NAMES = {f"{product}/{middle(many).origin.key}": product for product, many in PRODUCTS.items()}
-"""Full names of what `SILICONES` has under the product's name."""
+"""Full names of the sources listed in `SILICONES` by the product's name."""
 OTHER_NAMES["ecoflex-00-30-liao"] = OTHER_NAMES.get("ecoflex-00-30/liao-2021", "ecoflex-00-30/liao-2021")
 
 
 def silicone_called(name: str) -> Silicone | None:
-    """The silicone of a name; None if there is none."""
+    """Return the silicone of a name; None if there is none."""
     return SILICONES.get(OTHER_NAMES.get(name, name)) if isinstance(name, str) else None
 
 
 def named(material: Material) -> str | None:
-    """Name of the silicone that a material is, its Poisson's ratio left free; None if it is none of them."""
+    """Return the name of a material's silicone, for any Poisson's ratio; None if there is none."""
     for name, silicone in SILICONES.items():
         known = silicone.material
         if type(known) is type(material) and dataclasses.replace(known, poisson=material.poisson) == material:  # type: ignore[call-arg]
@@ -244,24 +245,25 @@ def named(material: Material) -> str | None:
 
 
 def stretches_of(material: Material) -> tuple[float, float] | None:
-    """Range of stretch that a material was fitted over: its own, else its silicone's; None if that is not known."""
+    """Return the range of stretch that a material was fitted over: its own, else its silicone's; None if unknown."""
     name = named(material)
     return material.fitted_stretch or (SILICONES[name].stretches if name else None)
 
 
 def extrapolated(material: Material, stretch: float) -> str:
-    """A sentence where a stretch lies beyond what a material was fitted over; empty where it does not, or nobody knows."""
+    """Return a warning if a stretch exceeds a material's fitted range; empty if not, or if the range is
+    unknown."""
     stretches = stretches_of(material)
     if stretches is None or stretch <= stretches[1]:
         return ""
     return (
-        f"the largest stretch, {stretch:.3g}, lies beyond {stretches[1]:.4g}, up to which "
-        f"{named(material) or f'this {material.name} law'} was fitted: results beyond that are an extrapolation"
+        f"the largest stretch, {stretch:.3g}, exceeds {stretches[1]:.4g}, the end of "
+        f"the fitted range of {named(material) or f'this {material.name} law'}: results beyond are an extrapolation"
     )
 
 
 def broken(material: Material) -> Silicone | None:
-    """The source that was pulled until it broke, of the silicone that a material is; None if that is not known.
+    """Return the source with the stretch at break of a material's silicone; None if unknown.
 
     The material's own source, or another one of the same product, the first to break.
     """
@@ -274,13 +276,13 @@ def broken(material: Material) -> Silicone | None:
 
 
 def stretch_at_break(material: Material) -> float | None:
-    """Uniaxial stretch at which the silicone that a material is broke, see `broken`; None if that is not known."""
+    """Return the uniaxial stretch at break of a material's silicone, see `broken`; None if unknown."""
     source = broken(material)
     return None if source is None or source.elongation_at_break is None else 1.0 + source.elongation_at_break
 
 
 def material_of(name: str, value: object) -> Material:
-    """A material, which may be given by its silicone's name.
+    """Return a material, given as such or by a silicone's name.
 
     Args:
         name: What the argument is called.
@@ -298,7 +300,7 @@ def material_of(name: str, value: object) -> Material:
 
 @checked
 def silicone(name: str) -> Material:
-    """The material of a named silicone.
+    """Return the material of a named silicone.
 
     Args:
         name: A product, such as ``"ecoflex-00-30"``, for the `middle` of its sources, or one of them, such as
@@ -316,90 +318,92 @@ def silicone(name: str) -> Material:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How far the sources of one named silicone lie apart, in words and as the sources to compute with.
+# Spread between the sources of a named silicone.
 
 
 def product_of(name: str) -> str:
-    """The product of a name such as ``"ecoflex-00-30/liao-2021"``."""
+    """Return the product of a name such as ``"ecoflex-00-30/liao-2021"``."""
     return OTHER_NAMES.get(name, name).partition("/")[0]
 
 
 def full_name(product: str, source: Silicone) -> str:
-    """``product/source``."""
+    """Return ``product/source``."""
     return f"{product}/{source.origin.key}"
 
 
 def name_of(product: str, source: Silicone) -> str:
-    """The shortest name of a source: the product's alone for its middle one."""
+    """Return the shortest name of a source: only the product's for its median one."""
     return product if source is SILICONES[product] else full_name(product, source)
 
 
 def spanning(product: str) -> list[Silicone]:
-    """The sources that a product's band spans, from the softest to the stiffest in tension; none if there is only one."""
+    """Return the sources of a product's band, from the softest to the stiffest in tension; none if there is
+    only one."""
     pulled = in_tension(PRODUCTS[product])
     return pulled if len(pulled) > 1 else []
 
 
 def source_names(name: str) -> list[str]:
-    """The names of all sources in tension of a named silicone's product, from the softest to the stiffest."""
+    """Return the names of all sources in tension of a named silicone's product, from the softest to the stiffest."""
     product = product_of(name)
     return [name_of(product, one) for one in in_tension(PRODUCTS[product])]
 
 
 def factor(product: str) -> float | None:
-    """Stiffest over softest of `spanning`, by their secant modulus at the working stretch; None for a single source."""
+    """Return the stiffest over softest of `spanning`, by their secant modulus at the working stretch; None for a single
+    source."""
     many = spanning(product)
     return working_modulus(many[-1].material) / working_modulus(many[0].material) if many else None
 
 
 def usual_factors() -> tuple[float, float, float]:
-    """Least, median and largest `factor` of the products that have several sources."""
+    """Return the least, median and largest `factor` of the products that have several sources."""
     found = [f for f in map(factor, PRODUCTS) if f is not None]
     return min(found), statistics.median(found), max(found)
 
 
 def spread_sentence(name: str) -> str:
-    """What is known of the spread between the sources of a named silicone."""
+    """Return a sentence on the spread between the sources of a named silicone."""
     product = product_of(name)
     used = SILICONES[OTHER_NAMES.get(name, name)]
     many = spanning(product)
     if not many:
         low, middle, high = usual_factors()
         return (
-            f"{product} has one source here ({used.origin.key}), so its spread between batches and laboratories is unknown; "
-            f"the shear moduli of products with several sources differ by a factor of {low:.2g} to {high:.2g} (median "
-            f"{middle:.2g}): fit a cast of your own before you rely on it"
+            f"{product} has only one source ({used.origin.key}), so its spread between batches and laboratories "
+            f"is unknown; shear moduli of products with several sources differ by a factor of {low:.2g} to {high:.2g} "
+            f"(median {middle:.2g}): fit your own cast before relying on it"
         )
     moduli = ", ".join(f"{source.origin.key} {working_modulus(source.material) / 1e3:.3g}" for source in many)
     return (
         f"{product} is {used.origin.key}'s here{_meant(product, used, len(many))}; published sources disagree: secant shear "
         f"modulus at stretch {WORKING_STRETCH:g} in kPa {moduli} (a factor of {factor(product):.2g} between batches, rates and "
-        f"laboratories); --band {product} computes all of them, or fit a cast of your own"
+        f"laboratories); use --band {product} to compute all of them, or fit your own cast"
     )
 
 
 def _meant(product: str, used: Silicone, count: int) -> str:
-    """Why a plain name means this source; empty for a source that was named."""
+    """Return why a plain name selects this source; empty for an explicitly named one."""
     if used is not SILICONES[product]:
         return ""
-    return " (the stiffer of two)" if count == 2 else f" (the middle of {count} in tension)"
+    return " (the stiffer of two)" if count == 2 else f" (the median of {count} in tension)"
 
 
 def material_spread(material: Material) -> str | None:
-    """`spread_sentence` of the silicone that a material is; None if it is none of the library."""
+    """Return `spread_sentence` of a material's silicone; None if it is not in the library."""
     name = named(material)
     return spread_sentence(name) if name else None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How named silicones are mixed and cured, from their makers' data sheets: what a workshop needs beside the law.
+# Mixing and curing data of named silicones, from their makers' data sheets.
 #
-# Figures are the makers' typical values at 23 C. What is not known here has to be read from the sheet that came with the batch.
+# Figures are the makers' typical values at 23 C. Missing values have to be taken from the data sheet of the batch.
 
 
 @dataclasses.dataclass(frozen=True)
 class Casting:
-    """A silicone as the workshop meets it.
+    """Casting data of a silicone.
 
     Attributes:
         parts: Of component A and of component B.
@@ -407,7 +411,7 @@ class Casting:
         density: Of the mixture in kg/m3.
         pot_life: Time in s in which it can be poured.
         cure_time: Time in s after which it can be taken out of the mould, at 23 C.
-        shrinkage: Linear, 0 where the sheet gives a bound alone; None where it gives nothing.
+        shrinkage: Linear, 0 if the sheet gives only a bound; None if it gives nothing.
         source: The sheet.
     """
 
@@ -424,7 +428,7 @@ MINUTE, HOUR = 60.0, 3600.0
 
 
 def _smooth_on(series: str, gravity: float, pot_minutes: float, cure_hours: float) -> Casting:
-    """Smooth-On's series of one to one; their bulletins give a shrinkage below 0.001."""
+    """Return Smooth-On's series of one to one; their bulletins give a shrinkage below 0.001."""
     source = f"Smooth-On technical bulletin, {series} (specific gravity, pot life, cure time; shrinkage below 0.1 %)"
     return Casting((1.0, 1.0), "weight or volume", gravity * 1e3, pot_minutes * MINUTE, cure_hours * HOUR, 0.0, source)
 
@@ -456,25 +460,26 @@ CASTING: dict[str, Casting | None] = {
         "Dow data sheet, SYLGARD 184 Silicone Elastomer (48 h at 25 C, 35 min at 100 C)",
     ),
 }
-"""By product; None where the sheet that came with the batch has to be read."""
+"""By product; None for values to take from the data sheet of the batch."""
 
 
 SILICONE_DENSITY = 1070.0
-"""kg/m3 where no sheet is known; those above have 1030 to 1130."""
+"""Default density in kg/m3 without a data sheet; those above have 1030 to 1130."""
 
 
 def sheet_of(material: Material) -> Casting | None:
-    """The sheet of the silicone that a material is; None if it is none of the library, or its sheet is not known here."""
+    """Return the data sheet of a material's silicone; None if it is not in the library, or has no data sheet
+    here."""
     name = named(material)
     return casting_of(name.partition("/")[0]) if name else None
 
 
 def density_of(material: Material) -> float:
-    """Density in kg/m3 by the sheet of the silicone that a material is, else `SILICONE_DENSITY`."""
+    """Return the density in kg/m3 from the data sheet of a material's silicone, else `SILICONE_DENSITY`."""
     sheet = sheet_of(material)
     return sheet.density if sheet else SILICONE_DENSITY
 
 
 def casting_of(product: str) -> Casting | None:
-    """How a product is cast; None if that is not known here."""
+    """Return the casting data of a product; None if unknown."""
     return CASTING.get(product)

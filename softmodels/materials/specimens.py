@@ -1,8 +1,8 @@
 """Test specimens: nominal stress under homogeneous stretch, and its exact slopes by the stretch and by every parameter.
 
-The energy is differentiated by the stretch in forward mode (`Dual`) and by a parameter with a complex step through that, so
-no quotient of differences is taken anywhere, and a new law is covered as soon as it has an energy. Compressible specimens
-find their free sides from the condition that these carry no stress; the slopes follow it by the implicit function theorem.
+The energy is differentiated by the stretch in forward mode (`Dual`) and by a parameter with a complex step through that,
+without finite differences, so a new law needs only an energy. Compressible specimens
+find their free sides from the condition that these carry no stress; the slopes follow by the implicit function theorem.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from softmodels.materials.strain import (
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Closed forms that need no mesh: test specimens, balloons, thick-walled spheres and tubes of any law.
+# Closed-form solutions without a mesh: test specimens, balloons, thick-walled spheres and tubes of any law.
 #
 # Every function takes the law's own energy and differentiates it by a complex step (Squire & Trapp 1998,
 # doi 10.1137/S003614459631241X), which is exact to rounding, so a new law is covered as soon as it has an energy. Except in
-# `uniaxial_compressible` the material is taken as incompressible, whatever its Poisson's ratio. Stresses come back in the
-# unit of the law's parameters (Pa); beyond a stretch that the law does not allow (Gent's chains are taut) they are nan.
+# `uniaxial_compressible` the material is treated as incompressible for any Poisson's ratio. Stresses come back in the
+# unit of the law's parameters (Pa); beyond the locking stretch of a law (Gent) they are nan.
 
 
-_STEP = 1e-30  # so small that its square vanishes beside 1: the difference quotient has no error of its own
+_STEP = 1e-30  # so small that its square vanishes relative to 1: no truncation error
 
 MODES: dict[str, tuple[tuple[float, float, float], int]] = {
     "uniaxial": ((1.0, -0.5, -0.5), 1),
     "planar": ((1.0, 0.0, -1.0), 1),
     "equibiaxial": ((1.0, 1.0, -2.0), 2),
 }
-"""Tests of an incompressible specimen: principal stretches as powers of the imposed one, and how many sides are pulled."""
+"""Tests of an incompressible specimen: principal stretches as powers of the imposed one, and the number of loaded sides."""
 
 
 def energy_slope(material: Material, stretch: npt.ArrayLike, mode: str) -> Array:
-    """Rise dW/d(stretch) in Pa of the energy along one of `MODES`; the shape follows ``stretch``."""
+    """Return dW/d(stretch) in Pa of the energy along one of `MODES`, in the shape of ``stretch``."""
     powers = MODES[mode][0]
     stretch = np.asarray(stretch, dtype=float)
 
@@ -56,12 +56,12 @@ def energy_slope(material: Material, stretch: npt.ArrayLike, mode: str) -> Array
 
 def _slope(energy: Callable[[Expression], Expression], x: Array) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
-        # A logarithm of a negative number is nan in reals only; as a complex number it would pass for a stress.
+        # The logarithm of a negative number is nan only for reals; as a complex number it would count as a stress.
         return np.where(np.isfinite(energy(x)), np.imag(energy(x + 1j * _STEP)) / _STEP, np.nan)
 
 
 def nominal_stress(material: Material, stretch: npt.ArrayLike, mode: str = "uniaxial") -> Array:
-    """Force per undeformed area on a side that is pulled, incompressible.
+    """Return the force per undeformed area on a loaded side, incompressible.
 
     Args:
         material: The law.
@@ -77,12 +77,12 @@ def nominal_stress(material: Material, stretch: npt.ArrayLike, mode: str = "unia
 
 
 def secant_modulus(material: Material, stretch: float) -> float:
-    """Shear modulus in Pa of the neo-Hookean specimen with the same nominal stress at a uniaxial stretch."""
+    """Return the shear modulus in Pa of the neo-Hookean specimen with the same nominal stress at a uniaxial stretch."""
     return float(nominal_stress(material, stretch)) / (stretch - stretch**-2)
 
 
 def uniaxial_compressible(material: Material, stretch: npt.ArrayLike) -> tuple[Array, Array]:
-    """Uniaxial tension of a law with its own bulk; at ``poisson = 0.5`` the incompressible result.
+    """Return the uniaxial tension of a law with its own bulk; at ``poisson = 0.5`` the incompressible result.
 
     Args:
         material: The law.
@@ -107,7 +107,7 @@ def uniaxial_compressible(material: Material, stretch: npt.ArrayLike) -> tuple[A
             low *= 0.99
         while stress(high) < 0.0:
             high *= 1.01
-        # Equal where the guess is the answer, and where the law has no stress (nan) at all.
+        # Equal if the guess is the solution, or if the law has no stress (nan).
         return guess if low == high else float(brentq(stress, low, high, xtol=1e-15, rtol=1e-15))
 
     sides = np.vectorize(lateral, otypes=[float])(stretch)
@@ -115,7 +115,7 @@ def uniaxial_compressible(material: Material, stretch: npt.ArrayLike) -> tuple[A
 
 
 def balloon_pressure(material: Material, stretch: npt.ArrayLike, thickness_over_radius: float) -> Array:
-    """Pressure in Pa in a thin spherical balloon: P = (t/R) W'(stretch) / stretch^2, W of equibiaxial tension.
+    """Return the pressure in Pa in a thin spherical balloon: P = (t/R) W'(stretch) / stretch^2, W of equibiaxial tension.
 
     The work P dv on the volume 4/3 pi (stretch R)^3 is the rise of the energy of the volume 4 pi R^2 t. Terms of the order
     (t/R)^2 are dropped if R is the undeformed middle radius.
@@ -130,7 +130,7 @@ def balloon_pressure(material: Material, stretch: npt.ArrayLike, thickness_over_
 
 
 def balloon_limit(material: Material, thickness_over_radius: float, most: float = 10.0) -> tuple[float, float] | None:
-    """First maximum of `balloon_pressure` between stretch 1 and ``most``.
+    """Return the first maximum of `balloon_pressure` between stretch 1 and ``most``.
 
     A neo-Hookean balloon has it at 7^(1/6) = 1.383.
 
@@ -144,7 +144,7 @@ def balloon_limit(material: Material, thickness_over_radius: float, most: float 
             balloon_pressure(material, stretch + d, 1.0) - balloon_pressure(material, stretch - d, 1.0)
             for d in (h, 2 * h)
         )
-        return (8 * near - far) / material.shear_modulus_0  # an error of h^4, far below what the root is wanted to
+        return (8 * near - far) / material.shear_modulus_0  # an error of h^4, far below the root's tolerance
 
     scan = np.linspace(1.0, most, 2000)
     falls = np.flatnonzero(rise(scan) < 0.0)
@@ -155,7 +155,7 @@ def balloon_limit(material: Material, thickness_over_radius: float, most: float 
 
 
 def sphere_pressure(material: Material, inner: float, outer: float, inner_stretch: npt.ArrayLike) -> Array:
-    """Pressure in Pa inside a thick-walled incompressible sphere, none outside.
+    """Return the pressure in Pa inside a thick-walled incompressible sphere, none outside.
 
     P = int W'(l) / (l^3 - 1) dl from the outer wall's stretch to the inner wall's (Ogden 1984, Non-linear Elastic
     Deformations, section 5.3.2; Green & Zerna 1968, section 3.10), W of equibiaxial tension. With l^3 - 1 falling as the
@@ -171,7 +171,7 @@ def sphere_pressure(material: Material, inner: float, outer: float, inner_stretc
 
 
 def tube_pressure(material: Material, inner: float, outer: float, inner_stretch: npt.ArrayLike) -> Array:
-    """Pressure in Pa inside a thick-walled incompressible tube that keeps its length, none outside.
+    """Return the pressure in Pa inside a thick-walled incompressible tube that keeps its length, none outside.
 
     P = int W'(l) / (l^2 - 1) dl, W of planar tension (Ogden 1984, section 5.3.3 at axial stretch 1); see `sphere_pressure`,
     whose arguments it takes.
@@ -182,7 +182,7 @@ def tube_pressure(material: Material, inner: float, outer: float, inner_stretch:
 def _wall_pressure(
     material: Material, inner: float, outer: float, inner_stretch: npt.ArrayLike, mode: str, power: int
 ) -> Array:
-    """Equilibrium through a wall in which stretch^power - 1 falls as 1 / R^power, as incompressibility has it."""
+    """Return the equilibrium through a wall in which stretch^power - 1 falls as 1 / R^power, as incompressibility has it."""
     from scipy.integrate import quad
 
     def pressure(at_inner: float) -> float:
@@ -191,7 +191,7 @@ def _wall_pressure(
             return float(energy_slope(material, stretch, mode)) / (stretch ** (power - 1) * radius)
 
         if not np.isfinite(integrand(inner)):
-            return np.nan  # the inner wall is strained most: nothing beyond its limit can be integrated
+            return np.nan  # the inner wall has the largest strain, so its limit ends the integration
         return float(quad(integrand, inner, outer, epsabs=1e-12 * material.shear_modulus_0, epsrel=1e-11)[0])
 
     return np.vectorize(pressure, otypes=[float])(np.asarray(inner_stretch, dtype=float))
@@ -219,7 +219,7 @@ class Response:
 
     @functools.cached_property
     def tangent(self) -> Array:
-        """The stress' slope by the stretch in Pa, shape (n,); a fit never asks for it, so it is computed when asked for."""
+        """The stress' slope by the stretch in Pa, shape (n,), computed on demand because fits do not need it."""
         with np.errstate(all="ignore"):
             return self.by_stretch()
 
@@ -238,14 +238,14 @@ def respond(
     if mode not in MODES:
         raise ValueError(f"mode {mode!r} is not one of {', '.join(MODES)}")
     stretch = np.asarray(stretch, dtype=float)
-    with np.errstate(all="ignore"):  # beyond a law's last stretch the numbers are nan, as they should be
+    with np.errstate(all="ignore"):  # beyond a law's locking stretch the numbers are nan on purpose
         if math.isinf(material.bulk):
             return _incompressible(material, stretch, mode, parameters)
         return _compressible(material, stretch, mode, parameters)
 
 
 def nudged(material: Material, name: str, by: complex) -> Material:
-    """A copy with one number moved, perhaps into the complex plane, unchecked: only its energy may be asked for."""
+    """Return an unchecked copy with one parameter changed, possibly to a complex value; only for evaluating its energy."""
     copy = object.__new__(type(material))
     for field in dataclasses.fields(material):
         value = getattr(material, field.name)
@@ -272,7 +272,8 @@ def _incompressible(material: Material, stretch: Array, mode: str, parameters: S
     def by_stretch() -> Array:
         return np.asarray(np.imag(slope(material, stretch + 1j * _STEP)[0]) / _STEP + dead)
 
-    # The stretch stays real: only what the nudged number enters is complex then, and complex powers take most of a fit's time.
+    # The stretch stays real, so that only terms with the nudged parameter are complex: complex powers take most of a fit's
+    # time.
     columns = [np.imag(slope(nudged(material, name, 1j * _STEP), stretch)[0]) / _STEP + dead for name in parameters]
     return Response(stress, _columns(columns, stretch), stretch ** powers[2], by_stretch)
 
@@ -281,7 +282,7 @@ def _compressible(material: Material, stretch: Array, mode: str, parameters: Seq
     pulled = MODES[mode][1]
 
     def slopes(law: Material, a: Expression, s: Expression) -> tuple[Expression, Expression]:
-        """dW/da and dW/ds of the pulled and the free sides."""
+        """Return dW/da and dW/ds of the loaded and the free sides."""
         found = []
         for along_a in (1.0, 0.0):
             x, y = Dual(a, along_a * np.ones_like(a)), Dual(s, (1.0 - along_a) * np.ones_like(s))
@@ -297,7 +298,7 @@ def _compressible(material: Material, stretch: Array, mode: str, parameters: Seq
     by_side = slopes(material, a, s + 1j * _STEP)
 
     def follow(moved: tuple[Expression, Expression]) -> Array:
-        """The whole slope: along with what is moved, the side moves so that it stays free of stress."""
+        """Return the total derivative, with the free side moving so that it stays stress-free."""
         drift = -np.imag(moved[1]) / np.imag(by_side[1])
         total: Array = (np.imag(moved[0]) / _STEP + np.imag(by_side[0]) / _STEP * drift) / pulled + dead
         return total
@@ -307,7 +308,7 @@ def _compressible(material: Material, stretch: Array, mode: str, parameters: Seq
 
 
 def _free_side(material: Material, slopes: Expression, stretch: Array, mode: str) -> Array:
-    """The stretch of the free sides at which dW/ds vanishes: Newton from the incompressible side, safeguarded.
+    """Return the stretch of the free sides at which dW/ds vanishes: Newton from the incompressible side, safeguarded.
 
     The energy rises on both sides of the root, so that signs of the slope bracket it and a step outside is halved back in.
     """
@@ -333,7 +334,7 @@ def _columns(columns: list[Array], stretch: Array) -> Array:
 
 
 def log_strain_stiffness(material: Material, stretch: npt.ArrayLike, mode: str) -> tuple[Array, Array]:
-    """Hessian of the incompressible energy in the logarithms of two principal stretches, the third following.
+    """Return the Hessian of the incompressible energy in the logarithms of two principal stretches, the third following.
 
     It relates increments of Kirchhoff stress in a sheet to increments of logarithmic strain: Drucker's stability wants it
     positive definite.
@@ -369,6 +370,6 @@ def log_strain_stiffness(material: Material, stretch: npt.ArrayLike, mode: str) 
 
 
 def strain_of(mode: str, stretch: npt.ArrayLike) -> Array:
-    """I1 - 3 of an incompressible specimen, shape of ``stretch``."""
+    """Return I1 - 3 of an incompressible specimen, shape of ``stretch``."""
     powers, stretch = MODES[mode][0], np.asarray(stretch)
     return np.asarray(sum(stretch ** (2 * power) for power in powers) - 3)

@@ -1,7 +1,7 @@
-"""Where a law stops being a material: Drucker's stability, taut chains, and the balloon's limit point.
+"""Stability of a law: Drucker's criterion, locking chains, and the balloon's limit point.
 
-Drucker: in a sheet, an increment of logarithmic strain must raise the Kirchhoff stress along it. A fit that leaves this
-within its range will turn a simulation back or tear it, whatever its residuals.
+Drucker: in a sheet, an increment of logarithmic strain must raise the Kirchhoff stress along it. A fit that violates
+it within its range makes simulations fail, however small its residuals.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from softmodels.materials.specimens import (
 )
 
 FURTHEST = 10.0
-"""Stretch, and its inverse, to which a law is looked at."""
+"""Range of stretch, up to this value and down to its inverse, over which a law is checked."""
 POINTS = 600
 REST = 0.01
-"""Stretch beside 1 within which a law that loses its stability has never had any."""
+"""Stretch near 1 below which an instability counts as initial."""
 _WORDS = {"uniaxial": "uniaxial", "planar": "planar", "equibiaxial": "equibiaxial"}
 
 
 @dataclasses.dataclass(frozen=True)
 class Instability:
-    """The first state along a mode, from rest, at which a law is not stable.
+    """The first unstable state along a mode, from rest.
 
     Attributes:
         mode: Of `softmodels.materials.specimens.MODE_NAMES`.
@@ -50,7 +50,8 @@ class Instability:
 
 
 def instabilities(material: Material, furthest: float = FURTHEST) -> tuple[Instability, ...]:
-    """First states along every mode, pulled and pressed, that Drucker's criterion refuses, the mildest first.
+    """Return the first states along every mode, in tension and compression, that violate Drucker's criterion, the smallest
+    strain first.
 
     Args:
         material: Taken as incompressible.
@@ -68,21 +69,22 @@ def instabilities(material: Material, furthest: float = FURTHEST) -> tuple[Insta
 
 
 def weakest(material: Material) -> Instability | None:
-    """The instability that the least stretch leads to, in tension along any mode; None up to `FURTHEST`."""
+    """Return the instability at the smallest stretch in tension, over all modes; None up to `FURTHEST`."""
     return min((one for one in instabilities(material) if one.stretch > 1), key=lambda one: one.stretch, default=None)
 
 
 def weakness(material: Material) -> str:
-    """Where a law stops being stable when pulled, as a clause that names it; empty if it does not up to `FURTHEST`."""
+    """Return at which stretch a law becomes unstable in tension, as a clause with its name; empty if stable up to
+    `FURTHEST`."""
     found = {one.mode: one.stretch for one in instabilities(material) if one.stretch > 1}
     if not found:
         return ""
     places = ", ".join(f"{found[mode]:.3g} ({_WORDS[mode]})" for mode in MODE_NAMES if mode in found)
-    return f"the law {described(material)} loses its stability (Drucker's check) in tension at stretch {places}"
+    return f"the law {described(material)} becomes unstable (Drucker's criterion) in tension at stretch {places}"
 
 
 def described(material: Material) -> str:
-    """A law with its parameters: ``yeoh (c1 = 10 kPa, c2 = -0.1 kPa)``."""
+    """Return a law with its parameters: ``yeoh (c1 = 10 kPa, c2 = -0.1 kPa)``."""
     parts = []
     for field in parameter_fields(material):
         if field.name == "poisson":
@@ -97,21 +99,21 @@ def described(material: Material) -> str:
 
 
 def check_rest(material: Material) -> None:
-    """Refuse a law that is unstable as soon as it is stretched.
+    """Reject a law that is unstable at small strain.
 
     Raises:
         MaterialError: It is not stable (Drucker) within `REST` of its state of rest.
     """
     if weak := instabilities(material, furthest=1 + REST):
         raise MaterialError(
-            f"the law {described(material)} is unstable already at rest (Drucker's check: {weak[0]}); check the signs and the "
-            "units of its parameters, or fit another law"
+            f"the law {described(material)} is unstable at small strain (Drucker's criterion: {weak[0]}); check the "
+            f"signs and units of its parameters, or fit another law"
         )
 
 
 def _first(material: Material, mode: str, stretches: Array) -> Instability | None:
     H, k = log_strain_stiffness(material, stretches, mode)
-    alive = np.isfinite(H).all(axis=(1, 2))  # beyond taut chains there is no state at all: `last_stretch`
+    alive = np.isfinite(H).all(axis=(1, 2))  # no state exists beyond locking: `last_stretch`
     least = np.full(len(k), np.inf)
     least[alive] = np.linalg.eigvalsh(H[alive])[:, 0]
     bad = np.flatnonzero(least <= 0.0)
@@ -126,7 +128,8 @@ def _first(material: Material, mode: str, stretches: Array) -> Instability | Non
 
 
 def last_stretch(material: Material, mode: str) -> float:
-    """Stretch in a mode at which the energy ends (`Material.strain_limit`: chains are taut); infinite where it does not."""
+    """Return the locking stretch in a mode (`Material.strain_limit`); infinite without
+    locking."""
     limit = material.strain_limit
     if math.isinf(limit):
         return math.inf
@@ -146,7 +149,7 @@ def last_stretch(material: Material, mode: str) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """What a law does within and beyond a range of deformation.
+    """Stability of a law within and beyond a range of deformation.
 
     Attributes:
         flags: Sentences that forbid its use within the range.
@@ -158,7 +161,7 @@ class Verdict:
 
 
 def judge(material: Material, strain: float) -> Verdict:
-    """Hold a law against the largest I1 - 3 it was fitted to (or is shown over).
+    """Check the stability of a law up to the largest fitted (or shown) I1 - 3.
 
     Args:
         material: The law.
@@ -169,14 +172,14 @@ def judge(material: Material, strain: float) -> Verdict:
     inside = [one for one in weak if one.strain <= strain]
     if inside:
         where = "; ".join(map(str, inside))
-        flags.append(f"the law is not stable (Drucker) within this range: {where}")
+        flags.append(f"the law is unstable (Drucker) within this range: {where}")
     elif weak:
-        notes.append(f"stable (Drucker) within this range; beyond it not in {weak[0]}")
+        notes.append(f"stable (Drucker) within this range; unstable beyond it in {weak[0]}")
     else:
         notes.append(f"stable (Drucker) in every mode from stretch {1 / FURTHEST:g} to {FURTHEST:g}")
     if math.isfinite(material.strain_limit):
         ends = ", ".join(f"{mode} {last_stretch(material, mode):.3g}" for mode in MODE_NAMES)
-        notes.append(f"the chains are taut at stretch: {ends}; nothing deforms further")
+        notes.append(f"the chains lock at stretch: {ends}")
     try:
         limit = balloon_limit(material, 1.0)
     except ValueError:
@@ -217,11 +220,12 @@ class MaterialCurves:
         return cls(name, material, stretch, responses, judge(material, float(strain_of("uniaxial", ends).max())))
 
     def true_stress(self, mode: str) -> Array:
-        """Force per deformed area in Pa, shape (n,)."""
+        """Return the force per deformed area in Pa, shape (n,)."""
         response = self.responses[mode]
         across = {"uniaxial": response.side**2, "planar": response.side, "equibiaxial": response.side * self.stretch}
         return response.stress / across[mode]
 
     def balloon(self, thickness_over_radius: float) -> Array:
-        """Pressure in Pa in a thin spherical balloon, shape (n,): P = 2 (t/R) S / stretch^2, S of equibiaxial tension."""
+        """Return the pressure in Pa in a thin spherical balloon, shape (n,): P = 2 (t/R) S / stretch^2, S of equibiaxial
+        tension."""
         return 2 * thickness_over_radius * self.responses["equibiaxial"].stress / self.stretch**2

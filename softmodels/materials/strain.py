@@ -13,11 +13,11 @@ from typing import Any, Protocol
 import numpy as np
 
 Expression = Any
-"""What an energy computes with: UFL expressions (UFL has no types), numpy arrays or numbers, real or complex, or `Dual`."""
+"""Values of an energy's arguments: UFL expressions (untyped), numpy arrays or numbers, real or complex, or `Dual`."""
 
 
 class StrainMeasures(Protocol):
-    """What an energy may ask of a deformation. All dimensionless.
+    """Strain measures available to an energy. All dimensionless.
 
     Attributes:
         J: Volume ratio det F.
@@ -44,7 +44,7 @@ class StrainMeasures(Protocol):
 
 
 class Isochoric:
-    """The invariants with the change of volume taken out, which are the same two lines in UFL and in numpy."""
+    """The isochoric invariants, identical in UFL and numpy."""
 
     J: Expression
     I1: Expression
@@ -101,7 +101,7 @@ class Strain(Isochoric):
 
 
 def eigenvalues(A: Expression, gap: float = 1e-4) -> tuple[Expression, Expression, Expression]:
-    """Eigenvalues of a symmetric 3 x 3 UFL tensor near the identity's size, differentiable where they coincide.
+    """Return the eigenvalues of a symmetric 3 x 3 UFL tensor near the identity's size, differentiable where they coincide.
 
     The trigonometric closed form (Smith 1961, doi 10.1145/355578.366316) has no derivative at repeated eigenvalues, which
     is where every simulation starts. Its radius and its cosine are kept ``gap`` away from their singular values; since
@@ -152,9 +152,9 @@ class HomogeneousStrain(Isochoric):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Numbers that carry a derivative: forward differentiation of the energies, exact to rounding.
+# Dual numbers: forward differentiation of the energies, exact to rounding.
 #
-# An energy takes them in place of stretches. Complex values are welcome, so that a complex step through the same energy gives
+# An energy accepts them instead of stretches. Complex values are allowed, so that a complex step through the same energy gives
 # a second derivative: by another stretch, or by a parameter of the law.
 
 
@@ -164,7 +164,7 @@ class Dual:
 
     value: Expression
     slope: Expression
-    __array_ufunc__ = None  # numpy's arrays leave the operation to this class
+    __array_ufunc__ = None  # numpy's arrays defer the operation to this class
 
     def __add__(self, other: Expression) -> Dual:
         if isinstance(other, Dual):
@@ -196,7 +196,7 @@ class Dual:
         return self**-1.0 * other
 
     def __pow__(self, power: Expression) -> Dual:
-        lower = self.value ** (power - 1)  # one power for both: powers take most of the time
+        lower = self.value ** (power - 1)  # a single power for both, because powers take most of the time
         return Dual(lower * self.value, power * lower * self.slope)
 
     def log(self) -> Dual:

@@ -1,7 +1,7 @@
-"""Terms of the potential that no form of UFL has: energy, forces and stiffness are assembled by themselves.
+"""Terms of the potential outside UFL, with their own assembly of energy, forces and stiffness.
 
-Pairs of places far apart on the mesh press on each other in contact, and which pairs changes with the shape; a form only knows
-what shares a cell.
+In contact, distant parts of the mesh interact, and the pairs change with the shape; a UFL form couples only what
+shares a cell.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ if TYPE_CHECKING:
 # ----------------------------------------------------------------------------------------------------------------------
 # PETSc matrices of compiled bilinear forms.
 #
-# By the compiled functions that ``dolfinx.fem.petsc`` calls too. That module prepares PETSc's functions for Numba when it is
-# imported, and reads their declarations with a parser of C, which is a fiftieth of a short command's time.
+# They use the compiled functions behind ``dolfinx.fem.petsc``. That module prepares PETSc's functions
+# for Numba on import with a C parser, which takes 2 % of a short command's time.
 
 
 def held_dofs(bcs: Sequence[fem.DirichletBC]) -> npt.NDArray[np.int32]:
-    """Owned dofs that conditions hold, local numbers."""
+    """Return the owned dofs that conditions hold, local numbers."""
     own = [dofs[:owned] for dofs, owned in (bc.dof_indices() for bc in bcs)]
     return np.concatenate([np.empty(0, dtype=np.int32), *own])
 
 
 def create_matrix(form: fem.Form) -> PETSc.Mat:
-    """An empty matrix with a form's pattern."""
+    """Return an empty matrix with a form's pattern."""
     from dolfinx import cpp
 
     return cpp.fem.petsc.create_matrix(form._cpp_object, None)  # type: ignore[no-any-return]
@@ -57,7 +57,7 @@ def create_matrix(form: fem.Form) -> PETSc.Mat:
 def assemble_into(
     matrix: PETSc.Mat, form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0
 ) -> None:
-    """Add a form up in a matrix, which is not brought to its end.
+    """Assemble a form into a matrix, without finalising it.
 
     Args:
         matrix: With the form's pattern.
@@ -77,7 +77,7 @@ def assemble_into(
 def put_diagonal(
     matrix: PETSc.Mat, space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC], diagonal: float = 1.0
 ) -> None:
-    """Put a number on the diagonal of held dofs; between what is added up and this, the matrix is flushed."""
+    """Set the diagonal of held dofs, after flushing the matrix."""
     from dolfinx import cpp
 
     of = getattr(space, "_cpp_object", space)
@@ -85,7 +85,7 @@ def put_diagonal(
 
 
 def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
-    """A form's matrix; see `assemble_into`."""
+    """Return a form's matrix; see `assemble_into`."""
     matrix = create_matrix(form)
     assemble_into(matrix, form, bcs, diagonal)
     matrix.assemble()
@@ -93,7 +93,7 @@ def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagon
 
 
 def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:
-    """A form's matrix with no places for zeros, which would take several times the memory; see `assemble_into`."""
+    """Return a form's matrix without stored zeros, which would take several times the memory; see `assemble_into`."""
     from petsc4py import PETSc
 
     dofmap, comm = form.function_spaces[0].dofmap, form.mesh.comm
@@ -111,19 +111,19 @@ def sparse_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal:
 
 
 def length(x: PETSc.Vec) -> float:
-    """Euclidean length of a vector."""
+    """Return the Euclidean length of a vector."""
     return float(x.dot(x)) ** 0.5
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Facets of named faces with their nodes, whole on every rank: faces are small, and what presses on them may be anywhere.
+# Facets of named faces with their nodes, complete on every rank, because faces are small and contact may occur anywhere.
 
 
 Numbers = npt.NDArray[np.int64]
 
 
 def check_mesh_faces(body: Body, roles: Sequence[str], where: str) -> None:
-    """Raise `ComponentError` for a face that the mesh lacks."""
+    """Raise `ComponentError` for a face missing in the mesh."""
     facets = body.mesh.topology.dim - 1
     for role in roles:
         if body.entities.get(role, (-1,))[0] != facets:
@@ -157,7 +157,7 @@ class FaceNodes:
         mesh = body.mesh
         topology, d = mesh.topology, mesh.topology.dim
         nodes = fem.functionspace(mesh, ("P", 2))
-        vectors = space if space.dofmap.index_map_bs == d else space.sub(0)  # mixed dofs are not in blocks
+        vectors = space if space.dofmap.index_map_bs == d else space.sub(0)  # mixed dofs are not blocked
         components = [vectors.sub(c).dofmap for c in range(d)]
         of_facet = _nodes_of_facets(basix.topology(mesh.basix_cell()), d)
         topology.create_connectivity(d - 1, d)
@@ -197,7 +197,7 @@ class FaceNodes:
         self.owned = start, end
 
     def only(self, facets: npt.NDArray[np.bool_]) -> FaceNodes:
-        """The same with some of the facets alone, a mask of shape (f,)."""
+        """Return a copy with only some of the facets, a mask of shape (f,)."""
         chosen = copy.copy(self)
         used, numbers = np.unique(self.facets[facets], return_inverse=True)
         chosen.facets = numbers.reshape(-1, self.facets.shape[1])
@@ -218,18 +218,18 @@ class FaceNodes:
         return np.asarray(self.dofs[self.mine] - self.owned[0])
 
     def values(self, w: Array) -> Array:
-        """Entries of all nodes, shape (n, d), of a vector whose first ones are this rank's owned entries."""
+        """Return the entries of all nodes, shape (n, d), of a vector whose first ones are this rank's owned entries."""
         values = np.zeros(self.dofs.shape)
         values[self.mine] = w[self.local]
         return summed(self.comm, values)
 
     def moved(self, w: Array) -> Array:
-        """Deformed places of the nodes, shape (n, d), of unknowns that begin with this rank's owned ones."""
+        """Return the deformed places of the nodes, shape (n, d), of unknowns that begin with this rank's owned ones."""
         return np.asarray(self.places + self.values(w) @ self.skew.T)
 
 
 def _nodes_of_facets(topology: Sequence[Sequence[Sequence[int]]], d: int) -> list[Numbers]:
-    """Nodes of each facet of a cell, numbered in the cell, as `FaceNodes.facets` orders them."""
+    """Return the nodes of each facet of a cell, numbered in the cell, as `FaceNodes.facets` orders them."""
     middles = {frozenset(edge): d + 1 + i for i, edge in enumerate(topology[1])}
     found = []
     for corners in topology[d - 1]:
@@ -245,13 +245,13 @@ CONTACT_SLACK = 3
 
 
 def mark_symmetric(K: PETSc.Mat) -> None:
-    """Let a matrix know that it is symmetric, whatever its values."""
+    """Mark a matrix as symmetric for any values."""
     K.setOption(K.Option.SYMMETRIC, True)  # type: ignore[arg-type]
     K.setOption(K.Option.SYMMETRY_ETERNAL, True)  # type: ignore[arg-type]
 
 
 class AssembledTerm(EnergyTerm):
-    """Energy of the places of some faces' nodes. Every rank computes all of it: faces are small.
+    """Energy as a function of the node positions of some faces. Every rank computes all of it, because faces are small.
 
     Args:
         nodes: The faces' nodes.
@@ -270,37 +270,38 @@ class AssembledTerm(EnergyTerm):
         self._in_matrix = 0
         self._state = np.full(nodes.dofs.shape, np.nan)
 
-    # -- what a kind of term computes ----------------------------------------------------------------------------------
+    # -- computed by each kind of term ---------------------------------------------------------------------------------
 
     @abc.abstractmethod
     def move(self, places: Array) -> None:
-        """Take other places of the nodes, shape (n, d): what follows is asked of them."""
+        """Set the node positions, shape (n, d), for the following calls."""
 
     @abc.abstractmethod
     def energy_here(self) -> float:
-        """Energy, dimensionless, of the slice."""
+        """Return the energy, dimensionless, of the slice."""
 
     @abc.abstractmethod
     def forces_here(self) -> Array:
-        """Derivative of the energy by the nodes' places, shape (n, d)."""
+        """Return the derivative of the energy by the nodes' places, shape (n, d)."""
 
     @abc.abstractmethod
     def stiffness_here(self) -> scipy.sparse.csr_array:
-        """Second derivative of the energy, shape (n d, n d)."""
+        """Return the second derivative of the energy, shape (n d, n d)."""
 
     def whole_stiffness_here(self) -> scipy.sparse.csr_array | None:
-        """Derivative of the forces where it is not `stiffness_here`, and not symmetric; None where it is."""
+        """Return the derivative of the forces if it differs from `stiffness_here` and is not symmetric; else None."""
         return None
 
     @abc.abstractmethod
     def coupled(self) -> scipy.sparse.csr_array:
-        """Nodes that are coupled, or soon may be: true where they are, shape (n, n), symmetric."""
+        """Return which nodes are or soon may be coupled: booleans, shape (n, n), symmetric."""
 
     def harder_here(self) -> Array | None:
-        """Derivative of the forces as all that is in newtons grows in proportion, by its share, shape (n, d); None for none."""
+        """Return the derivative of the forces by a common factor on all spring constants and weights, shape
+        (n, d); or None."""
         return None
 
-    # -- what the system calls -----------------------------------------------------------------------------------------
+    # -- called by the system ------------------------------------------------------------------------------------------
 
     def _take(self, w: Array) -> None:
 
@@ -320,12 +321,12 @@ class AssembledTerm(EnergyTerm):
         return self._not_held
 
     def energy(self, w: Array) -> float:
-        """Energy of a state, on all ranks."""
+        """Return the energy of a state, on all ranks."""
         self._take(w)
         return self.energy_here()
 
     def add_forces(self, w: Array, b: Array, held: bool = False) -> None:
-        """Add the derivative of the energy by w to owned entries ``b``, those of held dofs only if asked for."""
+        """Add the derivative of the energy by w to owned entries ``b``, those of held dofs only on request."""
         self._take(w)
         forces = self.forces_here() @ self.nodes.skew
         if not held:
@@ -340,7 +341,7 @@ class AssembledTerm(EnergyTerm):
             b[self.nodes.local] += (rates @ self.nodes.skew * self._free)[self.nodes.mine]
 
     def matrix(self, w: Array, whole: bool = False) -> scipy.sparse.csr_array:
-        """Second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n d).
+        """Return the second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n d).
 
         Args:
             w: The state.
@@ -363,7 +364,7 @@ class AssembledTerm(EnergyTerm):
         y[self.nodes.local] += product[self.nodes.mine]
 
     def add_to(self, K: PETSc.Mat, w: Array) -> None:
-        """Add the second derivative at w to a matrix. Its pattern grows where nodes meet for the first time."""
+        """Add the second derivative at w to a matrix. Its pattern grows when nodes first meet."""
         import scipy
         from petsc4py import PETSc
 
@@ -387,12 +388,12 @@ class AssembledTerm(EnergyTerm):
         same = self._in_matrix == pattern.nnz
         structure = PETSc.Mat.Structure.SUBSET if same else PETSc.Mat.Structure.DIFFERENT
         K.axpy(1.0, A, structure)  # type: ignore[arg-type]
-        mark_symmetric(K)  # another pattern is another matrix under its name
+        mark_symmetric(K)  # a new pattern needs a new matrix
         self._in_matrix = pattern.nnz
         A.destroy()
 
     def _pattern(self) -> scipy.sparse.csr_array:
-        """Entries that have ever been coupled, shape (n d, n d)."""
+        """Return the entries that have ever been coupled, shape (n d, n d)."""
         import scipy
 
         new = self.coupled()
@@ -410,7 +411,7 @@ class AssembledTerms:
         bcs: Conditions of the unknowns.
 
     Attributes:
-        whole: Whether products are with the derivative of the forces where that is not symmetric: in Newton's method alone.
+        whole: Whether products are with the derivative of the forces if that is not symmetric: only in Newton's method.
     """
 
     def __init__(self, terms: Iterable[EnergyTerm], bcs: Sequence[fem.DirichletBC]):
@@ -426,14 +427,14 @@ class AssembledTerms:
 
     @property
     def slack(self) -> int:
-        """Newton iterations more than usual that are no reason for shorter steps: every step changes which points touch."""
+        """Extra Newton iterations that do not shorten the steps, because every step changes the contact points."""
         return CONTACT_SLACK if self._terms else 0
 
     def energy(self, w: Array) -> float:
         return sum((term.energy(w) for term in self._terms), 0.0)
 
     def touches(self, w: Array) -> bool:
-        """Whether faces are pressed on in a state, on all ranks."""
+        """Return whether faces are in contact in a state, on all ranks."""
         return any(term.energy(w) > 0.0 for term in self._terms)
 
     def add_forces(self, w: Array, b: Array, held: bool = False) -> Array:
@@ -463,19 +464,19 @@ class AssembledTerms:
 # ----------------------------------------------------------------------------------------------------------------------
 # A function space whose pressure-like unknown p is continuous in each region of a body and may jump between them.
 #
-# Where two materials meet, the displacement is one and p is not: a softer material has less of it. So a vertex on such an
-# interface carries one p for each region around it. The element, and with it every compiled form, stays what it is in a body of
-# one material; only the numbering of the unknowns knows of the regions: copies stand behind a rank's own unknowns, and the
-# cells of all regions but a vertex' first one count them in place of the vertex' own.
+# At an interface of two materials the displacement is continuous but p jumps. So a vertex on
+# it carries one p per adjacent region. The element, and with it every compiled form, stays what it is in a body of
+# one material; only the numbering of the unknowns depends on the regions: copies follow a rank's own unknowns, and the cells of
+# all regions except a vertex' first one use them instead of the vertex' own.
 
 
 Ints = npt.NDArray[np.int32]
 TAG = 1709
-"""Of the messages in which ranks tell each other which of their unknowns the others see."""
+"""Tag of the messages by which ranks exchange their shared unknowns."""
 
 
 def numbered(mesh: mesh.Mesh, regions: list[Ints]) -> Ints:
-    """Number of the region that each local cell belongs to, ghosts too.
+    """Return the number of the region that each local cell belongs to, ghosts too.
 
     Args:
         mesh: The mesh.
@@ -493,7 +494,7 @@ def numbered(mesh: mesh.Mesh, regions: list[Ints]) -> Ints:
 
 
 def jumping(space: fem.FunctionSpace, sub: int, region: Ints) -> tuple[fem.FunctionSpace, Ints]:
-    """The same space with one part's unknowns not shared between regions.
+    """Return the same space with one part's unknowns not shared between regions.
 
     Args:
         space: A mixed space with one unknown per number.
@@ -522,7 +523,7 @@ def jumping(space: fem.FunctionSpace, sub: int, region: Ints) -> tuple[fem.Funct
 
 
 def _numbering(space: fem.FunctionSpace, part: Ints, region: Ints) -> tuple[IndexMap, Ints]:
-    """Number the copies: a rank's own ones behind its own unknowns, others' ones behind its ghosts.
+    """Number the copies: a rank's own ones after its unknowns, others' ones after its ghosts.
 
     Args:
         space: The space without jumps.
@@ -571,7 +572,7 @@ def _numbering(space: fem.FunctionSpace, part: Ints, region: Ints) -> tuple[Inde
 
 
 def known_to_all(space: fem.FunctionSpace, dofs: Ints) -> Ints:
-    """Local dofs that any rank names, in order: the owner of a vertex need not have the cells that name it.
+    """Return the local dofs that any rank names, in order: the owner of a vertex need not have the cells that name it.
 
     Args:
         space: A space whose unknowns are numbered one by one.
@@ -588,7 +589,7 @@ def known_to_all(space: fem.FunctionSpace, dofs: Ints) -> Ints:
 
 
 def entries_of(space: fem.FunctionSpace, sub: int) -> int:
-    """Number of unknowns of one part of a mixed space, over all ranks."""
+    """Return the number of unknowns of one part of a mixed space, over all ranks."""
     from dolfinx import la
 
     n = space.dofmap.index_map.size_local
@@ -600,7 +601,7 @@ def entries_of(space: fem.FunctionSpace, sub: int) -> int:
 
 
 def matrix_of(space: fem.FunctionSpace, forms: list[fem.Form]) -> Any:
-    """Symmetric PETSc matrix with the pattern of bilinear forms that are added up in it, such as those of regions.
+    """Return the symmetric PETSc matrix with the pattern of bilinear forms to be assembled in it, such as those of regions.
 
     Facets couple no other unknowns than their cells do.
     """

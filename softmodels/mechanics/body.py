@@ -1,4 +1,4 @@
-"""A meshed actuator as the mechanics sees it: dimensionless coordinates, roles, slip planes, volume.
+"""A meshed actuator for the mechanics: dimensionless coordinates, roles, slip planes, volume.
 
 Lengths inside are multiples of the actuator's ``size`` so that tolerances are pure numbers.
 
@@ -39,32 +39,32 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Vectors of a mesh and of its device: an axisymmetric section has radius and height alone.
+# Convert vectors between mesh and device coordinates: an axisymmetric section has only radius and height.
 
 
 def in_section(direction: npt.ArrayLike, dimension: int) -> Array:
-    """A direction of device coordinates in those of the mesh."""
+    """Return a direction of device coordinates in those of the mesh."""
     d = np.asarray(direction, dtype=float)
     return d if dimension == 3 else d[[0, 2]]
 
 
 def in_space(vectors: Array) -> Array:
-    """Vectors of the mesh, shape (..., d), in device coordinates, shape (..., 3)."""
+    """Return the vectors of the mesh, shape (..., d), in device coordinates, shape (..., 3)."""
     if vectors.shape[-1] == 3:
         return vectors
     return np.stack([vectors[..., 0], np.zeros(vectors.shape[:-1]), vectors[..., 1]], axis=-1)
 
 
 QUADRATURE_DEGREE = 2
-"""Exact for the products of linear gradients, which is what second-order elements need for their full rate."""
+"""Quadrature degree: exact for products of linear gradients, as second-order elements need for their full rate."""
 
 SURFACE_DEGREE = 4
 CAVITY, SHEET = 1, 2
-"""Tags of the cavity's and a sheet's facets in the forms: the same for every mesh, or they would be compiled again."""
+"""Tags of the cavity's and a sheet's facets in the forms, the same for every mesh to avoid recompiling."""
 
 
 class BodyError(Spoken, RuntimeError):
-    """An actuator or mesh the mechanics cannot take; the message is a sentence for the user."""
+    """An unsuitable actuator or mesh; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class Body:
     openings: tuple[Opening, ...] = ()
 
     def __post_init__(self) -> None:
-        # Made with the body: a form's constants count in the order they were made, and another order is another form.
+        # Made with the body, because the order in which constants are made is part of a form's signature.
         self._constant_inverse()
 
     @classmethod
@@ -111,7 +111,7 @@ class Body:
 
         mend_cache(comm)
         with private_model() if is_root(comm) else contextlib.nullcontext():
-            # What is wrong with a file is an error on all ranks, not a hang.
+            # An invalid file raises on all ranks; it must not hang.
             groups = on_root(comm, lambda: load_mesh(path, actuator.dimension))
             openings = on_root(comm, lambda: find_openings(actuator))
             with compiling():
@@ -127,7 +127,9 @@ class Body:
                 entities[name] = (dimension, by_dimension[dimension].find(tag))
         names = cavity_roles(actuator)
         if missing := [name for name in names if name not in entities]:
-            raise BodyError(f"the mesh of {type(actuator).__name__} has no facets named {missing[0]!r} to press on")
+            raise BodyError(
+                f"the mesh of {type(actuator).__name__} has no facets named {missing[0]!r} for the pressure"
+            )
         walls = [entities[name][1] for name in names]
         tags = np.repeat(_cavity_tags(len(names)), [len(wall) for wall in walls])
         facets = np.concatenate([*walls, np.empty(0, dtype=np.int32)])  # a beam has no cavity
@@ -137,15 +139,15 @@ class Body:
         return cls(actuator, data.mesh, cavity, entities, _skew(actuator, holds), regions, holds, openings)
 
     def held_by(self, holds: Sequence[Hold]) -> Body:
-        """The same body held in another way."""
+        """Return the same body with other supports."""
         return dataclasses.replace(self, skew=_skew(self.actuator, holds), holds=tuple(holds))
 
     def group(self, role: str) -> tuple[int, npt.NDArray[np.int32]]:
-        """Dimension and local entities of a role or a region; `BodyError` if there is none."""
+        """Return the dimension and local entities of a role or a region; `BodyError` if there is none."""
         if role in self.entities:
             return self.entities[role]
         if role not in self.regions:
-            raise BodyError(f"the mesh has no entities named {role!r}, which hold the body")
+            raise BodyError(f"the mesh has no entities named {role!r} for the supports")
         return self.mesh.topology.dim, self.regions[role]
 
     @property
@@ -157,14 +159,15 @@ class Body:
         return np.linalg.inv(self.skew)
 
     def measures(self) -> tuple[ufl.Measure, ufl.Measure]:
-        """UFL measures over the reference body and its (first) cavity's wall, for the slice in 3-D, for the device in 2-D."""
+        """Return the UFL measures over the reference body and its (first) cavity's wall, for the slice in 3-D, for the device
+        in 2-D."""
         import ufl
 
         dx = ufl.Measure("dx", self.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
         return dx, self._on_facets(self.cavity)(CAVITY)
 
     def sheet_face(self, role: str) -> tuple[ufl.Measure, Expr]:
-        """UFL measure over the facets of a role, and their undeformed normal with three components.
+        """Return the UFL measure over the facets of a role, and their undeformed normal with three components.
 
         Raises:
             BodyError: The mesh has no facets of this role.
@@ -182,7 +185,7 @@ class Body:
         return ufl.Measure("ds", self.mesh, subdomain_data=tags, metadata={"quadrature_degree": SURFACE_DEGREE})
 
     def _sheet_tags(self, role: str) -> mesh.MeshTags:
-        """`SHEET` on the facets of a role."""
+        """Return `SHEET` on the facets of a role."""
         from dolfinx import mesh as meshes
 
         tdim = self.mesh.topology.dim
@@ -201,13 +204,13 @@ class Body:
         return 2 * np.pi * ufl.SpatialCoordinate(self.mesh)[0] if self.axisymmetric else 1.0
 
     def displacement(self, w: Expr) -> Expr:
-        """u of the skew components w; shape (d,)."""
+        """Return u of the skew components w; shape (d,)."""
         import ufl
 
         return ufl.dot(self._constant_inverse(), w)
 
     def deformation_gradient(self, w: Expr, at_axis: bool = False) -> Expr:
-        """F as a 3 x 3 UFL tensor; in an axisymmetric section the order of directions is r, hoop, z.
+        """Return F as a 3 x 3 UFL tensor; in an axisymmetric section the order of directions is r, hoop, z.
 
         ``at_axis`` allows evaluation at R = 0, where u_r/R is the slope of u_r; integration points never lie there.
         """
@@ -229,7 +232,7 @@ class Body:
         )
 
     def volume_integrand(self, w: Expr) -> Expr:
-        """Integrand over the cavity wall whose integral is the deformed cavity's volume (divergence theorem).
+        """Return the integrand over the cavity wall whose integral is the deformed cavity's volume (divergence theorem).
 
         V = -1/3 int (X + u) . cof(F) N ds, N out of the solid. Cut planes add nothing because they hold the origin.
         """
@@ -243,7 +246,7 @@ class Body:
         return -ufl.dot(x, ufl.dot(ufl.cofac(F), N)) / 3 * self.hoop
 
     def volumes(self, w: Expr) -> list[ufl.Form]:
-        """UFL forms of the deformed cavities' volumes, one for each.
+        """Return UFL forms of the deformed cavities' volumes, one for each.
 
         Args:
             w: The skew components.
@@ -252,7 +255,7 @@ class Body:
         return [integrand * ds(int(tag)) for tag in _cavity_tags(len(self.actuator.ratios))]
 
     def pressing(self, w: Expr, test: Expr) -> list[ufl.Form]:
-        """UFL forms of the work of a unit pressure on the cavities' walls, one for each: forces on these walls alone.
+        """Return the UFL forms of the work of a unit pressure on the cavities' walls, one for each.
 
         On dofs that are free they are the derivatives of `volumes`. These are others at the rim of an opening, where a support
         holds it: a rim that moved would tilt what closes the cavity there, which is no force of the air on the rim.
@@ -271,7 +274,7 @@ class Body:
 
     @property
     def chambers(self) -> npt.NDArray[np.float64]:
-        """Volumes that rigid things enclose beside the cavities' walls, shape (k,); dimensionless, of the slice."""
+        """Volumes enclosed by rigid parts besides the cavities' walls, shape (k,); dimensionless, of the slice."""
         actuator = self.actuator
         found = np.zeros(len(actuator.ratios))
         found[:1] = actuator.chamber_volume / (actuator.size**3 * actuator.copies)
@@ -280,13 +283,13 @@ class Body:
     def _constant_inverse(self) -> fem.Constant:
         from dolfinx import fem
 
-        # A Constant, not numbers in the form: another angle then compiles nothing.
+        # A Constant, so that another angle does not recompile the form.
         if not hasattr(self, "_inverse"):
             object.__setattr__(self, "_inverse", fem.Constant(self.mesh, self.skew_inverse))
         return self._inverse  # type: ignore[attr-defined]
 
     def held(self, space: fem.FunctionSpace) -> list[tuple[int, npt.NDArray[np.int32]]]:
-        """Components of w and the dofs at which they vanish, in the numbering of ``space`` (vector-valued)."""
+        """Return the components of w and the dofs at which they vanish, in the numbering of ``space`` (vector-valued)."""
         from dolfinx import fem
 
         topology = self.mesh.topology
@@ -311,7 +314,10 @@ class Body:
             weights = in_section(direction, d) @ self.skew_inverse
             largest = int(np.argmax(np.abs(weights)))
             if np.abs(np.delete(weights, largest)).max() > 1e-12 * abs(weights[largest]):
-                raise BodyError(f"role {role!r} is held along {direction}, which mixes the directions of other roles")
+                raise BodyError(
+                    f"role {role!r} is held along {direction}, which is neither parallel nor perpendicular to the "
+                    f"directions of other roles"
+                )
             result.append((role, [largest]))
         return result
 
@@ -321,7 +327,7 @@ def _cavity_tags(count: int) -> npt.NDArray[np.int32]:
 
 
 def _skew(actuator: Actuator, holds: Sequence[Hold]) -> npt.NDArray[np.float64]:
-    """B: unit directions of all holds, completed to a basis."""
+    """Return B: the unit directions of all supports, completed to a basis."""
     d = actuator.dimension
     wanted = [plane.normal for plane in actuator.cut_planes]
     wanted += [hold.direction for hold in holds if hold.direction is not None]
@@ -338,11 +344,11 @@ def _skew(actuator: Actuator, holds: Sequence[Hold]) -> npt.NDArray[np.float64]:
 
 
 CELLS = SHEET
-"""Tag of the cells in the forms: one for all regions, or each would have its own compiled forms."""
+"""Tag of the cells in the forms, the same for all regions so that they share compiled forms."""
 
 
 def cell_measure(body: Body, cells: npt.NDArray[np.int32]) -> ufl.Measure:
-    """Undeformed volume of cells; of a section their area.
+    """Return the undeformed volume of cells; of a section their area.
 
     Args:
         body: The mesh.
@@ -357,13 +363,13 @@ def cell_measure(body: Body, cells: npt.NDArray[np.int32]) -> ufl.Measure:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Another length of the device on the same mesh: its nodes move on the straight lines the actuator names.
+# Change lengths of the device on the same mesh: nodes move along the straight lines given by the actuator.
 
 
 class Reshaping:
     """Moves a body's mesh to other lengths of its actuator, and back.
 
-    The cells keep their neighbours: a change of a few percent is meant, not another device.
+    The cells keep their neighbours: it is for changes of a few percent, not for another device.
 
     Args:
         body: The device, its mesh as it was read.
@@ -392,7 +398,7 @@ class Reshaping:
             function.interpolate(lambda X, name=name: self._motion(name, X.T).T)
 
     def _motion(self, name: str, points: Array) -> Array:
-        """Motion of points in mesh coordinates, shape (n, d)."""
+        """Return the motion of points in mesh coordinates, shape (n, d)."""
         actuator = self.body.actuator
         moved = actuator.velocity(name, actuator.device_points(points * actuator.size))
         return moved if self.body.mesh.geometry.dim == 3 else moved[:, [0, 2]]

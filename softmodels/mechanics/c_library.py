@@ -1,7 +1,7 @@
-"""Functions written in C for what is computed most often, compiled at the first run into the cache of the equations.
+"""C functions for the most frequent computations, compiled on the first run into the kernel cache.
 
-By the compiler and with the words for it that the equations' own code is compiled with; see `softmodels.mechanics.compiling`.
-Where a core is free, that goes on in a process of its own while the mesh is made: ``python -m`` this module, the source's name
+They use the same compiler and flags as the kernels; see `softmodels.mechanics.compiling`.
+If a core is free, they are compiled in a separate process during meshing: ``python -m`` this module, the source's name
 and the module's place.
 """
 
@@ -56,7 +56,7 @@ int level_galerkin(int64_t, int, const int32_t *, const int32_t *, const int32_t
 DECLARED = {"moduli": _MODULI, "multigrid": _MULTIGRID}
 """Functions of each source."""
 FAST = "-O3"
-"""These few functions may take longer to compile than equations."""
+"""Optimisation flags: these few functions may take longer to compile than kernels."""
 
 
 _aside: dict[str, subprocess.Popen[bytes]] = {}
@@ -64,7 +64,7 @@ _aside: dict[str, subprocess.Popen[bytes]] = {}
 
 
 def begin(source: str) -> None:
-    """Start to compile in a process of its own, where that has not been done and a core is free; `library` waits for it."""
+    """Start compiling in a separate process, if needed and a core is free; `library` waits for it."""
     place = _place(source)
     if not (source in _aside or place.exists() or cores() < 2):
         command = [sys.executable, "-m", __name__, source, str(place)]
@@ -74,7 +74,7 @@ def begin(source: str) -> None:
 
 
 def library(comm: MPI.Comm, source: str) -> ModuleType:
-    """The compiled functions, and cffi's way to pass arrays to them: a module with ``lib`` and ``ffi``.
+    """Return the compiled functions, and cffi's way to pass arrays to them: a module with ``lib`` and ``ffi``.
 
     Args:
         comm: One of its ranks compiles, where that has not been done.
@@ -90,15 +90,15 @@ def library(comm: MPI.Comm, source: str) -> ModuleType:
 
 
 def _see_to(source: str, place: Path) -> None:
-    """Have the module in its place."""
+    """Ensure that the module is compiled."""
     if source in _aside:
         _aside[source].wait()
-    if not place.exists():  # whatever went wrong there goes wrong again, and is reported
+    if not place.exists():  # an error there occurs again here, and is reported
         _compile(source, place)
 
 
 class Rows:
-    """What the C code adds cells' matrices to.
+    """Target of the C code that adds cell matrices.
 
     Args:
         matrix: A matrix of PETSc with a place for each entry.
@@ -118,7 +118,7 @@ class Rows:
             function = ctypes.cast(petsc.MatSetValuesLocal, ctypes.c_void_p).value
             self.c.set = self._ffi.cast("void *", function)
             return
-        # PETSc would look for the place of every entry by itself, which takes most of an assembly.
+        # PETSc would search for the place of every entry, which takes most of an assembly.
         self._places = [np.asarray(part, dtype=np.int32) for part in matrix.getRowIJ()]
         values = ctypes.c_void_p()
         self.check(petsc.MatSeqAIJGetArray(ctypes.c_void_p(matrix.handle), ctypes.byref(values)))
@@ -126,7 +126,7 @@ class Rows:
         self.c.values = self._ffi.cast("double *", values.value)
 
     def check(self, error: int) -> None:
-        """Raise what an error of the C code or PETSc stands for; 0 is none."""
+        """Raise the error for a code of the C functions or PETSc; 0 is success."""
         from petsc4py import PETSc
 
         if error:
@@ -146,7 +146,7 @@ def _name(place: Path) -> str:
 
 
 def _place(source: str) -> Path:
-    """Where the module is; its name tells what it was compiled from, and how."""
+    """Return the path of the module; its name encodes source and flags."""
     of = hashlib.sha1(repr((_text(source), DECLARED[source], _words())).encode()).hexdigest()
     return cache() / f"softmodels_{of}{sysconfig.get_config_var('EXT_SUFFIX')}"
 
@@ -161,7 +161,7 @@ def _loaded(name: str, place: Path) -> ModuleType:
 
 
 def _compile(source: str, place: Path) -> None:
-    """Compile aside and put the module in its place at once: another run may do the same, and either may be killed."""
+    """Compile under a temporary name and rename, because another run may do the same and either may be killed."""
     import cffi  # type: ignore[import-untyped]
 
     place.parent.mkdir(parents=True, exist_ok=True)

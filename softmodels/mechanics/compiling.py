@@ -1,7 +1,7 @@
-"""The equations are compiled at run time, once, into a cache that all of a user's runs share: what can go wrong there.
+"""Compile kernels at run time into a cache shared by all runs of a user, and handle its errors.
 
-FFCx marks a module in the making by a ``.c`` file with no ``.c.cached`` beside it. A run that is killed just then leaves
-the mark behind; the next one would wait for it in vain and fail.
+FFCx marks a module being compiled by a ``.c`` file without ``.c.cached``. A run killed at that moment leaves the
+mark behind; the next one would wait for it in vain and fail.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What the C compiler is asked for when it compiles equations.
+# Flags of the C compiler for the kernels.
 #
 # Products with the tangent, its assembly and the forces are two fifths of a solid's path. On a slab of 88,570 unknowns the
 # instructions of this processor and sums in any order take a product from 42 to 29 ms and an assembly from 620 to 445 ms.
 
 
 PLAIN = ["-O2", "-g0"]
-"""As Python's modules are compiled, but not for debuggers, which takes longer than all else."""
+"""As for Python's modules, but without debug information, which takes longer than all else."""
 ARITHMETIC = ["-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-fassociative-math"]
-"""Sums in any order. What is no number or infinite stays so: Newton's method is held against it."""
+"""Allow reordering of sums, but keep NaN and infinity, which Newton's method checks for."""
 PROCESSOR = Path("/proc/cpuinfo")
-"""What Linux knows of the processors, one after the other; the first one's part is read."""
+"""Linux' description of the processors, of which the first is read."""
 FEATURES = (b"flags", b"Features")
-"""The line there that lists its instructions, on x86 and on ARM."""
+"""The line with its instruction set, on x86 and on ARM."""
 READ = 1 << 14
 
 
 def compiler_flags(processor: Path = PROCESSOR) -> list[str]:
-    """Words for GCC or Clang.
+    """Return the flags for GCC or Clang.
 
     Modules for one processor may not run on another, and a home folder may be shared by several machines. DOLFINx names a
     module after what the compiler was asked for, so that a word that differs with the instructions keeps them apart.
@@ -56,7 +56,7 @@ def compiler_flags(processor: Path = PROCESSOR) -> list[str]:
 
 
 def _instructions(processor: Path) -> bytes:
-    """The line of a processor's instructions; empty if it is not known."""
+    """Return the line of a processor's instruction set; empty if unknown."""
     try:
         with processor.open("rb") as file:
             start = file.read(READ)
@@ -66,24 +66,24 @@ def _instructions(processor: Path) -> bytes:
 
 
 JIT = {"cffi_extra_compile_args": compiler_flags()}
-"""How DOLFINx has the C compiler called."""
+"""Compiler flags in DOLFINx's options."""
 
 LONGEST = 180.0
-"""Seconds after which nobody can still be compiling one module: a solid slice takes half a minute on a slow one."""
+"""Seconds after which the compilation of a module counts as abandoned: a solid slice takes half a minute on a slow machine."""
 
 LONG = (
-    "another run has been compiling the same equations for long, or was killed meanwhile; run again after "
-    f"{LONGEST / 60:g} minutes, when what a killed one has left is taken away"
+    "another run is compiling the same kernels, or was killed while doing so; run again "
+    f"after {LONGEST / 60:g} minutes, when its leftovers are removed"
 )
-"""What is said where DOLFINx has waited in vain for another run."""
+"""Message if DOLFINx has waited in vain for another run."""
 
 
 class CompilingError(Spoken, RuntimeError):
-    """The equations could not be compiled; the message is a sentence for the user."""
+    """The kernels could not be compiled; the message is for the user."""
 
 
 def wait_for_cache(folder: Path, tell: Callable[[str], None], stopped: Callable[[], bool]) -> None:
-    """Return once no module of the cache is in the making; marks older than `LONGEST` are taken away.
+    """Wait until no module of the cache is being compiled; remove marks older than `LONGEST`.
 
     Args:
         folder: The cache.
@@ -97,19 +97,19 @@ def wait_for_cache(folder: Path, tell: Callable[[str], None], stopped: Callable[
             return
         if not told:
             tell(
-                f"waiting for another run that is compiling (or was killed so; then {LONGEST - min(ages):.0f} s longer)"
+                f"waiting for another run to compile its kernels (or, if it was killed, {LONGEST - min(ages):.0f} s longer)"
             )
             told = True
         time.sleep(0.2)
 
 
 def mend_cache(comm: MPI.Comm) -> None:
-    """Take away what a killed run has left half compiled, and wait for runs that compile; all ranks call it."""
+    """Remove half-compiled leftovers of killed runs, and wait for compiling runs; all ranks call it."""
     on_root(comm, lambda: wait_for_cache(cache(), lambda text: None, bool))
 
 
 def _unfinished(folder: Path) -> list[Path]:
-    """Sources whose modules are not marked as ready; of a cache with thousands of them no file is looked at."""
+    """Return the sources whose modules are not marked as ready, without reading files."""
     try:
         names = {entry.name for entry in os.scandir(folder)}
     except OSError:
@@ -122,7 +122,7 @@ def _unfinished(folder: Path) -> list[Path]:
 
 
 def _age(source: Path) -> float | None:
-    """Seconds for which a module has been in the making; None if it is ready, or was given up long ago."""
+    """Return the seconds since a module's compilation started; None if it is ready or was abandoned."""
     try:
         if source.with_suffix(".c.cached").exists():
             return None
@@ -130,13 +130,13 @@ def _age(source: Path) -> float | None:
         if age < LONGEST:
             return age
         source.unlink()
-    except OSError:  # finished, taken away by another run, or not ours to take away
+    except OSError:  # finished, removed by another run, or owned by another user
         pass
     return None
 
 
 def cache() -> Path:
-    """The folder DOLFINx compiles into."""
+    """Return the folder DOLFINx compiles into."""
     from dolfinx import jit
 
     return Path(jit.get_options()["cache_dir"])
@@ -144,7 +144,7 @@ def cache() -> Path:
 
 @contextlib.contextmanager
 def compiling() -> Iterator[None]:
-    """Turn what the compiler and its cache raise into a `CompilingError`."""
+    """Turn errors of the compiler and its cache into a `CompilingError`."""
     try:
         yield
     except TimeoutError as error:
@@ -152,8 +152,8 @@ def compiling() -> Iterator[None]:
     except OSError as error:
         folder = cache()
         raise CompilingError(
-            f"the cache of compiled equations, {folder}, cannot be used ({error.strerror or error}); make room in it and see "
-            "that it can be written, or name another place with the environment variable XDG_CACHE_HOME"
+            f"the kernel cache {folder} cannot be used ({error.strerror or error}); free disk space and "
+            f"check its permissions, or set another place by the environment variable XDG_CACHE_HOME"
         ) from error
     except Exception as error:
         # cffi's error on one rank; on several, DOLFINx passes on its text.
@@ -161,5 +161,5 @@ def compiling() -> Iterator[None]:
             raise
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise CompilingError(
-            f"the equations cannot be compiled ({reason}); a C compiler is needed, and softmodels doctor tells what is missing"
+            f"the kernels cannot be compiled ({reason}); a C compiler is needed, and softmodels doctor lists what is missing"
         ) from error

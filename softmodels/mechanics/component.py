@@ -1,7 +1,7 @@
-"""What can be added to a device beside its silicone and its air: one more term of its potential, one more role on its mesh.
+"""Components of a device besides silicone and air: base classes for further terms of its potential.
 
 A part is a frozen dataclass whose fields come from `softmodels.common.schema`. Its ``table`` is its table in a case file:
-``[table]`` for one alone, ``[table.name]`` for several. A kind of one's own, also from outside the library:
+``[table]`` for a single one, ``[table.name]`` for several. A user-defined kind, also outside the library:
 
     @register_component
     @dataclasses.dataclass(frozen=True)
@@ -54,12 +54,12 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Why a device has no state of rest beyond some state, where that is its own doing and no limit point of what drives it.
+# Physical causes of the end of a path, other than limit points.
 
 
 @dataclasses.dataclass(frozen=True)
 class PathFailure:
-    """One such reason.
+    """A cause, with its advice.
 
     Attributes:
         clause: What happens there.
@@ -73,12 +73,12 @@ class PathFailure:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a term's stress is foreseen from in Newton's matrix; see `softmodels.mechanics.potential.Potential.foresee`.
+# Predicted stress of a term in Newton's matrix; see `softmodels.mechanics.potential.Potential.foresee`.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MixedPointStress:
-    """What a term's stress is foreseen from in Newton's matrix, and the matrix' two directions.
+    """Data for the predicted stress of a term in Newton's matrix, and the matrix' two directions.
 
     Attributes:
         known: The unknowns of another state.
@@ -94,20 +94,20 @@ class MixedPointStress:
     trial: Expr
 
 
-INSIDE = "which is of a region, and no mesh of a design follows where regions meet inside the device"
-"""Why designs refuse parts of regions."""
+INSIDE = "of a region, and design meshes cannot move the interfaces between regions"
+"""Why designs reject parts of regions."""
 
 
 class ComponentError(Spoken, ValueError):
-    """A part that cannot be meant, or not on this device; the message is a sentence for the user."""
+    """An invalid part, or one unsuitable for this device; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Component(abc.ABC):
-    """Something added to a device.
+    """A component of a device.
 
     Attributes:
-        name: What tells it from others of its kind; empty for one alone.
+        name: Name that distinguishes it from others of its kind; empty for a single one.
         table: Its table in a case file.
         needs: What is missing where a field without a default is not given, a sentence.
         always_named: Whether ``[table]`` itself belongs to something else, so that each stands in a ``[table.name]``.
@@ -131,28 +131,30 @@ class Component(abc.ABC):
         if not isinstance(self.name, str):
             raise ComponentError(f"[{self.table}]: name is {brief(self.name)}; it must be a text, such as 'tip'")
         if not re.fullmatch(r"([a-z]\w*)?", self.name):
-            raise ComponentError(f"{self.where}: a name is of letters, digits and '_' and begins with a small letter")
+            raise ComponentError(
+                f"{self.where}: a name must consist of letters, digits and '_', starting with a lower-case letter"
+            )
         self.check()
 
     @property
     def doubt(self) -> str:
-        """Which of its numbers is hardly meant: a sentence, empty if none."""
+        """Return a sentence on an implausible value; empty if none."""
         return doubt_of(self)
 
     def check(self) -> None:  # noqa: B027
-        """Check the fields against each other; `ComponentError` for what cannot be meant."""
+        """Check the fields for consistency; raise `ComponentError` if invalid."""
 
     def check_on(self, actuator: Actuator) -> None:  # noqa: B027
-        """Raise `ComponentError` where it cannot be on a device; the mesh is not made yet."""
+        """Raise `ComponentError` if it does not suit a device; before meshing."""
 
     @property
     def weighs(self) -> float:
-        """Mass in kg of its own, which gravity pulls at; 0 for none."""
+        """Its own mass in kg, on which gravity acts; 0 for none."""
         return 0.0
 
     @property
     def lifted(self) -> bool:
-        """Whether that mass stands beside the device, which lifts it, and is no load on it otherwise."""
+        """Whether that mass is separate from the device and loads it only when lifted."""
         return False
 
     @property
@@ -161,11 +163,11 @@ class Component(abc.ABC):
         return None
 
     def check_under(self, gravity: Array) -> None:  # noqa: B027
-        """Raise `ComponentError` where it cannot be under gravity's acceleration in m/s2, shape (3,), in device coordinates."""
+        """Raise `ComponentError` if it is invalid under gravity's acceleration in m/s2, shape (3,), in device coordinates."""
 
     @classmethod
     def read_table(cls, name: str, table: Mapping[str, object]) -> Component:
-        """The part of a table of a case file; `FieldError` or the part's own error for what is none."""
+        """Return the part of a table of a case file; raise `FieldError` or the part's own error if invalid."""
         where = f"[{cls.table}.{name}]" if name else f"[{cls.table}]"
         values = schema.from_table(cls, table, where, f"{cls.table} ")
         cls.check_required(name, values)
@@ -173,56 +175,56 @@ class Component(abc.ABC):
 
     @classmethod
     def check_required(cls, name: str, values: Mapping[str, object]) -> None:
-        """Raise `FieldError` where a field without a default is not among the values."""
+        """Raise `FieldError` if a field without a default is missing."""
         where = f"[{cls.table}.{name}]" if name else f"[{cls.table}]"
         required = [field.name for field in dataclasses.fields(cls) if field.default is dataclasses.MISSING]
         if missing := [field for field in required if field not in values]:
             raise FieldError(cls.needs or f"{where} needs {' and '.join(missing)}")
 
     def write_table(self, text: Text) -> dict[str, object]:
-        """Its table in a case file, without its name."""
+        """Return its table in a case file, without its name."""
         return schema.to_table(self, text)
 
     @property
     def explained(self) -> Mapping[str, str]:
-        """What the entries of its table are."""
+        """Descriptions of the entries of its table."""
         return {field.key or name: field.help for name, field in about(self).items()}
 
     def undesigned(self, actuator: Actuator) -> str:
-        """Why a design's gradients do not know it, a clause after its name; empty if they do.
+        """Return why design gradients do not support it, as a clause after its name; empty if they do.
 
         They know what its energy and its holds are on the boundary and in the body as a whole. Where regions meet inside the
         device, the mesh goes as its cells like it, and not where the parameters say.
         """
-        return "whose gradients are not known"
+        return "whose gradients are not available"
 
     @property
     def remembers(self) -> bool:
-        """Whether its forces depend on the states before, as friction's do, and not on the state alone."""
+        """Whether its forces depend on earlier states, like friction's, and not only on the current one."""
         return False
 
     @property
     def files(self) -> Mapping[str, str]:
-        """Files that its fields name, by the field: their contents decide what it is."""
+        """Files named by its fields, by field; their contents are part of its identity."""
         return {}
 
     @property
     def looked_up(self) -> tuple[object, ...]:
-        """Functions and classes that its fields name, such as a law of fibres: they may come from a file of one's own."""
+        """Functions and classes named by its fields, such as a fibre law, which may come from a user's file."""
         return ()
 
     @property
     def label(self) -> str:
-        """What its columns begin with: its name, or its table's."""
+        """Prefix of its columns: its name, or its table's."""
         return self.name or self.table
 
     @property
     def in_model(self) -> str:
-        """What it adds to the sentence on what is not in a model, begun with '; '; nothing for most."""
+        """Its addition to the sentence on the limits of the model, starting with '; '; empty for most."""
         return ""
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
-        """How it may have ended a path, and what to try: a sentence without its stop; empty if it is not conspicuous.
+        """Return how it may have ended a path and what to try, as a sentence without full stop; empty if unlikely.
 
         Args:
             actuator: The device that it is added to.
@@ -237,11 +239,11 @@ class Component(abc.ABC):
 
 
 class EnergyComponent(Component):
-    """A part that stores energy, such as fibres, or that is pressed on."""
+    """A part that stores energy, such as fibres or contact."""
 
     @abc.abstractmethod
     def term(self, setting: FormContext) -> EnergyTerm:
-        """Its term in the equations.
+        """Return its term in the equations.
 
         Raises:
             ComponentError: Not on this mesh.
@@ -250,7 +252,7 @@ class EnergyComponent(Component):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FormContext:
-    """The potential that a part adds its term to.
+    """The potential to which a part adds its term.
 
     Attributes:
         body: Mesh and roles.
@@ -277,7 +279,7 @@ class MaterialCells(Protocol):
 
 
 class Equations(Protocol):
-    """What a term's figures are computed with: the `System`, whose functions hold the state."""
+    """Interface of `System`, whose functions hold the state, for a term's figures."""
 
     @property
     def body(self) -> Body: ...
@@ -315,29 +317,31 @@ class EnergyTerm:
 
     @property
     def stiffness(self) -> float:
-        """Stiffness in Pa of a term whose stress is foreseen in Newton's matrix, of a face in Pa sizes; 0 of any other."""
+        """Stiffness in Pa of a term with predicted stress in Newton's matrix, for a face in Pa times size; 0 for others."""
         return 0.0
 
     def tangent(self, foresight: MixedPointStress) -> list[ufl.Form] | None:
-        """Second derivatives of `energies`, one for each, if their stress is foreseen; None for the plain ones.
+        """Return the second derivatives of `energies`, one for each, if their stress is predicted; None for the plain ones.
 
         See `softmodels.mechanics.potential.Potential.foresee`: a stiff term that is turned needs it.
         """
         return None
 
     def compile(self, equations: Equations) -> None:
-        """Compile what `figures` needs, once."""
+        """Compile the forms of `figures` once."""
 
     def figures(self, equations: Equations) -> dict[str, float]:
-        """Columns of ``path.csv`` and their values in the state that is loaded, of the whole device, on all ranks."""
+        """Return the columns of ``path.csv`` and their values in the state that is loaded, of the whole device, on all
+        ranks."""
         return {}
 
     def breakdown(self, equations: Equations) -> PathFailure | None:
-        """Why it has no stable state of its own in the state that is loaded, the same on all ranks; None where it has."""
+        """Return the cause if it is unstable by itself in the loaded state, the same on all ranks;
+        else None."""
         return None
 
     def keep(self, w: Array, anew: bool = False) -> None:
-        """Take up that the device has come to a state, from which it goes on: what it remembers is that state's.
+        """Accept a converged state and update the history to it.
 
         Args:
             w: This rank's owned entries, and possibly more behind them.
@@ -345,7 +349,7 @@ class EnergyTerm:
         """
 
     def admits(self, before: Array, after: Array) -> bool:
-        """Whether the device may go from one state to another in one step, the same on all ranks.
+        """Return whether a step from one state to another is admissible, the same on all ranks.
 
         Args:
             before, after: This rank's owned entries of w, and possibly more behind them.
@@ -370,31 +374,30 @@ def gravity_of(components: Sequence[Component]) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Names of faces and regions, as parts are told where they are: split, and looked up on a device.
+# Parse names of faces and regions, and look them up on a device.
 
 
 def names_in(text: str) -> list[str]:
-    """Names with commas between."""
+    """Split names separated by commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def faces_of(actuator: Actuator) -> tuple[str, ...]:
-    """Faces of a device that can be reinforced."""
+    """Return the faces of a device that can be reinforced."""
     return (*actuator.faces, "cavity")
 
 
 def check_faces(where: str, actuator: Actuator, names: Sequence[str]) -> None:
-    """Raise `ComponentError` for names that are no faces of the device."""
+    """Raise `ComponentError` for names that are not faces of the device."""
     for name in names:
         if name not in faces_of(actuator):
             raise ComponentError(
-                f"{where}: {name!r} is no face of {type(actuator).__name__}; it has {', '.join(faces_of(actuator))}"
+                f"{where}: {name!r} is not a face of {type(actuator).__name__}; it has {', '.join(faces_of(actuator))}"
             )
 
 
 def check_on_mesh(where: str, actuator: Actuator, names: Sequence[str]) -> None:
-    """Raise `ComponentError` for names that the device's mesh will have no face of, as far as that is known before it is
-    made."""
+    """Raise `ComponentError` for faces that the device's mesh will not have, as far as known before meshing."""
     if actuator.unbonded is None:
         return
     others = (hold.role for hold in actuator.holds), (plane.name for plane in actuator.cut_planes), actuator.unbonded
@@ -405,15 +408,15 @@ def check_on_mesh(where: str, actuator: Actuator, names: Sequence[str]) -> None:
 
 
 def check_regions(where: str, actuator: Actuator, names: Sequence[str]) -> None:
-    """Raise `ComponentError` for names that are no regions of the device."""
+    """Raise `ComponentError` for names that are not regions of the device."""
     for name in names:
         if name not in actuator.regions:
-            known = f"its regions are {', '.join(actuator.regions)}" if actuator.regions else "it is of one piece"
+            known = f"its regions are {', '.join(actuator.regions)}" if actuator.regions else "it has no regions"
             raise ComponentError(f"{where}: {type(actuator).__name__} has no region {name!r}; {known}")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Directions of loads, as they are written, and those that a device's model can follow.
+# Directions of loads: parse them, and check them against a device's symmetry.
 
 
 ALONG = 1e-9
@@ -421,7 +424,7 @@ ALONG = 1e-9
 
 
 def direction(text: str, where: str) -> Vector:
-    """Unit vector of a text such as ``"-z"`` or ``"0.6, 0, -0.8"``, in device coordinates.
+    """Return the unit vector of a text such as ``"-z"`` or ``"0.6, 0, -0.8"``, in device coordinates.
 
     Raises:
         ComponentError: It is none.
@@ -437,14 +440,14 @@ def direction(text: str, where: str) -> Vector:
         length = float(np.linalg.norm(vector)) if len(vector) == 3 else 0.0
         if not (0.0 < length < np.inf):
             raise ComponentError(
-                f"{where}: {text!r} is no direction; write one like -z, or three numbers like 0.6, 0, -0.8"
+                f"{where}: {text!r} is not a direction; write one like -z, or three numbers like 0.6, 0, -0.8"
             )
         vector = vector / length
     return float(vector[0]), float(vector[1]), float(vector[2])
 
 
 def check_direction(vector: Vector, actuator: Actuator, where: str) -> None:
-    """Refuse a direction that the device's model cannot follow.
+    """Reject a direction that breaks the device's symmetry.
 
     Raises:
         ComponentError: Across the axis of a section, or out of a cut plane.
@@ -457,6 +460,6 @@ def check_direction(vector: Vector, actuator: Actuator, where: str) -> None:
         if abs(float(np.dot(vector, plane.normal))) > ALONG:
             across = ", ".join(f"{x:g}" for x in plane.normal)
             raise ComponentError(
-                f"{where}: its direction leaves the plane square to ({across}) on which the device is cut in two equal sides; "
-                f"take one in that plane, or use {actuator.fuller}"
+                f"{where}: its direction leaves the symmetry plane normal to ({across}) of the "
+                f"half model; use one in that plane, or {actuator.fuller}"
             )

@@ -1,7 +1,7 @@
-"""A control is a curve in the plane of cavity pressure and volume, most often a line.
+"""Controls: curves in the plane of cavity pressure and volume, most often lines.
 
 The pressure P is an unknown of every solve. Its equation is ``a V + b P = target``: pressure control,
-volume control and arc length are three pairs of numbers, and pass limit points through one and the same solver. A gas law
+volume control and arc length are three pairs of numbers, and pass limit points with the same solver. A gas law
 (`softmodels.path.supply`) is a function of V and P instead, of which Newton's method takes the tangent.
 All figures are dimensionless (P in shear moduli, V in cubed sizes of the device).
 """
@@ -19,7 +19,7 @@ from softmodels.common.arrays import Array
 
 
 class Curve(Protocol):
-    """What a control offers: its left side, that side's slopes, and the tangent line that they make."""
+    """Interface of a control: its left side, slopes, and tangent line."""
 
     @property
     def target(self) -> float: ...
@@ -55,15 +55,15 @@ class Control:
         return self.volume_coefficient != 0.0
 
     def slopes(self, V: float, P: float) -> tuple[float, float]:
-        """Slopes of the left side to V and P, the same everywhere."""
+        """Return the slopes of the left side to V and P, the same everywhere."""
         return self.volume_coefficient, self.pressure_coefficient
 
     def line(self, V: float, P: float) -> Control:
-        """The tangent: the line itself."""
+        """Return the tangent: the line itself."""
         return self
 
     def at(self, target: float) -> Control:
-        """The parallel line with another target."""
+        """Return the parallel line with another target."""
         return dataclasses.replace(self, target=target)
 
 
@@ -76,7 +76,7 @@ def volume_control(V: float) -> Control:
 
 
 def arc_length(V: float, P: float, dV: float, dP: float, step: float, V_scale: float, P_scale: float) -> Control:
-    """The line square to the path's tangent (dV, dP), ``step`` away from the state (V, P).
+    """Return the line perpendicular to the path's tangent (dV, dP), ``step`` away from the state (V, P).
 
     Lengths in the plane are measured in ``V_scale`` and ``P_scale``.
     """
@@ -87,18 +87,18 @@ def arc_length(V: float, P: float, dV: float, dP: float, step: float, V_scale: f
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How the pressures and volumes of several cavities are coupled, so that one pair (P, V) is left to follow.
+# Coupling of several cavities' pressures and volumes to a single pair (P, V).
 #
-# Dead loads (`mechanics.dead_loads`) are drivers like cavities and come behind them: what is said here of a pressure and its
-# volume is meant of a load's magnitude and what it works on, too.
+# Dead loads (`mechanics.dead_loads`) are drivers like cavities and follow them in the order: pressure and volume
+# also mean a load's magnitude and its travel here.
 #
 # With cavity volumes V_i, the potential's load is
 #
 #     P s.V + p0.V + m.(C V - d)
 #
-# so each cavity's pressure is ``p = p0 + P s + C^T m``. P drives the cavities with a share s, and what it works on is
-# V = s.V_i, which makes (P, V) a work-conjugate pair as in a device of one cavity: same controls, same limit points. Pressures
-# p0 stay as they are. A volume that is held, or tied to another, is a constraint: a row of C, with a Lagrange multiplier m that
+# so each cavity's pressure is ``p = p0 + P s + C^T m``. P drives the cavities with shares s; its conjugate is V
+# = s.V_i, so (P, V) is a work-conjugate pair as in a device of one cavity: same controls, same limit points. Pressures
+# p0 are constant. A volume that is held, or tied to another, is a constraint: a row of C, with a Lagrange multiplier m that
 # is an unknown of every solve.
 
 
@@ -122,7 +122,7 @@ class Coupling:
 
     @classmethod
     def proportional(cls, ratios: Sequence[float], dead: Array | Sequence[float] = ()) -> Coupling:
-        """Every pressure a multiple of P, behind them dead loads that stay as they are."""
+        """Couple every pressure as a multiple of P, followed by constant dead loads."""
         count = len(ratios) + len(dead)
         shares, fixed = (np.zeros(count) for _ in range(2))
         shares[: len(ratios)], fixed[len(ratios) :] = ratios, dead
@@ -130,7 +130,7 @@ class Coupling:
 
     @classmethod
     def by_pressure(cls, pressures: Array, changes: Array, held: Sequence[int], volumes: Array) -> Coupling:
-        """P rises from 0 and changes the pressures in proportion to ``changes``; the largest of these changes as P does.
+        """Couple the pressures so that P rises from 0 and they change in proportion to ``changes``, the largest by P.
 
         Args:
             pressures: Those at the start, shape (k,).
@@ -147,11 +147,11 @@ class Coupling:
 
     @classmethod
     def by_volume(cls, pressures: Array, changes: Array, held: Sequence[int], volumes: Array) -> Coupling:
-        """V changes by one volume, that of the cavity that changes most; the other held ones change in proportion.
+        """Couple the volumes so that V is that of the cavity that changes most, and the other held ones change in proportion.
 
         Args:
             pressures: Those at the start, shape (k,).
-            changes: By how much each volume is to change, 0 for those that stay; of cavities in ``held`` alone.
+            changes: By how much each volume is to change, 0 for those that stay; only for cavities in ``held``.
             held: The cavities whose volumes are given, the others keep their pressures.
             volumes: Those at the start, shape (k,).
         """
@@ -168,11 +168,11 @@ class Coupling:
         return cls(shares, free, rows, rows @ volumes, tuple(others))
 
     def pressures(self, P: float, m: Array) -> Array:
-        """The cavities' pressures, shape (k,)."""
+        """Return the cavities' pressures, shape (k,)."""
         return np.asarray(self.fixed_pressures + P * self.shares + self.constraints.T @ m)
 
     def multipliers(self, pressures: Array) -> Array:
-        """The multipliers m that belong to pressures, shape (m,)."""
+        """Return the multipliers m that belong to pressures, shape (m,)."""
         return np.array([pressures[cavity] for cavity in self.multiplier_cavities])
 
 

@@ -1,8 +1,8 @@
-"""Dead loads of a device as drivers beside its cavities: a magnitude, and what it works on.
+"""Dead loads as drivers besides the cavities: a magnitude and its work-conjugate.
 
-A dead load keeps its direction and its place on the undeformed body, so that its work is f L(u), with L linear in the
-displacement. So (f, L) is a pair like a cavity's pressure and volume: `mechanics.coupling` follows, keeps or holds either of
-them, limit points and arc lengths included. The loads come behind the cavities, in the order of the device's parts.
+A dead load keeps its direction and its point of application on the undeformed body, so that its work is f L(u), with L linear
+in the displacement. So (f, L) is a pair like a cavity's pressure and volume: `mechanics.coupling` can control, fix or hold
+either of them, with limit points and arc lengths. The loads come behind the cavities, in the order of the device's parts.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ LOADS_ENERGY = "loads_energy_mJ"
 
 
 class Loaded(Equations, Protocol):
-    """What dead loads ask of the equations beyond what other parts do."""
+    """Interface of the equations for dead loads."""
 
     @property
     def space(self) -> fem.FunctionSpace: ...
@@ -78,31 +78,31 @@ class LoadPart(Component):
 
     @property
     def moved_column(self) -> str:
-        """Column with what it works on from the undeformed state, in units of ``moved_column_unit``."""
+        """Column with its work-conjugate from the undeformed state, in units of ``moved_column_unit``."""
         return self._named(self.columns[1])
 
     @property
     def travel_column(self) -> str:
-        """Column with the same from where the path begins."""
+        """Column with the same from the start of the path."""
         return self._named(self.columns[2])
 
     def _named(self, column: str) -> str:
-        """A column's name with the load's own in it, if it has one."""
+        """Return a column's name with the load's own in it, if it has one."""
         what, _, unit = column.rpartition("_")
         return f"{what}_{self.name}_{unit}" if self.name else column
 
     @property
     def kept(self) -> bool:
-        """Whether the part itself says how large it is, so that no other magnitude can be requested."""
+        """Whether the part has a constant magnitude, so that none can be requested."""
         return False
 
     @property
     def key(self) -> str:
-        """What tells it from all other drivers: ``"gravity"``, ``"force.tip"``."""
+        """Unique key among the drivers: ``"gravity"``, ``"force.tip"``."""
         return f"{self.table}.{self.name}" if self.name else self.table
 
     def idle(self, components: Sequence[Component]) -> bool:
-        """Whether it pulls at nothing of the device, and only at what the device lifts.
+        """Return whether it acts only on masses that the device lifts, not on the device.
 
         Args:
             components: All that is added to the device.
@@ -111,7 +111,7 @@ class LoadPart(Component):
 
     @abc.abstractmethod
     def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
-        """Its distribution over the body.
+        """Return its distribution over the body.
 
         Args:
             on: What it is spread over.
@@ -123,11 +123,11 @@ class LoadPart(Component):
 
 
 class HeavyPart(Component):
-    """A part with a mass of its own, which gravity pulls at."""
+    """A part with its own mass, on which gravity acts."""
 
     @abc.abstractmethod
     def masses(self, on: DistributedLoad, along: Array) -> list[Weighed]:
-        """Its masses.
+        """Return its masses.
 
         Args:
             on: What they are spread over.
@@ -145,7 +145,7 @@ class Weighed:
     Attributes:
         forms: UFL integrals over the slice, linear in the test displacement, whose sum is of a unit magnitude on the slice.
             They are compiled one by one: DOLFINx takes the faces of one form from one set of tags. What acts on one face or in
-            one region is a form of its own, so that a rigid part can be told what is borne by it, see `DeadLoads.borne`.
+            one region is a form of its own, so that the load on a rigid part can be computed, see `DeadLoads.borne`.
         amount: Its magnitude, of the whole device, in SI units.
     """
 
@@ -179,22 +179,23 @@ class DistributedLoad:
         return fem.Constant(self.body.mesh, np.asarray(value, dtype=float))
 
     def measure(self, over: str | MaterialCells) -> Expr:
-        """Of the undeformed facets of a role, or of one of the body's materials; of all the circle in a section."""
+        """Return the measure of the undeformed facets of a role, or of one of the body's materials; of the full circle in a
+        section."""
         return self.body.sheet_face(over)[0] if isinstance(over, str) else over.dx
 
     def integral(self, density: Expr, over: str | MaterialCells) -> float:
-        """Of a density over the undeformed facets of a role, or over one of the body's materials."""
+        """Integrate a density over the undeformed facets of a role, or over one of the body's materials."""
         from dolfinx import fem
 
         return self.system.integral(fem.form(density * self.body.hoop * self.measure(over)))
 
     def volume(self, matter: MaterialCells) -> float:
-        """Undeformed volume in m3 of one of the body's materials, of the whole device."""
+        """Return the undeformed volume in m3 of one of the body's materials, of the whole device."""
         actuator = self.body.actuator
         return self.integral(self.constant(1.0), matter) * actuator.size**3 * actuator.copies
 
     def mean(self, along: npt.ArrayLike, over: str | MaterialCells) -> ufl.Form:
-        """Mean test displacement along a vector of the mesh over a face, or over one of the body's materials."""
+        """Return the mean test displacement along a vector of the mesh over a face, or over one of the body's materials."""
         import ufl
 
         size = self.integral(self.constant(1.0), over)
@@ -235,22 +236,21 @@ class DeadLoads:
         self._vector = fem.Function(system.space) if self.forms else system.w
 
     def check(self) -> None:
-        """Refuse a load on what is held alone."""
+        """Reject a load that acts only on held dofs."""
         for load, forms in zip(self.loads, self.forms, strict=True):
             found = self.system.assemble(forms)
             if not total(self.system.comm, float(found @ found)) > 0.0:
-                raise ComponentError(
-                    f"{load.where} pulls at what is held and moves nothing; take another face or direction"
-                )
+                raise ComponentError(f"{load.where} acts only on held dofs; use another face or direction")
 
     def moved(self) -> Array:
-        """What each works on in the current state, shape (loads,); linear in w, held dofs that have moved included."""
+        """Return the work-conjugate of each load in the current state, shape (loads,); linear in w, moved held dofs
+        included."""
         from dolfinx import fem, la
 
         system, found = self.system, []
         w = system.w.x.array[: system.n]
         for forms in self.forms:
-            b = self._vector.x  # of its own: the system's may be in use
+            b = self._vector.x  # a separate function, because the system's may be in use
             b.array[:] = 0.0
             for form in forms:
                 fem.assemble_vector(b.array, form)
@@ -259,7 +259,8 @@ class DeadLoads:
         return np.array(found)
 
     def borne(self, dofs: npt.NDArray[np.int32], drives: Array) -> Array:
-        """The loads that act on some dofs alone, as the weight of a plate or a force on it do on the plate's, by owned dof.
+        """Return the loads that act only on some dofs, such as the weight of a plate on the plate's, by
+        owned dof.
 
         Args:
             dofs: The dofs; those of other ranks are not needed.
@@ -284,11 +285,11 @@ class DeadLoads:
 
     @property
     def moved_units(self) -> Array:
-        """Metres (or radians) of one dimensionless measure of what they work on, shape (loads,)."""
+        """Metres (or radians) per dimensionless unit of their work-conjugates, shape (loads,)."""
         return np.array([self.system.body.actuator.size ** (3 - load.arm) for load in self.loads])
 
     def figures(self, drives: Array) -> dict[str, float]:
-        """Columns of ``path.csv`` in the current state, of the whole device, on all ranks.
+        """Return the columns of ``path.csv`` in the current state, of the whole device, on all ranks.
 
         Args:
             drives: Magnitudes of the loads, dimensionless, shape (loads,).
@@ -305,7 +306,7 @@ class DeadLoads:
         return {**found, LOADS_ENERGY: -float(magnitudes @ moved) * 1e3} if found else found
 
     def index(self, key: str) -> int:
-        """Place of a load among these; KeyError for one that is not there."""
+        """Return the place of a load among these; KeyError for one that is not there."""
         for i, load in enumerate(self.loads):
             if load.key == key:
                 return i
@@ -313,12 +314,12 @@ class DeadLoads:
 
 
 def mean_place(on: DistributedLoad, role: str) -> Array:
-    """Centre of a face of the slice, in mesh coordinates, dimensionless."""
+    """Return the centre of a face of the slice, in mesh coordinates, dimensionless."""
     size = on.integral(on.constant(1.0), role)
     return np.array([on.integral(on.places[i], role) / size for i in range(on.body.mesh.geometry.dim)])
 
 
 def check_finite(value: float, where: str, what: str) -> None:
-    """Refuse an amount that is not above zero."""
+    """Reject an amount that is not above zero."""
     if not (value > 0.0 and math.isfinite(value)):
-        raise ComponentError(f"{where}: {what} is {value:g}; it must be above zero, and its direction says which way")
+        raise ComponentError(f"{where}: {what} is {value:g}; it must be above zero; use the direction for the sign")

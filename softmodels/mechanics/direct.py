@@ -1,10 +1,10 @@
-"""K factorised by MUMPS, in single precision where that is enough.
+"""Factorise K by MUMPS, in single precision where that is accurate enough.
 
-Most back-substitutions precondition GMRES, which works in double precision and returns what single precision leaves out: they
-read half the memory and take half to two thirds of the time. What is asked of K^-1 itself is refined on K
-(`softmodels.mechanics.newton`). Inverse iteration shows after each factorisation how far it is off in the softest motions:
-where that is too much, near a critical point or in a very slender device, K is factorised in double precision instead, so that
-the inertia is right. Beside much stiffer regions that is no measure, and double precision is taken from the start.
+Most back-substitutions precondition GMRES, which works in double precision and recovers the lost digits: they read
+half the memory and take half to two thirds of the time. Solutions with K^-1 itself are refined on K
+(`softmodels.mechanics.newton`). After each factorisation, inverse iteration estimates its error in the softest motions:
+if that is too large, near a critical point or in a very slender device, K is factorised in double precision, so that the
+inertia is right. With much stiffer regions this estimate is unreliable, and double precision is used from the start.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ if TYPE_CHECKING:
 
 
 OUT_OF_MEMORY = (-5, -7, -8, -9, -11, -12, -13, -14, -15, -17, -18, -19, -20)
-"""MUMPS' INFOG(1) where it could not allocate, or where what it had allocated was too small (its guide, section 8)."""
+"""MUMPS' INFOG(1) if it could not allocate, or if its workspace was too small (its guide, section 8)."""
 
 
 MEGA = 1e6
 TRIPLET = 16
-"""Bytes of an entry and its place."""
+"""Bytes of an entry and its index."""
 SENT = 3
-"""Copies of K where MUMPS hands entries from rank to rank: PETSc's, and what is sent and received."""
+"""Copies of K while MUMPS distributes entries over ranks: PETSc's, and the send and receive buffers."""
 DOUBLE = 1.95
-"""How many times single precision's memory double precision takes: 1.91 on wedges and slabs of 17,502 to 88,570 unknowns."""
+"""Memory of double precision relative to single precision: 1.91 on wedges and slabs of 17,502 to 88,570 unknowns."""
 SMALL = 6000
-"""Unknowns up to which factors fit into a processor's cache, where single precision gains nothing."""
+"""Number of unknowns up to which the factors fit into the processor's cache and single precision gains nothing."""
 MOST_SPREAD = 300.0
-"""How many times stiffer than another a region may be for it: of stiffer ones the unknowns p hide how far it is off, and signs
-of eigenvalues were wrong with sheets of 50 MPa and 1 GPa in a finger."""
+"""Maximum stiffness ratio of regions for single precision: with stiffer ones the unknowns p hide its error, and signs of
+eigenvalues were wrong with sheets of 50 MPa and 1 GPa in a finger."""
 SOFTEST = 3
 """Steps of inverse iteration towards the softest motions."""
 TRUSTED = 3e-2
-"""Error in them, in shares of the answer, up to which single precision is enough. An eigenvalue's sign is wrong from 1 on."""
+"""Maximum relative error in them for single precision. From 1 on the sign of an eigenvalue is wrong."""
 PREFIX = "body_"
 PRECISION = "pc_precision"
-"""PETSc's option; where MUMPS has no single precision it is not read."""
+"""PETSc's option, ignored if MUMPS has no single precision."""
 
 
 class Factorisation(Preconditioner):
@@ -64,18 +64,18 @@ class Factorisation(Preconditioner):
         self._make(_roundable(K, spread))
 
     def _make(self, rounded: bool) -> None:
-        """Make what factorises K, with the pattern it has, in single or double precision."""
+        """Create the factorisation of K, with its current pattern, in single or double precision."""
         self.rounded, self._entries = rounded, entries_in_all(self.K)
         with _precision(rounded):
             self._direct = _mumps(self.K)
 
     def _factorise(self, rounded: bool) -> None:
-        """Factorise K as it is now.
+        """Factorise the current K.
 
         Raises:
             MemoryError: On all ranks, if one has not enough.
         """
-        # Contact may have coupled more: PETSc would keep the analysis of the old pattern.
+        # Contact may have added couplings, but PETSc would keep the analysis of the old pattern.
         if self.rounded != rounded or entries_in_all(self.K) != self._entries:
             self._direct.destroy()
             self._make(rounded)
@@ -83,17 +83,18 @@ class Factorisation(Preconditioner):
             self._direct.setReusePreconditioner(False)
             self._direct.setUp()
         if int(self._direct.getFactorMatrix().getMumpsInfog(1)) in OUT_OF_MEMORY:
-            raise MemoryError  # PETSc itself goes on with a preconditioner that is none
+            raise MemoryError  # PETSc itself would continue with an invalid preconditioner
         self._direct.setReusePreconditioner(True)
 
     @staticmethod
     def memory(K: PETSc.Mat, spread: float = 1.0) -> tuple[float, float]:
-        """Bytes that a factorisation of K would take on this rank: what MUMPS' analysis foretells, and PETSc's copy of K.
+        """Return the bytes that a factorisation of K would take on this rank: as predicted by MUMPS' analysis, plus PETSc's
+        copy of K.
 
         The first number is of the precision that is tried, the second of double, which a K near a critical point takes.
 
         Measured on wedges of 37,120, 70,113 and 181,940 unknowns, with the mass matrix and vectors, in single precision: 202,
-        388 and 1,241 MB taken, 189, 372 and 1,235 MB foretold; of the last two on two ranks 570 and 1,673, and 523 and 1,621.
+        388 and 1,241 MB taken, 189, 372 and 1,235 MB predicted; of the last two on two ranks 570 and 1,673, and 523 and 1,621.
 
         Args:
             K: An assembled matrix.
@@ -103,7 +104,7 @@ class Factorisation(Preconditioner):
         with _precision(rounded):
             direct = _mumps(K)
             factor = direct.getFactorMatrix()
-            # A megabyte is never enough: MUMPS ends after its analysis, before it allocates.
+            # One megabyte is never enough: MUMPS stops after its analysis, before it allocates.
             factor.setMumpsIcntl(23, 1)
             direct.setUp()
         copies = 1 if K.comm.size == 1 else SENT
@@ -112,14 +113,14 @@ class Factorisation(Preconditioner):
         return factors + copy, (DOUBLE if rounded else 1.0) * factors + copy
 
     def set_up(self) -> None:
-        # Decided anew for every K, and by nothing but K: a path that is gone on with has to find the same.
+        # Decided for every K from K only, so that a resumed path decides the same.
         rounded = _roundable(self.K, self.spread)
         self._factorise(rounded)
         if rounded and not self._error() < TRUSTED:
             self._factorise(rounded=False)
 
     def _error(self) -> float:
-        """How far the factorisation is off in the softest motions, in shares of its answer."""
+        """Return the relative error of the factorisation in the softest motions."""
         b, x, r = (self.K.createVecRight() for _ in range(3))
         x.set(1.0)
         for _ in range(SOFTEST):
@@ -146,23 +147,23 @@ class Factorisation(Preconditioner):
 
 
 def entries_here(K: PETSc.Mat) -> float:
-    """Entries of a matrix on this rank."""
+    """Return the entries of a matrix on this rank."""
     return float(K.getInfo(K.InfoType.LOCAL)["nz_used"])  # type: ignore[arg-type]
 
 
 def entries_in_all(K: PETSc.Mat) -> float:
-    """Entries of a matrix on all ranks."""
+    """Return the entries of a matrix on all ranks."""
     return float(K.getInfo()["nz_used"])
 
 
 def _roundable(K: PETSc.Mat, spread: float) -> bool:
-    """Whether single precision is tried."""
+    """Return whether single precision is tried."""
     return K.getSize()[0] > SMALL and spread < MOST_SPREAD
 
 
 @contextlib.contextmanager
 def _precision(rounded: bool) -> Iterator[None]:
-    """Have PETSc make a factorisation in single precision, unless its options say which."""
+    """Make PETSc factorise in single precision, unless its options set the precision."""
     from petsc4py import PETSc
 
     options = PETSc.Options(PREFIX)
@@ -177,7 +178,7 @@ def _precision(rounded: bool) -> Iterator[None]:
 
 
 def _mumps(K: PETSc.Mat) -> PETSc.PC:
-    """PETSc's LDL^T by MUMPS, not yet set up."""
+    """Return PETSc's LDL^T by MUMPS, not yet set up."""
     from petsc4py import PETSc
 
     direct = PETSc.PC().create(K.comm)

@@ -10,7 +10,10 @@ import numpy as np
 
 from geometries import Actuator, Hold
 from softmodels.mechanics.body import Body, in_section
-from softmodels.mechanics.component import Component, ComponentError
+from softmodels.mechanics.component import (
+    Component,
+    ComponentError,
+)
 from softmodels.mechanics.regions import RegionPart
 
 if TYPE_CHECKING:
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
 
 
 FREE = 1e-6
-"""Least singular value of the held rigid motions, in sizes of the device, below which one of them is free."""
+"""Smallest singular value of the held rigid motions, relative to the size, below which one of them is free."""
 
 
 class HoldingPart(Component):
@@ -35,7 +38,7 @@ class HoldingPart(Component):
 
 
 def held_with(own: Sequence[Hold], actuator: Actuator, components: Sequence[Component]) -> list[Hold]:
-    """What holds a device: its own holds, but where clamps name their roles, and the clamps'."""
+    """Return the supports of a device: its own, except those replaced by clamps, and the clamps."""
     clamps = [part for part in components if isinstance(part, HoldingPart)]
     roles = {role for clamp in clamps for role in clamp.roles}
     kept = [hold for hold in own if hold.role not in roles]
@@ -43,10 +46,10 @@ def held_with(own: Sequence[Hold], actuator: Actuator, components: Sequence[Comp
 
 
 def clamped(body: Body, components: Sequence[Component]) -> Body:
-    """A body as clamps hold it, on the same mesh; itself where there are none.
+    """Return a body with the clamps' supports, on the same mesh; the body itself if there are none.
 
     Raises:
-        ComponentError: A role that the mesh lacks, or a device that nothing keeps in its place any more.
+        ComponentError: A role that the mesh does not have, or a device that nothing keeps in its place any more.
     """
     clamps = [part for part in components if isinstance(part, HoldingPart)]
     if not clamps:
@@ -58,13 +61,15 @@ def clamped(body: Body, components: Sequence[Component]) -> Body:
                 raise ComponentError(f"{clamp.where}: the mesh has no {role!r}; it has {known}")
     held = body.held_by(held_with(body.holds, body.actuator, components))
     replaced = {hold.role for hold in body.holds} & {role for clamp in clamps for role in clamp.roles}
-    if replaced and all(isinstance(part, HoldingPart | RegionPart) for part in components):  # other parts may keep it
+    if replaced and all(
+        isinstance(part, HoldingPart | RegionPart) for part in components
+    ):  # other parts may refer to it
         _check_place(held, clamps[0].where)
     return held
 
 
 def _check_place(body: Body, where: str) -> None:
-    """Refuse holds that leave the body a rigid motion."""
+    """Reject supports that leave the body a rigid motion."""
     from dolfinx import mesh as meshes
 
     mesh, d = body.mesh, body.actuator.dimension
@@ -82,12 +87,13 @@ def _check_place(body: Body, where: str) -> None:
     modes = mesh.comm.allreduce(modes)
     if np.sqrt(max(np.linalg.eigvalsh(modes)[0], 0.0)) < FREE:
         raise ComponentError(
-            f"{where}: with its holds so the device is free to move as a whole; hold it in all directions, or a point of it"
+            f"{where}: with these supports the device can move as a rigid body; hold it in all directions, or hold another "
+            f"point"
         )
 
 
 def conditions(body: Body, vectors: fem.FunctionSpace) -> list[fem.DirichletBC]:
-    """Components of the displacement that are held at zero.
+    """Return the components of the displacement that are held at zero.
 
     Args:
         body: The body.

@@ -1,11 +1,11 @@
-"""A cycle of multigrid on the displacements, and the pressures' mass: near K^-1 at a cost that grows as K does.
+"""Multigrid cycle on the displacements plus the pressures' mass: an approximate K^-1 at linear cost.
 
         [ K_uu  K_up ]      [ M  K_up ]^-1    M: K_uu on quadratic displacements, then on linear ones, then PETSc's GAMG;
         [ K_pu  -C   ]  ~   [ 0   -S  ]       S: (1/shear modulus + 1/bulk modulus) times the diagonal of p's mass
 
 The right side is the upper factor of K's block elimination, with the Schur complement C + K_pu K_uu^-1 K_up near p's mass
 (Elman, Silvester, Wathen 2014, Finite Elements and Fast Iterative Solvers, chapter 4). The unknowns are skew components
-w = B u, so the rigid motions that GAMG is told of are turned by B too.
+w = B u, so GAMG's rigid motions are rotated by B too.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The rows of a matrix of PETSc that are on this rank, as C code reads them: where they are, and nothing copied.
+# The local rows of a PETSc matrix for C code, without copying.
 
 
 Ints = npt.NDArray[np.int32]
@@ -65,7 +65,7 @@ class MatrixParts:
         self._handles = handles
 
     def read(self, places: tuple[Ints, Ints]) -> object:
-        """The rows with their values as they are now, for the C code.
+        """Return the rows with their values as they are now, for the C code.
 
         Args:
             places: What stands for each column of this rank, and for each of `others`; they have to outlive what is returned.
@@ -174,12 +174,12 @@ class QuadraticLevel:
         self.parts = self._read.read(self._places)
 
     def share(self) -> None:
-        """Give other ranks what they need of `x`."""
+        """Send other ranks their entries of `x`."""
         if self._shared is not None:
             self._shared.ghostUpdate()
 
     def take(self) -> None:
-        """Take K as it is now."""
+        """Update from the current K."""
         self._places_read()
         buffer, c = self._c.ffi.from_buffer, self._c
         ints = [buffer("int32_t[]", array) for array in (self._starts, self._columns, self.scratch)]
@@ -188,7 +188,7 @@ class QuadraticLevel:
         c.lib.level_take(*rows, *ints, values, buffer("double[]", diagonal))
         self._inverse[:] = np.linalg.inv(diagonal)
         self._matrix = (self.nodes, *ints[:2], values)
-        # Of the vector zero there is no product: no row has an entry.
+        # no rows with entries: the product is empty
         self._no_matrix = (self.nodes, buffer("int32_t[]", np.zeros_like(self._starts)), ints[1], values)
         self._largest = SAFE * self._largest_eigenvalue()
 
@@ -214,7 +214,7 @@ class QuadraticLevel:
         getattr(self._c.lib, f"level_step_{self.d}")(*matrix, b_c, x, inverse, keep, add, change)
 
     def smooth(self, b: Array, begin: bool) -> None:
-        """Bring `x` nearer to K^-1 b where errors change from node to node.
+        """Smooth the error of `x` in K x = b.
 
         Args:
             b: The right side, this rank's entries.
@@ -228,14 +228,14 @@ class QuadraticLevel:
             self.x[: len(b)] += self._change
 
     def residual(self, b: Array) -> Array:
-        """b - K x, this rank's entries; a view that the next call overwrites."""
+        """Return b - K x, this rank's entries; a view that the next call overwrites."""
         self.share()
         b_c, x, r = (self._c.ffi.from_buffer("double[]", array) for array in (b, self.x, self._r))
         getattr(self._c.lib, f"level_residual_{self.d}")(*self._matrix, b_c, x, r)
         return self._r
 
     def release(self) -> None:
-        """Destroy what PETSc holds."""
+        """Destroy the PETSc objects."""
         if self._shared is not None:
             self._shared.destroy()
 
@@ -243,9 +243,9 @@ class QuadraticLevel:
 # ----------------------------------------------------------------------------------------------------------------------
 # The coarser level below quadratic displacements: linear ones, on the same mesh, by PETSc's multigrid GAMG.
 #
-# A node on an edge moves half as far as both of the edge's corners together; corners move as they are. The level's matrix is
-# P^T K P with this P, an eighth of K's rows and a fifteenth of its entries. GAMG makes still coarser levels of it by smoothed
-# aggregation and is told of the rigid motions: without that iterations triple.
+# An edge node moves by the mean of the edge's corners; corners map to themselves. The level's matrix is
+# P^T K P with this P, an eighth of K's rows and a fifteenth of its entries. GAMG builds coarser levels by smoothed aggregation
+# with the rigid motions as near-nullspace: without them iterations triple.
 
 
 Longs = npt.NDArray[np.int64]
@@ -253,18 +253,19 @@ Longs = npt.NDArray[np.int64]
 PREFIX = "body_"
 OPTIONS = {
     "pc_gamg_threshold": "0.01",
-    "pc_gamg_reuse_interpolation": "true",  # its set-up for another state is its products alone
+    "pc_gamg_reuse_interpolation": "true",  # setting up for another state needs only its products
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_pc_type": "sor",
 }
-"""PETSc's options of the coarser levels; those that the user gives under the same prefix stand."""
+"""PETSc's options of the coarser levels; user options under the same prefix take precedence."""
 
 
 def corners_of(space: fem.FunctionSpace) -> tuple[Ints, Longs]:
-    """The owned nodes of quadratic displacements that are corners of cells, and the two corners each owned node lies between.
+    """Return the owned nodes of quadratic displacements that are corners of cells, and the two corners each owned node lies
+    between.
 
     Args:
-        space: The space of the displacements alone.
+        space: The space of only the displacements.
 
     Returns:
         Their local numbers, rising; and numbers of corners over all ranks, shape (owned nodes, 2).
@@ -292,7 +293,7 @@ class LinearLevel:
 
     Args:
         above: Displacements' level.
-        space: The space of the displacements alone.
+        space: The space of only the displacements.
         held: Which of the displacements of this rank are held, shape (nodes, d).
         motions: The rigid motions at this rank's nodes, zero where they are held, shape (motions, nodes, d).
     """
@@ -318,7 +319,7 @@ class LinearLevel:
         self._make_cycle(motions[:, own].reshape(len(motions), -1))
 
     def _number(self, own: int, between: Longs) -> None:
-        """Number the corners around the nodes above, those of other ranks behind one's own."""
+        """Number the corners around the nodes above, the own ones before those of other ranks."""
         from petsc4py import PETSc
 
         above, begin = self._above, self._comm.exscan(own) or 0
@@ -362,7 +363,7 @@ class LinearLevel:
         self._matrix.zeroRowsColumns(self._held_rows, 1.0)  # type: ignore[arg-type]
 
     def _make_cycle(self, motions: Array) -> None:
-        """Make GAMG, with what it is told of rigid motions."""
+        """Make GAMG, with the rigid motions."""
         from petsc4py import PETSc
 
         vectors = [self._matrix.createVecRight() for _ in motions]
@@ -387,7 +388,7 @@ class LinearLevel:
             options.delValue(name)
 
     def take(self) -> None:
-        """Take K as the level above has it now."""
+        """Update from the K of the level above."""
         self._matrix.zeroEntries()
         self._assemble()
         self._cycle.setReusePreconditioner(False)
@@ -395,7 +396,7 @@ class LinearLevel:
         self._cycle.setReusePreconditioner(True)
 
     def correct(self, residual: Array) -> None:
-        """Add to the vector above what a cycle makes of a residual there."""
+        """Add the coarse-grid correction of a residual to the vector above."""
         from petsc4py import PETSc
 
         above, buffer = self._above, self._c.ffi.from_buffer
@@ -414,7 +415,7 @@ class LinearLevel:
         self._c.lib.level_prolong(*level, buffer("double[]", self._values), buffer("double[]", above.x))
 
     def release(self) -> None:
-        """Destroy what PETSc holds."""
+        """Destroy the PETSc objects."""
         for thing in (self._cycle, self._b, self._x, self._matrix, self._shared):
             if thing is not None:
                 thing.destroy()
@@ -422,14 +423,14 @@ class LinearLevel:
 
 NONE = np.empty(0, dtype=np.int32)
 TIGHT = 1e-4
-"""Tolerance from which on a solve shows how much a cycle has aged."""
+"""Tolerance below which a solve shows the age of a cycle."""
 FIXED, PER_ENTRY, PER_UNKNOWN = 15e6, 15, 80
 """Memory of a rank: bytes whatever the model, bytes per entry of K (blocks in single precision, those to p, the linear level),
-and vectors (of the levels, of GMRES, and of the modes that are followed). Measured along the paths of wedges of 17,300, 37,120,
-70,113 and 181,940 unknowns, mass matrix included: 54, 107, 188 and 486 MB taken, 57, 107, 189 and 476 MB foretold."""
+and vectors (of the levels, of GMRES, and of the tracked modes). Measured along the paths of wedges of 17,300, 37,120,
+70,113 and 181,940 unknowns, mass matrix included: 54, 107, 188 and 486 MB taken, 57, 107, 189 and 476 MB predicted."""
 PER_SHARED_ENTRY = 19
 """The same per entry on several ranks, whose matrices PETSc keeps in two parts. Paths past a limit point, 70,113 and 181,940
-unknowns on two ranks: 0.23 and 0.56 GB taken on both, 0.23 and 0.56 GB foretold."""
+unknowns on two ranks: 0.23 and 0.56 GB taken on both, 0.23 and 0.56 GB predicted."""
 
 
 class Multigrid(Preconditioner):
@@ -446,8 +447,7 @@ class Multigrid(Preconditioner):
     most_newton = 9
     restart, most_iterations = 80, 200
     instead = (
-        ": iterations with multigrid may fail where one material is far stiffer than another or cells are very flat; use "
-        "--solver direct"
+        ": multigrid may fail if one material is much stiffer than another or cells are very flat; use --solver direct"
     )
 
     def __init__(self, system: System, fixed: npt.NDArray[np.int32] = NONE):
@@ -460,7 +460,7 @@ class Multigrid(Preconditioner):
 
     @staticmethod
     def memory(system: System) -> float:
-        """Bytes that a cycle would take on this rank, from the entries of the assembled K."""
+        """Return the memory of a cycle on this rank in bytes, from the entries of the assembled K."""
         K = system.K
         entries, unknowns = entries_here(K), K.getLocalSize()[0]
         return FIXED + (PER_ENTRY if K.comm.size == 1 else PER_SHARED_ENTRY) * entries + 8 * PER_UNKNOWN * unknowns
@@ -501,7 +501,7 @@ class Multigrid(Preconditioner):
 
     def set_up(self) -> None:
         entries = entries_in_all(self.K)
-        if self._levels is not None and entries != self._entries:  # contact has coupled more
+        if self._levels is not None and entries != self._entries:  # contact has added couplings
             self._drop()
         if self._levels is None:
             self._entries = entries
@@ -528,7 +528,7 @@ class Multigrid(Preconditioner):
             self._pressures, self._b = self._coupling.createVecRight(), self._coupling.createVecLeft()
 
     def _motions(self) -> Array:
-        """The rigid motions as skew components, zero where they are held, shape (motions, owned nodes, d)."""
+        """Return the rigid motions as skew components, zero where they are held, shape (motions, owned nodes, d)."""
         body = self.system.body
         d = body.mesh.geometry.dim
         x = self._places[:, :d]
@@ -542,7 +542,7 @@ class Multigrid(Preconditioner):
         return np.array([motion @ body.skew.T * free[self._u].reshape(-1, d) for motion in found])
 
     def _schur_diagonal(self) -> Array:
-        """S of the module's docstring at owned p."""
+        """Return S of the module's docstring at owned p."""
         system = self.system
         if not system.mixed:
             return np.empty(0)
@@ -567,11 +567,12 @@ class Multigrid(Preconditioner):
         linear.correct(quadratic.residual(force))
         quadratic.smooth(force, begin=False)
         found[self._u] = quadratic.x[: len(force)]
-        # Coarser levels move held dofs a little, which no residual knows of: states would drift away from their supports.
+        # Coarser levels move held dofs slightly, which no residual detects: states would drift off their supports.
         found[self._held] = given[self._held]
 
     def wear(self, iterations: int, tolerance: float) -> int:
-        """Iterations beyond those of the first solve after a set-up, of tight solves: loose ones tell little."""
+        """Return the iterations beyond those of the first solve after a set-up, of tight solves: loose ones are not
+        informative."""
         if tolerance > TIGHT:
             return 0
         rate = iterations / -math.log10(tolerance)
@@ -580,7 +581,7 @@ class Multigrid(Preconditioner):
         return max(0, round((rate - self._fresh) * -math.log10(tolerance)))
 
     def negative_pivots(self) -> int:
-        raise NotImplementedError("a cycle of multigrid does not know K's inertia")
+        raise NotImplementedError("a multigrid cycle does not provide K's inertia")
 
     def _drop(self) -> None:
         """Destroy the levels and the coupling."""
@@ -598,14 +599,14 @@ class Multigrid(Preconditioner):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The cycle of multigrid where rigid parts move: a cycle for the dofs that are left free, and the parts' few unknowns.
+# The multigrid cycle with moving rigid parts: a cycle for the free dofs, and the parts' few unknowns.
 #
 #         [ K_ff  K_fs ]^-1     [ M  0 ]                            f: what follows no part,  s: the parts' unknowns;
 #         [ K_sf  K_ss ]     ~  [ 0  0 ] + L (L^T K L)^-1 L^T       L = [ -Y ; 1 ],  Y near K_ff^-1 K_fs
 #
-# With M = K_ff^-1 and Y = K_ff^-1 K_fs this is the inverse of K by blocks. M takes the parts for held: it is the cycle of a
-# device that is clamped where they are bonded. L is how the device follows where one part's unknown alone changes, by a few
-# iterations with M. L^T K L is then K's Schur complement but for the square of L's error, however soft the device is there.
+# With M = K_ff^-1 and Y = K_ff^-1 K_fs this is the inverse of K by blocks. M treats the parts as held: it is the cycle of
+# the device clamped at the parts. L is the response of the device to a change of a single unknown of a part, by a few
+# iterations with M. L^T K L is then K's Schur complement up to the square of L's error, for any stiffness of the device.
 
 
 FOLLOWED = 1e-2
@@ -665,7 +666,9 @@ class RigidCycle(Multigrid):
         self._one.array_w[unknown] = -1.0
         self.K.mult(self._one, self._force)
         self._force.array_w[self._own] = 0.0
-        self._solver.solve(self._force, following)  # what is short of the tolerance costs iterations later, no digits
+        self._solver.solve(
+            self._force, following
+        )  # a solve short of the tolerance costs iterations later, not accuracy
         following.array_w[self._own] = 0.0
         following.array_w[unknown] = 1.0
 

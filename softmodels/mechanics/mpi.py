@@ -1,4 +1,4 @@
-"""The one place that knows of ranks: start-up, who may speak, and errors that all ranks must see together."""
+"""All MPI-specific code: start-up, which rank prints, and errors raised on all ranks together."""
 
 from __future__ import annotations
 
@@ -27,33 +27,33 @@ if TYPE_CHECKING:
 
 
 SHARED_MEMORY = Path("/dev/shm")
-"""Where MPICH keeps what its ranks share, even of one rank; it ends the process where it cannot."""
+"""Folder of MPICH's shared memory, needed even for one rank; without it MPICH ends the process."""
 LAUNCHERS = {"PMI_RANK": "PMI_SIZE", "PMIX_RANK": "", "OMPI_COMM_WORLD_RANK": "OMPI_COMM_WORLD_SIZE",
              "SLURM_PROCID": "SLURM_STEP_NUM_TASKS"}  # fmt: skip
-"""What launchers of MPI set: a process' rank, and how many there are."""
+"""Environment variables of MPI launchers: rank, and number of ranks."""
 OPTION_FILES = (".petscrc", "petscrc", "dolfinx_jit_options.json", "ffcx_options.json")
-"""What PETSc, DOLFINx and FFCx read in the folder they start in."""
+"""Option files that PETSc, DOLFINx and FFCx read in the working directory."""
 _started: list[bool] = []
-"""Holds something once PETSc, DOLFINx and FFCx have read their options, which each does once in a process."""
+"""Non-empty once PETSc, DOLFINx and FFCx have read their options, which each does once per process."""
 LEAST_SHARED = 1 << 20
-"""Bytes that it takes at its start, and room to spare."""
+"""Bytes needed at start-up, with a margin."""
 
 
 FEW_LOOKS, MANY_LOOKS = 64, 16384
-"""How often a waiting rank looks for a message before it lets others run, where they share cores and where they do not."""
+"""Number of polls of a waiting rank before it yields, with shared and with separate cores."""
 
 
 WHEEL = "dolfinx_solver"
 MPICH = "mpich"
-"""The package of the MPI that the wheel was built with."""
+"""Package of the MPI the wheel was built with."""
 LIBRARY = re.compile(r"libmpi(ch)?\.so[.0-9]*")
 """Names of the library of any MPI; not those of its Fortran and C++ parts."""
 STACKS = re.compile(r"(petsc|petsc4py|slepc|slepc4py|dolfinx[-_.]+solver[-_.]+(real|complex))[-.]", re.IGNORECASE)
-"""Folders of what is known of packages that bring a PETSc or SLEPc."""
+"""Metadata folders of packages that include PETSc or SLEPc."""
 
 
 class StartError(RuntimeError):
-    """MPI or PETSc could not be started; ``status`` is the exit status, the message a sentence for the user."""
+    """MPI or PETSc could not be started; ``status`` is the exit status, the message is for the user."""
 
     def __init__(self, message: str, status: int = 2):
         super().__init__(message)
@@ -69,9 +69,9 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
     Raises:
         StartError: PETSc cannot take the words, or there is no shared memory for MPI.
     """
-    # More BLAS threads than cores slow MUMPS several times over; a user's own setting stands.
+    # More BLAS threads than cores slow MUMPS several times; a user's setting takes precedence.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    # MPICH's ranks spin while they wait; with more ranks than cores they would spin in each other's way, ten times slower.
+    # MPICH's ranks busy-wait; with more ranks than cores that is ten times slower.
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
     os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", str(_looks()))
     if launched() in (None, _beside()):
@@ -84,14 +84,14 @@ def start(petsc_options: Sequence[str] = ()) -> MPI.Intracomm:
     import petsc4py
 
     try:
-        # PETSc sets handlers of its own, with which it would end the program where the reader of its log has gone.
+        # PETSc's signal handlers would end the program when the reader of its log has gone.
         with _nobodys_folder(), handlers_kept():
-            petsc4py.init(["softmodels", *petsc_options])  # a name of python -c would be taken for an option
+            petsc4py.init(["softmodels", *petsc_options])  # the -c of python -c would be read as an option
             _read_compilers_options()
-    except RuntimeError as error:  # petsc4py.PETSc.Error, which cannot be named before PETSc has started
+    except RuntimeError as error:  # petsc4py.PETSc.Error, which cannot be imported before PETSc has started
         words = " ".join(petsc_options)
         raise StartError(
-            f"PETSc does not start with the words {words!r} ({petsc_reason(error)}); check what follows --"
+            f"PETSc does not start with the options {words!r} ({petsc_reason(error)}); check the options after --"
         ) from None
     _started.append(True)
     return _world()
@@ -111,15 +111,15 @@ def _import_mpi() -> None:
     petsc, beside = importlib.util.find_spec("petsc4py"), Path(wheel.origin).parents[1]
     foreign = petsc is None or petsc.origin is None or Path(petsc.origin).resolve().parents[1] != beside.resolve()
     if foreign or len(_stacks()) != 1:
-        importlib.import_module(WHEEL)  # which refuses what cannot work, with what to do
+        importlib.import_module(WHEEL)  # rejects unsupported set-ups, with advice
     else:
         import mpi4py.MPI  # noqa: F401
 
 
 def mpich_file(name: str) -> Path | None:
-    """A file of the installed MPICH, such as its library or ``mpirun``; None where MPICH is no package of this Python.
+    """Return a file of the installed MPICH, such as its library or ``mpirun``; None if MPICH is not a package of this Python.
 
-    Its own record of its files tells: in an environment laid over another one (``uv run --with jupyter``) it lies neither in
+    Its own record of its files shows it: in an environment laid over another one (``uv run --with jupyter``) it lies neither in
     the folder of this Python nor on the system's path.
     """
     try:
@@ -141,15 +141,15 @@ def _load_mpich(library: Path | None) -> None:
     others = [file for file in _loaded_mpis() if not (file.exists() and file.samefile(library))]
     if others:
         raise StartError(
-            f"another MPI is loaded in this process ({others[0]}), and the solver needs its own ({library}); import softmodels "
-            "ahead of what loads it, and leave it out of LD_PRELOAD"
+            f"another MPI is loaded in this process ({others[0]}), but the solver needs its own ({library}); import "
+            f"softmodels before other MPI packages, and remove it from LD_PRELOAD"
         )
     for variable in ("MPI4PY_LIBMPI", "MPI4PY_MPIABI"):
         asked = os.environ.get(variable, "")
         same = asked.lower() == "mpich" or (Path(asked).is_file() and Path(asked).samefile(library)) if asked else True
         if not same:
             raise StartError(
-                f"the variable {variable} asks for another MPI ({asked}), and the solver needs its own ({library}); unset it"
+                f"the variable {variable} selects another MPI ({asked}), but the solver needs its own ({library}); unset it"
             )
     try:
         ctypes.CDLL(str(library), ctypes.RTLD_GLOBAL)
@@ -160,7 +160,7 @@ def _load_mpich(library: Path | None) -> None:
 
 
 def _loaded_mpis() -> list[Path]:
-    """Libraries of MPI that this process has loaded, on Linux."""
+    """Return the libraries of MPI that this process has loaded, on Linux."""
     try:
         lines = Path("/proc/self/maps").read_text().splitlines()
     except OSError:
@@ -170,7 +170,7 @@ def _loaded_mpis() -> list[Path]:
 
 
 def _stacks() -> list[str]:
-    """Names of the installed packages that bring a PETSc or SLEPc; one alone if all is well."""
+    """Return the names of the installed packages that include PETSc or SLEPc; normally only one."""
     found = []
     for folder in dict.fromkeys(sys.path):
         with contextlib.suppress(OSError):  # not a folder
@@ -180,16 +180,16 @@ def _stacks() -> list[str]:
 
 
 def _looks() -> int:
-    """How often a rank that waits looks for a message before it lets others run.
+    """Return the number of polls of a waiting rank before it yields.
 
     Where each rank has a core nobody else is kept from running, and a wedge is solved 5 % sooner by two ranks that look often.
-    MPICH's launcher tells how many ranks there are on this machine; by another one it is not known.
+    MPICH's launcher passes the number of ranks on this machine; with another launcher it is unknown.
     """
     return MANY_LOOKS if 0 < _beside() <= cores() else FEW_LOOKS
 
 
 def _beside() -> int:
-    """How many ranks MPICH's launcher has started on this machine; -1 without it."""
+    """Return how many ranks MPICH's launcher has started on this machine; -1 without it."""
     ranks = os.environ.get("MPI_LOCALNRANKS", "")
     return int(ranks) if ranks.isdecimal() else -1
 
@@ -202,7 +202,7 @@ def _world() -> MPI.Intracomm:
 
 @contextlib.contextmanager
 def _nobodys_folder() -> Iterator[None]:
-    """Stand in the root folder for a moment, where this one has files that would be read.
+    """Change to the root folder temporarily, if the current one has option files.
 
     PETSc, DOLFINx and FFCx read options from files in the folder they start in (.petscrc, dolfinx_jit_options.json), and
     those options can load and run code. That folder may be somebody else's results; the user's own options in the home
@@ -211,7 +211,7 @@ def _nobodys_folder() -> Iterator[None]:
     if not any(os.path.lexists(name) for name in OPTION_FILES):
         yield
         return
-    here = os.open(".", os.O_RDONLY)  # a way back also to a folder that has been deleted
+    here = os.open(".", os.O_RDONLY)  # a handle back even to a deleted folder
     try:
         os.chdir("/")
         yield
@@ -221,7 +221,7 @@ def _nobodys_folder() -> Iterator[None]:
 
 
 def _read_compilers_options() -> None:
-    """Have DOLFINx and FFCx read their options' files, which each does once."""
+    """Make DOLFINx and FFCx read their option files, which each does once."""
     import dolfinx.jit
     import ffcx.options
 
@@ -230,7 +230,7 @@ def _read_compilers_options() -> None:
 
 
 def _check_shared_memory() -> None:
-    """Ask for shared memory before the wheel's MPICH does."""
+    """Check shared memory before the wheel's MPICH uses it."""
     try:
         with tempfile.TemporaryFile(dir=SHARED_MEMORY) as file:
             os.posix_fallocate(file.fileno(), 0, LEAST_SHARED)
@@ -243,7 +243,7 @@ def _check_shared_memory() -> None:
 
 
 def petsc_reason(error: BaseException) -> str:
-    """What an error of PETSc was about: the last line of its trace."""
+    """Return what an error of PETSc was about: the last line of its trace."""
     return str(error).strip().splitlines()[-1].removeprefix("[0] ")
 
 
@@ -252,12 +252,12 @@ def is_root(comm: MPI.Comm) -> bool:
 
 
 def owns_scalars(comm: MPI.Comm) -> bool:
-    """Whether this rank holds the global unknowns, the cavities' pressures: the last one."""
+    """Return whether this rank holds the global unknowns, the cavities' pressures: the last one."""
     return bool(comm.rank == comm.size - 1)
 
 
 def scalars_from_owner(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """The owner's array, on all ranks."""
+    """Return the owner's array, on all ranks."""
     return values if comm.size == 1 else comm.bcast(values, root=comm.size - 1)
 
 
@@ -290,14 +290,14 @@ def largest(comm: MPI.Comm, value: float) -> float:
 
 
 def summed(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Sum of all ranks' arrays of one shape, on every rank."""
+    """Return the sum of all ranks' arrays of one shape, on every rank."""
     from mpi4py import MPI
 
     return values if comm.size == 1 else comm.allreduce(values, op=MPI.SUM)
 
 
 def abort_on_error(comm: MPI.Comm) -> None:
-    """Make an exception on one rank end all: the others would wait for it in a collective for ever."""
+    """Make an exception on one rank abort all, which would otherwise wait forever in a collective call."""
     if comm.size == 1:
         return
     usual = sys.excepthook
@@ -311,7 +311,7 @@ def abort_on_error(comm: MPI.Comm) -> None:
 
 
 def gathered[T: np.generic](comm: MPI.Comm, values: npt.NDArray[T]) -> npt.NDArray[T] | None:
-    """Rows of all ranks' arrays, one below the other in the order of ranks, on rank 0; None elsewhere."""
+    """Return the rows of all ranks' arrays, one below the other in the order of ranks, on rank 0; None elsewhere."""
     import numpy as np
 
     parts = comm.gather(np.ascontiguousarray(values), root=0)
@@ -319,14 +319,14 @@ def gathered[T: np.generic](comm: MPI.Comm, values: npt.NDArray[T]) -> npt.NDArr
 
 
 def everywhere[T: np.generic](comm: MPI.Comm, values: npt.NDArray[T]) -> npt.NDArray[T]:
-    """Rows of all ranks' arrays, one below the other in the order of ranks, on every rank."""
+    """Return the rows of all ranks' arrays, one below the other in the order of ranks, on every rank."""
     import numpy as np
 
     return np.concatenate(comm.allgather(np.ascontiguousarray(values)))
 
 
 def scattered[T: np.generic](comm: MPI.Comm, values: npt.NDArray[T] | None, count: int) -> npt.NDArray[T]:
-    """The reverse of `gathered`: ``count`` rows of rank 0's array for each rank."""
+    """Return the reverse of `gathered`: ``count`` rows of rank 0's array for each rank."""
     import numpy as np
 
     counts = comm.gather(count, root=0)
@@ -335,40 +335,40 @@ def scattered[T: np.generic](comm: MPI.Comm, values: npt.NDArray[T] | None, coun
 
 
 def any_rank(comm: MPI.Comm, value: bool) -> bool:
-    """Whether ``value`` is true on any rank."""
+    """Return whether ``value`` is true on any rank."""
     return largest(comm, float(value)) > 0.0
 
 
 def speaks() -> bool:
-    """Whether this process may print, before MPI is started: rank 0 by what the launchers set, or no launcher."""
+    """Return whether this process may print, before MPI is started: rank 0 by what the launchers set, or no launcher."""
     ranks = (os.environ.get(name) for name in LAUNCHERS)
     return next((rank for rank in ranks if rank is not None), "0") == "0"
 
 
 def launched() -> int | None:
-    """How many ranks a launcher has started, before MPI is started: None without one, 0 where it does not tell."""
+    """Return the number of ranks of a launcher, before MPI is started: None without one, 0 if unknown."""
     sizes = (size for rank, size in LAUNCHERS.items() if rank in os.environ)
     size = next(sizes, None)
     return None if size is None else int(os.environ.get(size, "0"))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How much memory there is, and how much of it the solution of a device's linear systems takes.
+# Available memory, and the need of a device's linear solver.
 
 
 GIGA = 1e9
 GROUPS = Path("/sys/fs/cgroup")
-"""Where Linux has the limits of containers."""
+"""Files with Linux' container limits."""
 LEFT = 0.9
-"""Share of what is free that a model may take: meshes, results and pictures need some, too."""
+"""Fraction of the free memory that a model may use; meshes, results and pictures need some too."""
 
 
 class TooLargeError(Spoken, MemoryError):
-    """A model that would not fit into memory; the message is a sentence for the user."""
+    """The model does not fit into memory; the message is for the user."""
 
 
 def available(comm: MPI.Comm) -> float:
-    """Bytes that each rank may take, the same on all: the least of any machine's, shared by its ranks."""
+    """Return the bytes available per rank, the same on all: the minimum over the machines, shared by their ranks."""
     from mpi4py import MPI
 
     beside = comm.Split_type(MPI.COMM_TYPE_SHARED)
@@ -378,17 +378,17 @@ def available(comm: MPI.Comm) -> float:
 
 
 def needed(comm: MPI.Comm, own: float) -> tuple[float, float]:
-    """The largest rank's need and that of all, of each rank's ``own``."""
+    """Return the maximum and the sum of each rank's need ``own``."""
     return largest(comm, own), total(comm, own)
 
 
 def free() -> float:
-    """Bytes that are free on this machine, in this container."""
+    """Return the bytes that are free on this machine, in this container."""
     return min([*_limits(), _of_machine()])
 
 
 def _of_machine() -> float:
-    """Bytes that the machine can give without swapping."""
+    """Return the bytes that the machine can give without swapping."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
         return 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
@@ -397,7 +397,7 @@ def _of_machine() -> float:
 
 
 def _limits() -> Iterator[float]:
-    """What the containers around this process leave of their memory."""
+    """Yield the free memory of the containers around this process."""
     for most, used in (
         ("memory.max", "memory.current"),
         ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),

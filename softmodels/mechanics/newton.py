@@ -1,4 +1,4 @@
-"""Newton's method on the bordered equations: PETSc's SNES with what it is to call."""
+"""Newton's method on the bordered equations, by PETSc's SNES."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What stands for the inverse of the tangent K: a factorisation, or a cycle of multigrid.
+# Approximate inverse of the tangent K: a factorisation, or a multigrid cycle.
 
 
 class Preconditioner(abc.ABC):
-    """A linear map near K^-1 of the K that it was set up for, and how long it is worth keeping.
+    """A preconditioner near K^-1 of the K it was set up for, and a measure of its age.
 
     Attributes:
-        exact: Whether it is K^-1 itself, and knows K's inertia.
-        rounded: Whether it is so in single precision alone.
+        exact: Whether it is K^-1 itself, so that K's inertia is available.
+        rounded: Whether it is so only in single precision.
         most_of_a_solve: Iterations of the linear solver in one solve after which it is replaced at once.
         most_in_all: Wear after which the next state gets one of its own; see `wear`.
         most_newton: Iterations of Newton's method after which a shorter step costs less.
@@ -49,7 +49,7 @@ class Preconditioner(abc.ABC):
 
     @abc.abstractmethod
     def set_up(self) -> None:
-        """Take K as it is now.
+        """Set up for the current K.
 
         Raises:
             MemoryError: On all ranks, if one has not enough.
@@ -57,18 +57,18 @@ class Preconditioner(abc.ABC):
 
     @abc.abstractmethod
     def apply(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Put its product with b into x."""
+        """Apply it to b; put the result into x."""
 
     @abc.abstractmethod
     def negative_pivots(self) -> int:
-        """Negative eigenvalues of the K that it was set up for; of an exact one alone."""
+        """Return the number of negative eigenvalues of its K; only for an exact inverse."""
 
     def wear(self, iterations: int, tolerance: float) -> int:
-        """How much older a solve to a relative tolerance has made it, in iterations."""
+        """Return by how many iterations a solve to a relative tolerance has aged it."""
         return iterations
 
     def on_the_right(self, ksp: PETSc.KSP, context: object, tolerance: float, most: int) -> None:
-        """Make a linear solver GMRES with a preconditioner that is made with this.
+        """Make a linear solver GMRES with a preconditioner based on this.
 
         What is rounded to single precision is not linear to the last digits: the flexible kind adds up its very answers.
 
@@ -90,11 +90,11 @@ class Preconditioner(abc.ABC):
 
     @abc.abstractmethod
     def release(self) -> None:
-        """Destroy what PETSc holds."""
+        """Destroy the PETSc objects."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Callbacks that PETSc may keep without keeping alive what they belong to.
+# Callbacks that do not keep their objects alive when PETSc stores them.
 
 
 type Product[A] = Callable[[A, PETSc.Vec, PETSc.Vec], None]
@@ -114,7 +114,7 @@ def weakly[**P, T](method: Callable[P, T]) -> Callable[P, T]:
     def call(*arguments: P.args, **named: P.kwargs) -> T:
         bound = reference()
         if bound is None:
-            raise ReferenceError("the object that this callback belonged to has been given back")
+            raise ReferenceError("the object of this callback has been released")
         return bound(*arguments, **named)
 
     return call
@@ -128,26 +128,26 @@ class Shell:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Newton's linear system with the cavities' pressures as more unknowns, by one symmetric factorisation.
+# Newton's linear system, bordered by the cavities' pressures, solved with one symmetric factorisation.
 #
 #         [ K      -q   -H ] [dw]   [ r ]   K: tangent of the body, symmetric, indefinite in the mixed form
 #         [ a q^T   b    0 ] [dP] = [ c ]   q: dV/dw, the load of a unit pressure;  a, b: the control's line
 #         [ H^T     0    0 ] [dm]   [ g ]   H: the same of each further cavity whose volume is held, by its pressure m
 #
-# K alone is factorised (LDL^T), whatever the control; the border is eliminated (Keller 1977; Chan 1984,
+# Only K is factorised (LDL^T), for any control; the border is eliminated (Keller 1977; Chan 1984,
 # doi 10.1137/0721019). The same factorisation serves as preconditioner of GMRES on the whole system for the Newton
-# iterations that follow, and GMRES also returns the digits that elimination loses where K is nearly singular: at a limit
-# point the whole system is regular although K is not. A cycle of multigrid in the factorisation's place is bordered in the
-# same way, with one more right side for each column: it need not be near K^-1 for that.
+# iterations that follow, and GMRES also recovers the digits that elimination loses if K is nearly singular: at a limit
+# point the whole system is regular although K is not. A multigrid cycle instead of the factorisation is bordered in the
+# same way, with one more right-hand side per column: it need not be near K^-1 for that.
 
 
 ITERATED = 1e-10
-"""Tolerance of the solves that stand for back-substitutions."""
+"""Tolerance of the iterative solves that replace back-substitutions."""
 ALIKE = 5e-2
-"""Change of the load of a unit pressure, in shares of it, up to which K^-1 times it is kept."""
+"""Relative change of the load of a unit pressure up to which K^-1 times it is reused."""
 REFINED, MOST_REFINEMENTS = 1e-12, 5
-"""What back-substitutions in single precision are refined to, in shares of the answer, if nothing else is asked for; and in how
-many steps at most."""
+"""Default relative tolerance of refined single-precision back-substitutions, and the maximum number of
+refinement steps."""
 
 
 class Bordered:
@@ -180,7 +180,7 @@ class Bordered:
         self._r, self._y, self._q_lifted = K.createVecRight(), K.createVecRight(), K.createVecRight()
         self.control = Control(0.0, 1.0, 0.0)
         self.row: PETSc.Vec | None = (
-            None  # a force in q's place in the control's equation, where that is not of the volume
+            None  # a force instead of q in the control's equation, if that does not involve the volume
         )
         self.compliances = np.zeros((self.scalars, self.scalars))
         self.factorisations = 0
@@ -207,7 +207,7 @@ class Bordered:
         return self.columns[1:]
 
     def release(self) -> None:
-        """Destroy what PETSc holds; see `Solver.release`."""
+        """Destroy the PETSc objects; see `Solver.release`."""
         self.inverse.release()
         of_all = (self._iterations, self._right, self._solution, self.mat)
         for thing in (*of_all, *self.columns, *self._lifted, self._r, self._y, self._q_lifted):
@@ -224,12 +224,12 @@ class Bordered:
                 values[self.n :] = scalars
 
     def split(self, x: PETSc.Vec) -> tuple[Array, Array]:
-        """The body's part (local array, a view valid until x changes) and the pressures' (on all ranks)."""
+        """Return the body's part (local array, a view valid until x changes) and the pressures' (on all ranks)."""
         values = x.array_r
         return values[: self.n], scalars_from_owner(self.comm, np.array(values[self.n :]))
 
     def factorise(self) -> None:
-        """Factorise K as it is now, or set up what stands for its inverse.
+        """Factorise the current K, or set up the approximate inverse.
 
         Raises:
             MemoryError: On all ranks, if one has not enough.
@@ -239,7 +239,7 @@ class Bordered:
         self._lift(0)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float = REFINED) -> None:
-        """x = K^-1 b among the motions that keep the held volumes: with the factorisation at hand, or by iterations.
+        """Solve x = K^-1 b on the motions that keep the held volumes, with the current factorisation or by iterations.
 
         Iterations solve with the tangent of the state that is loaded; single precision is refined to a relative tolerance.
         """
@@ -251,25 +251,25 @@ class Bordered:
             self._refine(b, x, pressures, tolerance)
 
     def solve_roughly(self, b: PETSc.Vec, x: PETSc.Vec) -> Array:
-        """The same to the factorisation's own precision; returns the pressures that keep the held volumes."""
+        """Solve to the factorisation's precision only; return the pressures that keep the held volumes."""
         self.inverse.apply(b, x)
         return self.keep_volumes(x)
 
     def keep_volumes(self, x: PETSc.Vec) -> Array:
-        """Take what a motion x changes of the held volumes out of it, by the motions of their pressures; returns these."""
+        """Remove from a motion x its change of the held volumes, by the motions of their pressures; return these."""
         if not self.constraint_columns:
             return np.zeros(0)
         return self._close(np.array([column.dot(x) for column in self.constraint_columns]), x)
 
     def _close(self, opened: Array, x: PETSc.Vec) -> Array:
-        """Take held volumes' changes out of x; returns the pressures that do it."""
+        """Remove the changes of held volumes from x; return the pressures."""
         pressures: Array = -np.linalg.solve(self.compliances[1:, 1:], opened)
         for pressure, lifted in zip(pressures, self._lifted[1:], strict=True):
             x.axpy(pressure, lifted)
         return pressures
 
     def _refine(self, b: PETSc.Vec, x: PETSc.Vec, pressures: Array, tolerance: float) -> None:
-        """Correct x by what it leaves of b, with the K that was factorised, until it keeps its digits."""
+        """Refine x by its residual on the factorised K until it converges."""
         before = length(x)
         for _ in range(MOST_REFINEMENTS):
             self.K.mult(x, self._r)
@@ -282,13 +282,13 @@ class Bordered:
                 pressures = pressures + self._close(np.array(opened), self._y)
             x.axpy(1.0, self._y)
             size = length(self._y)
-            # What is left is as much smaller than this correction as this one is than the last.
+            # The error decreases by the same factor from correction to correction.
             if size * size <= tolerance * before * length(x) or size == 0.0:
                 return
             before = size
 
     def iterate(self, b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> int:
-        """The same by iterations to a relative tolerance; returns how many there were."""
+        """Solve by iterations to a relative tolerance; return their number."""
         control, self.control = self.control, pressure_control(0.0)
         try:
             self.join(self._right, b.array_r, np.zeros(self.scalars))
@@ -302,7 +302,7 @@ class Bordered:
         return self._iterations.getIterationNumber()
 
     def negative_eigenvalues(self) -> int:
-        """Negative eigenvalues of the K that was factorised, on the motions that keep the held volumes.
+        """Return the number of negative eigenvalues of the factorised K, on the motions that keep the held volumes.
 
         Its negative pivots (Sylvester's law of inertia), less those that holding the volumes takes away: the negative
         eigenvalues of H^T K^-1 H (Haynsworth 1968, doi 10.1016/0024-3795(68)90050-5).
@@ -311,9 +311,9 @@ class Bordered:
         return self.inverse.negative_pivots() - int(np.count_nonzero(constrained < 0))
 
     def refresh(self) -> None:
-        """Take up new columns: K^-1 times each with the factorisation at hand, and the compliances between them.
+        """Set new columns: K^-1 times each with the current factorisation, and the compliances between them.
 
-        The first column is a part of a preconditioner alone: where it has hardly changed, the answer to it is kept.
+        The first column is only part of a preconditioner: if it has hardly changed, its solution is reused.
         """
         self.q.copy(self._y)
         self._y.axpy(-1.0, self._q_lifted)
@@ -327,7 +327,7 @@ class Bordered:
             self.q.copy(self._q_lifted)
         self.compliances = np.array([[column.dot(lifted) for lifted in self._lifted] for column in self.columns])
 
-    # PETSc calls these: of the matrix, and of the preconditioner.
+    # PETSc calls these, for the matrix and the preconditioner.
 
     def mult(self, mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         body, pressures = self.split(x)
@@ -351,7 +351,7 @@ class Bordered:
         matrix[0, 0] += self.control.pressure_coefficient
         opened = np.array([row.dot(self._y) for row in rows])
         opened[0] *= a
-        # Most devices have one cavity, and this is called for every iteration.
+        # Most devices have one cavity, and this is called in every iteration.
         pressures = (gaps - opened) / matrix[0] if self.scalars == 1 else np.linalg.solve(matrix, gaps - opened)
         for pressure, lifted in zip(pressures, self._lifted, strict=True):
             self._y.axpy(pressure, lifted)
@@ -359,11 +359,11 @@ class Bordered:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The factorisation of K that is kept over several solves, and when it has aged enough to be replaced.
+# The lagged factorisation of K: kept over several solves, and replaced when it has aged.
 
 
 class LaggedPreconditioner:
-    """K of an earlier state, factorised: preconditioner of what is solved since.
+    """Factorised K of an earlier state: preconditioner of later solves.
 
     Attributes:
         base: The state at which it was made; None if there is none, or it was made at an iterate.
@@ -392,7 +392,7 @@ class LaggedPreconditioner:
         self.made += 1
 
     def set_columns(self) -> npt.NDArray[np.float64]:
-        """Put the current state's loads in the border; each cavity's load of a unit pressure, shape (k, n)."""
+        """Put the current state's loads into the border; each cavity's load of a unit pressure, shape (k, n)."""
         loads = self.system.pressure_loads()
         rows = [self.system.coupling.shares, *self.system.coupling.constraints]
         for column, row in zip(self.bordered.columns, rows, strict=True):
@@ -400,13 +400,13 @@ class LaggedPreconditioner:
         return loads
 
     def count(self, ksp: PETSc.KSP) -> None:
-        """Take note of how much older a linear solve has made it."""
+        """Add the age from a linear solve."""
         inverse, iterations = self.bordered.inverse, ksp.getIterationNumber()
         self.age += inverse.wear(iterations, ksp.getTolerances()[0])
         self.worn = iterations > inverse.most_of_a_solve
 
     def solve(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve with a linear solver, and once more with a set-up of this state where a cycle of another led nowhere.
+        """Solve with a linear solver; if a multigrid cycle of an earlier state fails, set it up anew and retry once.
 
         Returns:
             Whether it got to its tolerance.
@@ -422,7 +422,7 @@ class LaggedPreconditioner:
         return ksp.is_converged
 
     def spoil(self) -> None:
-        """Make it stale: what led here is no preconditioner to go on with."""
+        """Invalidate it, so that the next solve factorises anew."""
         self.age = self.bordered.inverse.most_in_all + 1
 
     @property
@@ -431,22 +431,22 @@ class LaggedPreconditioner:
 
     @property
     def stale(self) -> bool:
-        """Whether a new one is due: it has aged, or was made at an iterate and not at a state."""
+        """Whether it needs an update: it has aged, or was made at an iterate instead of a converged state."""
         return self.base is None or self.age > self.bordered.inverse.most_in_all
 
 
-TOLERANCE = 1e-9  # residual against the load of the cavity pressure
-FLOOR = 1e-3  # pressures below this many shear moduli do not make the tolerance any finer
-ROUNDING = 1000.0  # tolerances at which a residual that falls no further is taken for rounding
-SAFE = 10.0  # times what rounding is foretold to leave
-LOOSEST = 1e-2  # of the linear solves: Newton's first steps are no better than that anyway
+TOLERANCE = 1e-9  # residual relative to the load of the cavity pressure
+FLOOR = 1e-3  # pressures below this many shear moduli do not tighten the tolerance
+ROUNDING = 1000.0  # tolerances below which a stagnating residual counts as rounding
+SAFE = 10.0  # times the predicted rounding error
+LOOSEST = 1e-2  # of the linear solves: Newton's first steps are not more accurate anyway
 ENOUGH, LAST = 0.3, 0.1  # of Newton's tolerance, left by them; and their tolerance at most where that is enough
-CLOSER = 0.1  # of Newton's tolerance where a cycle of multigrid solves: a factorisation leaves far less than asked for anyway
-TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES gets there with any factorisation that is not worn
+CLOSER = 0.1  # of Newton's tolerance with multigrid: a factorisation is far more accurate anyway
+TIGHTEST = 1e-7  # of the same with a stiff sheet: GMRES reaches it with any recent factorisation
 
 
 class NoConvergence(RuntimeError):
-    """Newton's method found no state; the message says how it ended."""
+    """Newton's method did not converge; the message gives PETSc's reason."""
 
 
 class Newton:
@@ -480,15 +480,15 @@ class Newton:
         snes.setType("newtonls")
         snes.setFunction(weakly(self._residual), self.f)
         snes.setJacobian(weakly(self._jacobian), bordered.mat)
-        # Where friction turns round, a whole step goes from sliding one way to sliding the other, and back again.
+        # When friction reverses, full steps oscillate between sliding one way and the other.
         snes.getLineSearch().setType("bt" if system.assembled.remembers else "basic")
-        snes.setTolerances(stol=0.0)  # a short step is no state of equilibrium
+        snes.setTolerances(stol=0.0)  # a short step is not an equilibrium state
         snes.setLineSearchPreCheck(weakly(self._guard))
         snes.setConvergenceTest(weakly(self._converged))
         snes.setMaxLinearSolveFailures(3)
 
     def release(self) -> None:
-        """Destroy what PETSc holds; see `Solver.release`."""
+        """Destroy the PETSc objects; see `Solver.release`."""
         for thing in (self.snes, self.x, self.f, self._y):
             thing.destroy()
 
@@ -509,8 +509,8 @@ class Newton:
             self.snes.solve(None, self.x)
         finally:
             self.system.assembled.whole = False
-        PETSc.garbage_cleanup(self.system.comm)  # vectors that were dropped since: several ranks have to agree on them
-        reason: Any = self.snes.getConvergedReason()  # an int, whatever its stub has
+        PETSc.garbage_cleanup(self.system.comm)  # collect dropped vectors: all ranks have to agree on them
+        reason: Any = self.snes.getConvergedReason()  # an int, despite its stub
         if reason <= 0:
             self.kept.spoil()
             why = _REASONS.get(reason, f"PETSc's reason {reason}")
@@ -518,7 +518,7 @@ class Newton:
         return self._take_iterate(self.x)
 
     def solve_along(self, force: PETSc.Vec, anchor: Array, amount: float, w: Array, P: float) -> Array:
-        """The same where ``force . (w - anchor)`` is given; see `Solver.solve_along`."""
+        """Return the same where ``force . (w - anchor)`` is given; see `Solver.solve_along`."""
         self.bordered.row, self._force, self._anchor = force.copy(), force, anchor
         try:
             return self.solve(Control(1.0, 0.0, amount), w, P)
@@ -549,7 +549,7 @@ class Newton:
         self._of_stress = float(norms[: len(norms) - len(system.dead.forms)].max(initial=0.0))
 
     def _along(self) -> float:
-        """How far the current state has gone from the anchor along its force."""
+        """Return how far the current state has gone from the anchor along its force."""
         assert self._anchor is not None
         n, row = self.system.n, self.bordered.row
         assert row is not None and self._force is not None
@@ -568,7 +568,8 @@ class Newton:
         J.assemble()
 
     def _foresee_stress(self) -> None:
-        """Set the stress of sheets and fibres in Newton's matrix: the iterate's, or with `solve`'s ``since`` a foreseen one."""
+        """Set the stress of sheets and fibres in Newton's matrix: the iterate's, or with `solve`'s ``since`` a predicted
+        one."""
         if not self.system.potential.foreseen:
             return
         here = self.system.w.x.array.copy()
@@ -581,7 +582,7 @@ class Newton:
         self._iterate = here
 
     def _guard(self, x: PETSc.Vec, y: PETSc.Vec) -> bool:
-        """Shorten Newton's step y (the next iterate is x - y) until nothing turns inside out or passes through a wall."""
+        """Shorten Newton's step y (the next iterate is x - y) until no cell is inverted and nothing passes through a wall."""
         self.kept.count(self.snes.getKSP())
         self._take_iterate(x)
         system = self.system
@@ -598,7 +599,7 @@ class Newton:
                 break
             factor /= 2
         else:
-            self._smallest = None  # the step that is taken is shorter than the last trial
+            self._smallest = None  # the accepted step is shorter than the last trial
         y.scale(factor)
         return factor < 1.0
 
@@ -613,8 +614,8 @@ class Newton:
             self._first = residual
         unit_load: Any = self.bordered.q.norm()
         tolerance = TOLERANCE * max(self._load_size, FLOOR * unit_load)
-        # Forces in a thin wall cancel to a part in 1e9 of themselves; what rounding leaves of them Newton cannot mend, nor what
-        # it leaves of a stiff region's, which a small weight is far below.
+        # Forces in a thin wall cancel to 1e-9 of themselves; Newton cannot reduce their rounding error,
+        # nor that of a stiff region, which may exceed a small weight.
         rounding = max(
             ROUNDING * max(tolerance, TOLERANCE * FLOOR * self._of_stress), SAFE * self._round * self._of_stress
         )
@@ -627,7 +628,7 @@ class Newton:
         loosest = self._loosest()
         if iteration >= 3 and residual > 1e3 * LOOSEST / loosest * self._first:
             return reasons.DIVERGED_DTOL
-        # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve as well as Newton's next step can make use of.
+        # Eisenstat & Walker 1996 (doi 10.1137/0917003), choice 2: solve only as accurately as Newton's next step needs.
         forcing = loosest if iteration == 0 else min(loosest, (residual / self._before) ** 2)
         last = min(ENOUGH * tolerance / residual, LAST if self._since is None else loosest)
         snes.getKSP().setTolerances(rtol=max(min(forcing, loosest), last))
@@ -635,9 +636,9 @@ class Newton:
         return reasons.ITERATING
 
     def _loosest(self) -> float:
-        """Tolerance of the first linear solves; a tight one where a stress is foreseen.
+        """Return the tolerance of the first linear solves; a tight one if a stress is predicted.
 
-        The forces of what is stiff make up the residual: a loose solve would see to them and leave the silicone as it is.
+        The forces of what is stiff make up the residual: a loose solve would reduce them only and leave the silicone unchanged.
         """
         if self._since is None:
             return LOOSEST
@@ -648,6 +649,6 @@ _REASONS = {
     -3: "the linear solver failed{instead}",
     -4: "the residual is not a number",
     -5: "no convergence in {most} iterations",
-    -6: "no step made the residual smaller",
-    -9: "the residual grew a thousandfold",
+    -6: "the line search found no decrease of the residual",
+    -9: "the residual diverged (a thousandfold increase)",
 }

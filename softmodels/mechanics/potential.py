@@ -3,9 +3,9 @@
 Pi(u, p; P) = int shape(F) + p (J - 1) - p^2 / (2 bulk) dX - P V(u)
 
 Regions in other materials (`mechanics.regions`) have integrals of their own, and p jumps between them (`region_space`).
-Sheets, fibres, contact and whatever else is added (`mechanics.parts`) are further terms. With several cavities V is
-a sum of theirs, and others' pressures work on their own volumes (`mechanics.coupling`). Residual and tangent are its
-derivatives, so the follower pressure's stiffness and the symmetry come along. Lengths are in sizes of the device and stresses
+A bonded sheet, contact with a plane and further parts (`mechanics.parts`) are further terms. With several cavities V is
+a sum of theirs, and other pressures work on their own volumes (`mechanics.coupling`). Residual and tangent are its
+derivatives, which include the follower pressure's stiffness and are symmetric. Lengths are in sizes of the device and stresses
 in shear moduli.
 """
 
@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 
 
 class Potential:
-    """Pi of a body, with the functions and constants in it: other values of these compile nothing.
+    """Pi of a body, with its functions and constants, whose values can change without recompiling.
 
     Args:
         body: Mesh and roles.
         material: Law and parameters of all but its regions in other materials.
-        mixed: Whether p is an unknown, or displacements alone.
+        mixed: Whether p is an unknown, or only displacements.
         components: What else is added to it.
 
     Attributes:
@@ -55,7 +55,7 @@ class Potential:
         per_pascal: One pascal in shear moduli.
         bulk: Bulk modulus; its inverse if mixed: that may vanish, the bulk may not be infinite.
         regions: Where it is, then the regions in other materials; `stored` begins with an integral for each.
-        region_numbers: Number in ``regions`` of each local cell; None where there is one alone.
+        region_numbers: Number in ``regions`` of each local cell; None if there is only one.
         pressure_dofs: If mixed, the unknown p at the corners of each local cell, one for each region, shape
             (cells, corners, regions), -1 where a region does not reach.
         volumes, loads: Each cavity's volume, and its derivative by w.
@@ -77,7 +77,7 @@ class Potential:
         import ufl
         from dolfinx import fem
 
-        # The order in which functions and constants are made is part of a form's name in the cache of compiled ones.
+        # The order in which functions and constants are made is part of a form's name in the kernel cache.
         self.body, self.mixed = body, mixed
         regions = Regions(body, material, components)
         mesh, cell = body.mesh, body.mesh.basix_cell()
@@ -108,7 +108,7 @@ class Potential:
         self.energies += [energy for term in self.terms.values() for energy in term.energies]
         self.internal = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
         self.forces = [*self.internal, *([-pressures] if self.volumes else [])]
-        # The stress of sheets and fibres as it is foreseen from another state, in Newton's matrix alone; see `foresee`.
+        # The stress of sheets and fibres predicted from another state, only in Newton's matrix; see `foresee`.
         self._known, self._move = (fem.Function(self.space) for _ in range(2))
 
     def _vector_part(self, w: Expr) -> Expr:
@@ -117,7 +117,7 @@ class Potential:
         return ufl.split(w)[0] if self.mixed else w
 
     def _pressures(self) -> ufl.Form:
-        """Work of the pressures on a test function; sets what P works on."""
+        """Return the work of the pressures on a test function; set the conjugate of P."""
         from dolfinx import fem
 
         self._cavity_loads: list[tuple[fem.Constant, fem.Constant]] = []  # share of P, and the rest
@@ -131,11 +131,11 @@ class Potential:
         return sum(pressure * load for pressure, load in zip(self.pressures, self.loads, strict=True))
 
     def pressing(self) -> list[ufl.Form]:
-        """Forces of a unit pressure on each cavity's walls, see `Body.pressing`."""
+        """Return the forces of a unit pressure on each cavity's walls, see `Body.pressing`."""
         return self.body.pressing(self.displacement, self._vector_part(self._test)) if self.volumes else []
 
     def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr) -> Expr:
-        """A law's energy per reference volume, of anything that carries its parameters by name."""
+        """Return a law's energy per reference volume, of anything that carries its parameters by name."""
         import ufl
 
         strain = Strain(self.body.deformation_gradient(self.displacement))
@@ -146,12 +146,13 @@ class Potential:
         return shape + p * (strain.J - 1) - bulk / 2 * p**2
 
     def stored(self, densities: Sequence[Expr]) -> list[ufl.Form]:
-        """Integrals of energy densities over the body's regions."""
+        """Return the integrals of energy densities over the body's regions."""
         regions = zip(densities, self.regions, strict=True)
         return [density * self.body.hoop * region.dx for density, region in regions]
 
     def tangent(self, trial: Expr) -> list[ufl.Form]:
-        """Derivatives of the forces along a trial function, one for each; of sheets and fibres with their stress foreseen."""
+        """Return the derivatives of the forces along a trial function, one for each; of sheets and fibres with
+        predicted stress."""
         import ufl
 
         found = [ufl.derivative(force, self.w, trial) for force in self.forces]
@@ -160,7 +161,7 @@ class Potential:
         return found
 
     def foreseen_tangents(self, trial: Expr) -> dict[int, ufl.Form]:
-        """Those of `tangent` that are no second derivatives of their energies, by their numbers there."""
+        """Return those of `tangent` that are not second derivatives of their energies, by index."""
 
         found: dict[int, ufl.Form] = {}
         y = self._vector_part(self._known)
@@ -172,26 +173,27 @@ class Potential:
         return found
 
     def admits(self, before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]) -> bool:
-        """Whether the device may go from one state's w to another's in one step: no wall passes through what stops it."""
+        """Return whether a step from one state's w to another's is admissible: no wall passes through an
+        obstacle."""
         return all(term.admits(before, after) for term in self.terms.values())
 
     def keep(self, w: npt.NDArray[np.float64], anew: bool = False) -> None:
-        """Take up that the device has come to a state's w; see `softmodels.mechanics.component.EnergyTerm.keep`."""
+        """Accept a converged state's w; see `softmodels.mechanics.component.EnergyTerm.keep`."""
         for term in self.terms.values():
             term.keep(w, anew)
 
     # -- values -------------------------------------------------------------------------------------------------------
 
     def set_material(self, material: Material) -> None:
-        """Take other values of the same law."""
+        """Set other parameters of the same law."""
         mu = material.shear_modulus_0
         for region in self.regions:
             region.take(region.material if region.name else material, mu, self.mixed)
         self.per_pascal.value = 1 / mu
 
     def set_pressures(self, P: float, coupling: Coupling, pressures: npt.NDArray[np.float64]) -> None:
-        """Take the pressure P, and those of the cavities that a coupling makes of it."""
-        # Of one cavity its own pressure: it may be kept while P is a dead load's.
+        """Set the pressure P, and the coupled pressures of the cavities."""
+        # A single cavity's own pressure may be constant while P is a dead load's.
         self.P.value = P if self._cavity_loads or not self.volumes else pressures[0]
         for i, (share, rest) in enumerate(self._cavity_loads):
             share.value = coupling.shares[i]
@@ -199,22 +201,22 @@ class Potential:
 
     @property
     def foreseen(self) -> float:
-        """Largest stiffness, in shear moduli, of what has its stress foreseen in Newton's matrix; 0 if nothing has."""
+        """Largest stiffness, in shear moduli, of the terms with predicted stress in Newton's matrix; 0 if none."""
         per_pascal = float(self.per_pascal.value)
         return max([0.0, *(term.stiffness * per_pascal for term in self.terms.values())])
 
     def foresee(self, known: npt.NDArray[np.float64], ahead: bool = True) -> None:
-        """Foresee the stress of sheets and fibres in the current state to first order from another state's dofs ``known``.
+        """Predict the stress of sheets and fibres in the current state to first order from another state's dofs ``known``.
 
-        A stiff sheet that is turned a little too far is stretched by the square of that, and so has at once more stress than
-        all the rest bears. With this stress in its matrix Newton's method would need ever smaller steps. The stress that the
-        equations linearised at the iterate before foretold has nothing of it; at a solved state both are the same. This is
+        A stiff sheet that is rotated slightly too far is stretched by the square of that, which at once exceeds all other
+        stresses. With this stress in its matrix Newton's method would need ever smaller steps. The stress predicted by the
+        equations linearised at the previous iterate does not contain it; at a converged state both are the same. This is
         the mixed integration point method: Leonetti, Magisano, Madeo, Garcea, Kiendl, Reali 2019, A simplified
         Kirchhoff-Love large deformation model for elastic shells, Comput. Methods Appl. Mech. Eng.
 
         Args:
             known: Local dofs of that state; what follows them is not read.
-            ahead: Whether the stress is foreseen from there to the current state, or is that state's own.
+            ahead: Whether the stress is predicted from there to the current state, or is that state's own.
         """
         if self.foreseen:
             here = self.w.x.array

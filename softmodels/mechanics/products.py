@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Second derivatives of energy densities by what they have of the unknowns at a point, in UFL.
+# Second derivatives of energy densities by the unknowns and gradients at a point, in UFL.
 
 
 LABEL = 1_000_000
@@ -33,11 +33,11 @@ LABEL = 1_000_000
 
 
 class NoModuliError(ValueError):
-    """An energy whose second derivative the C code has no product for."""
+    """The C code does not support the second derivative of this energy."""
 
 
 def only_integral(energy: ufl.Form) -> ufl.Integral:
-    """The integral of an energy that has one, over cells or outer faces, by a rule of a stated degree.
+    """Return the integral of an energy that has one, over cells or outer faces, by a rule of a stated degree.
 
     Raises:
         NoModuliError: It has several, or an unusual one.
@@ -52,7 +52,8 @@ def only_integral(energy: ufl.Form) -> ufl.Integral:
 
 
 def second_derivatives(density: Expr, w: fem.Function, on_faces: bool, mixed: bool) -> Expr:
-    """Second derivative of an energy density by what it has of the displacement and p, and behind it on faces the place.
+    """Return the second derivative of an energy density by displacement, its gradient and p, then on faces the
+    position.
 
     Args:
         density: Integrand over cells, or over faces.
@@ -71,13 +72,13 @@ def second_derivatives(density: Expr, w: fem.Function, on_faces: bool, mixed: bo
     from ufl.classes import Label, Variable
 
     gradient = ufl.grad(w)
-    # Labels of one's own, the same in every run: they are part of a form's name in the cache of compiled ones.
+    # Fixed labels, because they are part of a form's signature in the kernel cache.
     H, W = (Variable(of, Label(LABEL + k)) for k, of in enumerate((gradient, w)))
     density = replace(expand_derivatives(density), {gradient: H, w: W})
     _let_go()
     allowed = {0, 1, 2} if on_faces else {3} if mixed else set()
     if not (_components(density, W) <= allowed and _components(density, H) <= {0, 1, 2}):
-        raise NoModuliError("what no solid has")
+        raise NoModuliError("unsupported components")
     at = [(0, (i, j)) for i in range(3) for j in range(3)] + [(1, (i,)) for i in sorted(allowed)]
     variables = (H, W)
     once = [ufl.diff(density, variable) for variable in variables]
@@ -88,7 +89,7 @@ def second_derivatives(density: Expr, w: fem.Function, on_faces: bool, mixed: bo
 
 
 def _let_go() -> None:
-    """Empty what functools keeps of UFL's traversers from Python 3.13 on: each would hold its expression and mesh for good."""
+    """Clear functools' cache of UFL's traversers (Python 3.13 and later), which would keep expression and mesh alive."""
     from ufl.corealg.dag_traverser import DAGTraverser
 
     kinds: list[type] = [DAGTraverser]
@@ -100,7 +101,7 @@ def _let_go() -> None:
 
 
 def _components(density: Expr, variable: Expr) -> set[int]:
-    """Which of the unknowns' components a density has of the unknowns' or their gradients' variable."""
+    """Return which of the unknowns' components a density has of the unknowns' or their gradients' variable."""
     from ufl.classes import FixedIndex, Grad, Indexed
     from ufl.corealg.traversal import unique_pre_traversal
 
@@ -116,25 +117,25 @@ def _components(density: Expr, variable: Expr) -> set[int]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Products with the tangent of a solid, by second derivatives of its energy densities that are kept at integration points.
+# Products with the tangent of a solid, by second derivatives of its energy densities stored at integration points.
 #
-# A form's product computes the law's second derivatives anew each time. They are the same for all products at a state, and
-# GMRES asks for half a dozen: here they are computed once, by an expression compiled from the potential, and C code
+# A form's product recomputes the law's second derivatives each time. They are the same for all products at a state,
+# and GMRES needs about six: here they are computed once, by an expression compiled from the potential, and C code
 # (``moduli.c``) multiplies with them, several cells or faces side by side.
 
 
 Ints = npt.NDArray[np.int32]
 
 LANES = 8
-"""Cells or faces that the C code works on side by side."""
+"""Number of cells or faces that the C code processes in parallel lanes."""
 AT_ONCE = 512
-"""Cells or faces whose second derivatives are computed at once: what they are computed into stays in the processor's cache."""
+"""Number of cells or faces whose second derivatives are computed at once, so that they stay in the processor's cache."""
 FACES = np.array([(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)])
 """Corners of a reference tetrahedron's faces."""
 
 
 def known_cells(space: fem.FunctionSpace) -> bool:
-    """Whether the C code knows the cells of a potential's space: tetrahedra, straight or with a node on each edge."""
+    """Return whether the C code supports the cells of a potential's space: tetrahedra, straight or with a node on each edge."""
     from dolfinx import mesh
 
     of = space.mesh
@@ -142,7 +143,8 @@ def known_cells(space: fem.FunctionSpace) -> bool:
 
 
 def cell_dofs(space: fem.FunctionSpace, mixed: bool) -> Ints:
-    """Unknowns of the cells: three of each node's displacement and, if mixed, p of each corner, shape (cells, 30 or 34)."""
+    """Return the unknowns of the cells: three of each node's displacement and, if mixed, p of each corner, shape (cells, 30 or
+    34)."""
     vectors = space.sub(0) if mixed else space
     parts = [np.array(vectors.sub(k).dofmap.list) for k in range(3)]
     dofs = np.stack(parts, axis=2).reshape(len(parts[0]), 30)
@@ -160,7 +162,7 @@ class QuadratureTangent:
         mixed: Whether the last component of ``w`` is p.
 
     Raises:
-        NoModuliError: The C code knows no such integral.
+        NoModuliError: The C code has no such integral.
     """
 
     def __init__(self, energy: ufl.Form, w: fem.Function, force: fem.Form, dofs: Ints, mixed: bool):
@@ -207,7 +209,7 @@ class QuadratureTangent:
             block.add_to(rows, held)
 
     def _take(self) -> None:
-        """Compute the second derivatives, if the state is another."""
+        """Compute the second derivatives, if the state has changed."""
         fields = [field.x.array for field in (self._w, *self._others)]
         constants = [constant.value.ravel() for constant in self._constants]
         here = np.concatenate([self._mesh.geometry.x.ravel(), *fields, *constants])
@@ -218,7 +220,7 @@ class QuadratureTangent:
 
 
 class _Block:
-    """Cells, or faces that are the same side of their cells, and what the C code is given of them.
+    """Cells, or faces on the same side of their cells, with the data for the C code.
 
     Args:
         c: The C code.
@@ -262,7 +264,7 @@ class _Block:
         self._nodes = np.empty(0)
 
     def _measure(self) -> None:
-        """Take up the places of the mesh's nodes: a design moves them."""
+        """Update the node positions, which a design moves."""
         import basix
 
         geometry = self._mesh.geometry
@@ -302,7 +304,7 @@ class _Block:
 
     @staticmethod
     def _in_order(values: Array, places: Array) -> Array:
-        """Values at faces' points in the order of the rule: they come in one that a face's neighbours set.
+        """Return the values at faces' points in the order of the rule, instead of the face's own orientation.
 
         Args:
             values: Shape (faces, points, entries and 3): behind the entries are the points' places.
@@ -323,7 +325,7 @@ class _Block:
 
 
 def _tabulated(degree: int, points: Array) -> Array:
-    """Shape functions of a reference tetrahedron and their derivatives at points, shape (1 + 3, points, nodes)."""
+    """Return the shape functions of a reference tetrahedron and their derivatives at points, shape (1 + 3, points, nodes)."""
     import basix
 
     element = basix.create_element(basix.ElementFamily.P, basix.CellType.tetrahedron, degree)
@@ -331,14 +333,15 @@ def _tabulated(degree: int, points: Array) -> Array:
 
 
 def _side_by_side[T: np.generic](rows: npt.NDArray[T]) -> npt.NDArray[T]:
-    """Rows of entities, shape (n, k), with `LANES` of them as the last index: shape (n / LANES, k, LANES), filled up."""
+    """Return the rows of entities, shape (n, k), with `LANES` of them as the last index: shape (n / LANES, k, LANES), filled
+    up."""
     count = -(-len(rows) // LANES)
     filled = np.concatenate([rows, np.repeat(rows[-1:], count * LANES - len(rows), axis=0)])
     return np.ascontiguousarray(filled.reshape(count, LANES, rows.shape[1]).transpose(0, 2, 1))
 
 
 class TangentOperator:
-    """What multiplies with each term of a potential: kept second derivatives where they can be, else a compiled form.
+    """Products with each term of a potential: by stored second derivatives if possible, else by a compiled form.
 
     Args:
         potential: The potential.
@@ -374,7 +377,7 @@ class TangentOperator:
         for number, term in enumerate(terms):
             try:
                 if not known or number in foreseen:
-                    raise NoModuliError("other cells, or another tangent than the energy's")
+                    raise NoModuliError("unsupported cells, or a tangent other than the energy's")
                 self.kept += [
                     QuadratureTangent(energy, potential.w, force, dofs, potential.mixed) for energy, force in term
                 ]
@@ -385,7 +388,7 @@ class TangentOperator:
         self.pattern = self.matrices[:regions] if whole else [compiled(form) for form in self._any()]
 
     def _any(self) -> list[ufl.Form]:
-        """Bilinear forms of the regions: which does not matter to a pattern, and these are soon compiled."""
+        """Return the bilinear forms of the regions, which give the pattern and compile quickly."""
         import ufl
 
         space = self._potential.space
@@ -393,7 +396,7 @@ class TangentOperator:
         return [ufl.inner(trial, test) * region.dx for region in self._potential.regions]
 
     def add(self, x: Array, y: Array) -> None:
-        """Add the product with ``x`` to ``y``, both local dofs with ghosts; what ghosts get is for their owners.
+        """Add the product with ``x`` to ``y``, both local dofs with ghosts; ghost values belong to their owners.
 
         Args:
             x: The change; held dofs are as they are in it. Kept in the potential's ``direction`` too.
@@ -407,7 +410,7 @@ class TangentOperator:
             fem.assemble_vector(y, form)
 
     def add_to(self, matrix: PETSc.Mat, bcs: Sequence[fem.DirichletBC]) -> None:
-        """Add the second derivative itself to a matrix, which is not brought to its end.
+        """Add the second derivative to a matrix, without finalising it.
 
         Args:
             matrix: With the pattern of the cells' dofs.

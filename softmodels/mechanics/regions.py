@@ -1,7 +1,7 @@
-"""Regions of a device in materials of their own, bonded to the rest without a gap.
+"""Regions of a device with other materials, perfectly bonded to the rest.
 
 A region is a physical group of cells: of a device's class, such as the ``base`` of a `PneuNet`, or a named solid of a STEP
-file. The case's material fills what no region names.
+file. The case's material fills all cells outside regions.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class RegionPart(Component):
-    """A region that has a law of its own; its name is the region's."""
+    """A region with its own law; its name is the region's."""
 
     material: Material
 
@@ -39,12 +39,12 @@ class RegionPart(Component):
         super().__post_init__()
 
     def check_on(self, actuator: Actuator) -> None:
-        """Raise `ComponentError` where a device has no such region."""
+        """Raise `ComponentError` if a device has no such region."""
         check_regions(self.where, actuator, [self.name])
 
     @property
     def own_density(self) -> float | None:
-        """In kg/m3; None for that of `softmodels.components.loads.Gravity`."""
+        """Density in kg/m3; None for that of `softmodels.components.loads.Gravity`."""
         return None
 
 
@@ -55,14 +55,14 @@ class RigidRegion(RegionPart):
 
 
 def check_compressible(main: Material, components: Sequence[Component], mixed: bool) -> None:
-    """Refuse an incompressible material without p as an unknown.
+    """Reject an incompressible material without p as an unknown.
 
     Raises:
         MaterialError: There is one.
     """
     materials = [main, *(part.material for part in components if isinstance(part, RegionPart))]
     if not mixed and any(math.isinf(one.bulk) for one in materials):
-        raise MaterialError("poisson = 0.5 needs the mixed formulation: displacements alone would lock")
+        raise MaterialError("poisson = 0.5 needs the mixed formulation; a pure displacement formulation would lock")
 
 
 @dataclasses.dataclass(eq=False)
@@ -86,7 +86,7 @@ class MaterialRegion:
     bulk: fem.Constant
 
     def take(self, material: Material, mu: float, mixed: bool) -> None:
-        """Take a material's values, in units of a shear modulus in Pa."""
+        """Set a material's parameters, in units of a shear modulus in Pa."""
         self.material = material
         for field in parameter_fields(material):
             value = np.asarray(getattr(material, field.name), dtype=float)
@@ -106,14 +106,14 @@ class Regions:
         numbers: Number of each local cell's region, 0 for the main one; None where that is the whole body.
 
     Raises:
-        ComponentError: A region that the mesh lacks, or regions that leave nothing to the main material.
+        ComponentError: A region that the mesh does not have, or regions that leave nothing to the main material.
     """
 
     def __init__(self, body: Body, material: Material, components: Sequence[Component]):
         self._body, self._material = body, material
         self._parts = [part for part in components if isinstance(part, RegionPart)]
         named = {part.name for part in self._parts}
-        # Its p is its own and its strain is none, whatever it is of: see `rigid_nodes.still_pressures`.
+        # It has its own p and no strain, whatever its material: see `still_pressures`.
         rigid = [
             part for part in components if isinstance(part, RigidPart) and part.region and part.region not in named
         ]
@@ -129,7 +129,7 @@ class Regions:
         counts = body.mesh.comm.allreduce(np.bincount(self.numbers[: self._owned()], minlength=1 + len(self._parts)))
         if not counts[0]:
             raise ComponentError(
-                f"{self._parts[0].where}: the regions leave nothing to the main material; leave one of them out"
+                f"{self._parts[0].where}: the regions cover the whole device; leave one of them to the main material"
             )
 
     def _owned(self) -> int:
@@ -137,7 +137,7 @@ class Regions:
         return int(topology.index_map(topology.dim).size_local)
 
     def main(self, parameters: types.SimpleNamespace, bulk: fem.Constant) -> MaterialRegion:
-        """The region of the main material.
+        """Return the region of the main material.
 
         Args:
             parameters: Constants of its law.
@@ -150,7 +150,7 @@ class Regions:
         return MaterialRegion("", self._material, cells, dx, parameters, bulk)
 
     def others(self) -> Iterator[MaterialRegion]:
-        """The other regions; their constants are made here."""
+        """Yield the other regions; their constants are made here."""
         from dolfinx import fem
 
         for number, part in enumerate(self._parts, 1):
@@ -166,7 +166,7 @@ class Regions:
 
 
 def constants(mesh: mesh.Mesh, material: Material) -> types.SimpleNamespace:
-    """UFL constants under the material's parameter names."""
+    """Return UFL constants under the material's parameter names."""
     from dolfinx import fem
 
     return types.SimpleNamespace(

@@ -24,16 +24,16 @@ STILL = 1e-9
 # ----------------------------------------------------------------------------------------------------------------------
 # Rotations by Cayley's parameters: rational in them, so that derivatives of any order are exact and short.
 #
-# A vector v stands for the turn about v by the angle 2 atan(|v|/2), which for small ones is |v|:
+# A vector v represents the rotation about v by the angle 2 atan(|v|/2), which for small ones is |v|:
 #
 #     R(v) = 1 + (V + V V / 2) / D,    D = 1 + v.v / 4,    V x = v cross x
 #
-# Only a half turn has none. (Bauchau & Trainelli 2003, The vectorial parameterization of rotation, doi
+# Only a rotation by 180 degrees has none. (Bauchau & Trainelli 2003, The vectorial parameterization of rotation, doi
 # 10.1023/A:1024265401576.)
 
 
 def cross(v: Array) -> Array:
-    """The matrix of v's cross product, shape (3, 3); of several, shape (..., 3, 3)."""
+    """Return the matrix of v's cross product, shape (3, 3); of several, shape (..., 3, 3)."""
     v = np.asarray(v, dtype=float)
     zero = np.zeros(v.shape[:-1])
     rows = [[zero, -v[..., 2], v[..., 1]], [v[..., 2], zero, -v[..., 0]], [-v[..., 1], v[..., 0], zero]]
@@ -61,11 +61,11 @@ class Turn:
         self.matrix = np.eye(3) + self._N / self._D
 
     def slopes(self) -> Array:
-        """dR by each amount, shape (m, 3, 3)."""
+        """Return dR by each amount, shape (m, 3, 3)."""
         return self._slopes_N / self._D - self._N * (self._slopes_D / self._D**2)[:, None, None]
 
     def curvatures(self) -> Array:
-        """Second derivatives of R, shape (m, m, 3, 3)."""
+        """Return the second derivatives of R, shape (m, m, 3, 3)."""
         A, N, D, first = self._A, self._N, self._D, self._slopes_D
         products = np.einsum("iab,jbc->ijac", A, A)
         second_N = (products + products.swapaxes(0, 1)) / 2
@@ -77,14 +77,14 @@ class Turn:
 
 
 def amounts(R: Array, axes: Array) -> Array:
-    """The amounts of axes whose `Turn` a rotation is, shape (m,); the reverse of it."""
+    """Return the amounts of axes whose `Turn` a rotation is, shape (m,); the reverse of it."""
     skew = (R - R.T) / 2
     v = np.array([skew[2, 1], skew[0, 2], skew[1, 0]]) * 4 / (1 + np.trace(R))
     return np.asarray(axes @ v)
 
 
 def nearest(moments: Array, axes: Array) -> Array:
-    """The rotation about the given axes that takes arms r nearest to arms r'.
+    """Return the rotation about the given axes that takes arms r nearest to arms r'.
 
     Args:
         moments: Sum of r' r^T over points, shape (3, 3).
@@ -107,18 +107,18 @@ def nearest(moments: Array, axes: Array) -> Array:
 
 
 def rotation_vector(R: Array) -> Array:
-    """Axis times angle in rad (0 to pi) of a rotation, shape (3,)."""
+    """Return the axis times angle in rad (0 to pi) of a rotation, shape (3,)."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_matrix(R).as_rotvec())
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How one rigid part moves: its few unknowns, the dofs that follow them, and what forces on these amount to.
+# Motion of a rigid part: its few unknowns, the dofs that follow them, and the resultants of forces on these.
 #
-# A point X of the part moves by u = t + (R - 1)(X - c), with its centre c, a translation t in the directions that are left to
-# it, and a rotation R about the axes left to it. R = R(v) R0: only the turn v from a state at hand is an unknown, so that no
-# amount of turning meets a singular parameter.
+# A point X of the part moves by u = t + (R - 1)(X - c), with its centre c, a translation t in its free directions, and a
+# rotation R about its free axes. R = R(v) R0: only the rotation v from the current state is an unknown, so
+# that large rotations meet no singularity.
 
 
 Ints = npt.NDArray[np.int32]
@@ -126,7 +126,7 @@ Ints = npt.NDArray[np.int32]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Freedom:
-    """The motions left to a part.
+    """The free motions of a part.
 
     Attributes:
         centre: The point c, shape (d,), in sizes of the device.
@@ -183,19 +183,19 @@ class RigidMotion:
     # -- the state ----------------------------------------------------------------------------------------------------
 
     def take(self, w: Array) -> None:
-        """Take the motion nearest to that of local dofs; its rotation becomes the base."""
+        """Set the motion nearest to that of local dofs; its rotation becomes the base."""
         if self.turns:
             self._base = self._fitted(w)
         self.set(self.at(w))
 
     def set(self, values: Array) -> None:
-        """Take other values of the unknowns."""
+        """Set other values of the unknowns."""
         self.values = np.array(values)
         if self.turns:
             self._turn = self._turned(self.values)
 
     def at(self, w: Array) -> Array:
-        """The unknowns' values of the motion nearest to that of local dofs, from the present base on."""
+        """Return the unknowns' values of the motion nearest to that of local dofs, from the present base on."""
         mean = self.sum((w[self.dofs[self.owned]] @ self._unskewed.T).sum(axis=0)) / self._count
         if not self.turns:
             return self.freedom.directions @ mean
@@ -204,7 +204,7 @@ class RigidMotion:
         return np.concatenate([self.freedom.directions @ moved, amounts(R @ self._base.T, self.freedom.axes)])
 
     def _fitted(self, w: Array) -> Array:
-        """The rotation nearest to that of local dofs, shape (3, 3)."""
+        """Return the rotation nearest to that of local dofs, shape (3, 3)."""
         arms = self.arms[self.owned]
         reached = arms + w[self.dofs[self.owned]] @ self._unskewed.T
         total = self.sum(np.concatenate([reached.sum(axis=0), (reached.T @ arms).ravel()]))
@@ -216,16 +216,16 @@ class RigidMotion:
 
     @property
     def translation(self) -> Array:
-        """Of the centre, shape (d,)."""
+        """Displacement of the centre, shape (d,)."""
         return self.values[: len(self.freedom.directions)] @ self.freedom.directions
 
     @property
     def rotation(self) -> Array:
-        """R, shape (3, 3)."""
+        """Rotation R, shape (3, 3)."""
         return self._turn.matrix @ self._base
 
     def displacements(self) -> Array:
-        """Values of w at the part's nodes, shape as ``dofs``."""
+        """Return the values of w at the part's nodes, shape as ``dofs``."""
         u = np.broadcast_to(self.translation, self.arms.shape)
         if self.turns:
             u = u + self.arms @ (self.rotation - np.eye(3)).T
@@ -238,7 +238,7 @@ class RigidMotion:
         return np.broadcast_to(along.T, (len(self.dofs), *along.T.shape))
 
     def rates(self) -> Array:
-        """Derivatives of w at the part's nodes by the unknowns, shape (nodes, d, count)."""
+        """Return the derivatives of w at the part's nodes by the unknowns, shape (nodes, d, count)."""
         if not self.turns:
             return self._steady
         slopes = self._turn.slopes() @ self._base
@@ -246,17 +246,18 @@ class RigidMotion:
         return np.concatenate([self._steady, turning], axis=2)
 
     def nearest_rate(self, w: Array) -> Array:
-        """The rate of the unknowns whose dofs are nearest to local dofs, shape (count,)."""
+        """Return the rate of the unknowns whose dofs are nearest to local dofs, shape (count,)."""
         rates = self.rates()[self.owned]
         square = self.sum(np.einsum("nam,nak->mk", rates, rates))
         return np.linalg.solve(square, self.work(w))
 
     def work(self, b: Array) -> Array:
-        """Forces conjugate to the unknowns, of owned entries b conjugate to w: over all ranks, shape (count,)."""
+        """Return the forces conjugate to the unknowns, of owned entries b conjugate to w: over all ranks, shape (count,)."""
         return self.sum(np.einsum("nam,na->m", self.rates()[self.owned], b[self.dofs[self.owned]]))
 
     def curvature(self, b: Array) -> Array:
-        """Second derivatives by the unknowns of what entries b conjugate to w do: over all ranks, shape (count, count)."""
+        """Return the second derivatives by the unknowns of the work of entries b conjugate to w: over all ranks, shape (count,
+        count)."""
         found = np.zeros((self.freedom.count, self.freedom.count))
         if self.turns:
             k = len(self.freedom.directions)

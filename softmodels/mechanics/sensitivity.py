@@ -1,4 +1,4 @@
-"""How a state of equilibrium moves with the numbers of the material and with lengths of the device.
+"""Sensitivity of equilibrium states to material parameters and lengths of the device.
 
 A state (w, P) satisfies R(w, P; theta) = 0 on the line a V + b P = d of its control, so that
 
@@ -7,7 +7,7 @@ A state (w, P) satisfies R(w, P; theta) = 0 on the line a V + b P = d of its con
 
 which is the matrix of Newton's method: one solve per parameter with the factorisation at hand, no finite differences, and
 regular at limit points wherever the line crosses the path (Michaleris, Tortorelli & Vidal 1994, doi 10.1002/nme.1620371408).
-dR/dtheta of a material's numbers is one compiled form per law, whatever the parameters: the derivative along a direction
+dR/dtheta by material parameters is one compiled form per law, for all parameters: the derivative along a direction
 whose components are Constants. Of a length it is the derivative by the mesh's coordinates along the motion of its nodes.
 """
 
@@ -50,7 +50,8 @@ class Rate:
 
 
 def known_parameters(material: Material) -> tuple[str, ...]:
-    """Names a state can be differentiated by: the law's numbers (``c1``; ``mu1``, ``alpha1`` ...) and ``poisson``.
+    """Return the names of the parameters of differentiation: those of the law (``c1``; ``mu1``, ``alpha1`` ...) and
+    ``poisson``.
 
     The numbers of a region in another material have its name in front: ``base.c1``.
     """
@@ -65,7 +66,7 @@ class Sensitivity:
         reshaping: Lengths of it that will be asked for; None for none.
 
     Raises:
-        ComponentError: Lengths of a device whose walls press on each other.
+        ComponentError: Lengths of a device with self-contact.
     """
 
     def __init__(self, solver: Solver, reshaping: Reshaping | None = None):
@@ -74,8 +75,7 @@ class Sensitivity:
         self.solver, eq = solver, solver.system
         if reshaping is not None and reshaping.velocities and eq.assembled.slack:
             raise ComponentError(
-                "derivatives by lengths do not know walls that press on each other ([walls]); leave the lengths as they are, "
-                "or the walls out"
+                "derivatives by lengths do not support self-contact ([walls]); fix the lengths, or leave out the walls"
             )
         self._along = _Directions(eq)
         test = ufl.TestFunction(eq.space)
@@ -88,7 +88,7 @@ class Sensitivity:
             self._lengths[name] = forces, loads, eq.form(ufl.derivative(eq.potential.cavity_volume, X, velocity))
 
     def rates(self, state: State, control: Control, names: Sequence[str]) -> tuple[Tangent, dict[str, Rate]]:
-        """Derivatives of the state that stays on one line of pressure and volume (in SI units) as parameters change.
+        """Return the derivatives of the state that stays on one line of pressure and volume (in SI units) as parameters change.
 
         The tangent matrix is factorised at the state.
 
@@ -108,7 +108,7 @@ class Sensitivity:
         return along, {name: self._rate(state, control, name) for name in names}
 
     def material_force(self, name: str) -> tuple[Array, float]:
-        """Derivative of the residual by one of the material's numbers at the state that is loaded.
+        """Return the derivative of the residual by a material parameter at the loaded state.
 
         Args:
             name: Of `known_parameters`.
@@ -119,10 +119,10 @@ class Sensitivity:
         eq = self.solver.system
         dmu = self._along.turn(eq.material, name)
         force = eq.assemble(self._material).copy()
-        if eq.dead.forms:  # they keep their newtons, which in shear moduli fall
+        if eq.dead.forms:  # constant in newtons, so decreasing in shear moduli
             cavities = len(eq.pressures) - len(eq.dead.forms)
             force += dmu / eq.stress_unit * eq.pressures[cavities:] @ eq.pressure_loads()[cavities:]
-        if eq.assembled.slack:  # and so do springs and weights that are pressed on
+        if eq.assembled.slack:  # and so are springs and weights in contact
             force -= dmu / eq.stress_unit * eq.by_unknowns(eq.assembled.add_harder(eq.w.x.array, np.zeros(eq.n)))
         return force, dmu
 
@@ -133,12 +133,12 @@ class Sensitivity:
             forces, loads, volume = self._lengths[name]
             force = eq.assemble(forces).copy()
             for magnitude, forms in zip(eq.pressures[len(eq.pressures) - len(loads) :], loads, strict=True):
-                force -= magnitude * eq.assemble(forms)  # what is thicker is heavier
+                force -= magnitude * eq.assemble(forms)  # a thicker part is heavier
             force /= eq.length_unit  # forms by coordinates are per unit of the device's size
             opened = eq.integral(volume) / eq.length_unit
         else:
             (force, dmu), opened = self.material_force(name), 0.0
-        # The line is meant in Pa and m3; in shear moduli it moves as the shear modulus does.
+        # The line is fixed in Pa and m3; in shear moduli it moves with the shear modulus.
         gap = -control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
         moved = self.solver.linear_response(-force, gap, TOLERANCE)
         return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit)
@@ -159,7 +159,7 @@ class _Directions:
         self.laws = [_LawDirection(eq, region) for region in eq.potential.regions]
         self.mixed = eq.mixed
         self.energies = eq.potential.stored([law.slope for law in self.laws])
-        # Parts keep their stiffness in Pa, which in shear moduli falls; their energies are linear in one Pa's share.
+        # Parts keep their stiffness in Pa, which decreases in shear moduli; their energies are linear in the value of one Pa.
         self.per_pascal = fem.Constant(mesh, 0.0)
         for term in eq.potential.terms.values():
             for energy in term.energies:

@@ -1,4 +1,4 @@
-"""Equilibrium of a pressurised body: one solver for every control, and the linear answers around its states."""
+"""Equilibrium of a pressurised body: one solver for every control, and linear responses around its states."""
 
 from __future__ import annotations
 
@@ -44,19 +44,19 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A guess of a linear answer at one state from the answers at the states before it.
+# Initial guess of a linear solution from the solutions at earlier states.
 
 
 MOST = 3
-"""Answers that are kept: with three, a path's curve is followed to its bend."""
+"""Number of stored solutions: three represent a path's curvature."""
 LIKE = 0.5
-"""What the states kept may leave of the way to a new one, in shares of it, for more than the last of them to count."""
+"""Maximum relative remainder of the distance to a new state for which more than the last solution is used."""
 ALIKE = 1e-10
-"""Shares of the longest way below which two states do not differ in what the others know: their difference is rounding."""
+"""Fraction of the longest distance below which the difference of two states is rounding."""
 
 
 class EarlierAnswers:
-    """The answers to one load at the last states of a path.
+    """The solutions for a load at the last states of a path.
 
     Args:
         comm: The ranks that hold a part of each.
@@ -68,7 +68,7 @@ class EarlierAnswers:
         self._known: list[tuple[Array, Array]] = []
 
     def guess(self, load: Array, place: Array) -> Array | None:
-        """A guess of the answer at a state; None if nothing is known.
+        """Return a guess of the solution at a state; None if there is no earlier one.
 
         The sum of states with shares that add up to one that comes nearest to the state: the same sum of their answers.
 
@@ -93,12 +93,12 @@ class EarlierAnswers:
         return guess
 
     def keep(self, place: Array, answer: Array) -> None:
-        """Remember the answer at a state to the load that was asked of last."""
+        """Store the solution at a state for the last load."""
         self._known = [*self._known[1 - MOST :], (place.copy(), answer.copy())]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How a device's linear systems are solved, chosen in one place: by a factorisation, or by iterations with multigrid.
+# Selection of the linear solver: a factorisation, or iterations with multigrid.
 #
 # A factorisation takes memory that grows faster than the model (as n^(4/3) in three dimensions), iterations what grows as it
 # does. Both are known before they are allocated: the first from MUMPS' analysis, the second from the matrix' entries.
@@ -107,16 +107,16 @@ class EarlierAnswers:
 METHODS = ("auto", "direct", "iterative")
 errors.choices(METHODS)
 AMPLE = 1e3
-"""Bytes that are more than enough for a factorisation, times the unknowns to the power 4/3: three times what a cube's takes in
-double precision (307, 297 and 295 at 15,468, 49,072 and 93,469 unknowns), and ten times a slab's. Where there is as much, it is
-not looked at more closely, which takes an assembly and an analysis."""
+"""Bytes times the unknowns to the power 4/3 that are always enough for a factorisation: three times what a cube's takes in
+double precision (307, 297 and 295 at 15,468, 49,072 and 93,469 unknowns), and ten times a slab's. If that much is free, the
+exact need is not computed, which takes an assembly and an analysis."""
 MASS_ENTRY = 6
-"""Bytes that the mass matrix, by which modes are measured, takes per entry of K: it has two fifths of these."""
+"""Bytes of the mass matrix of the modes per entry of K: it has two fifths of these."""
 
 
 @dataclasses.dataclass(frozen=True)
 class SolverMethod:
-    """What was chosen.
+    """The selected method.
 
     Attributes:
         name: ``"direct"`` or ``"iterative"``.
@@ -130,24 +130,24 @@ class SolverMethod:
 
     @property
     def told(self) -> str:
-        """What a user wants to know of it; empty where nothing was decided."""
+        """A message on the selection; empty if nothing was decided."""
         if not self.memory:
             return ""
         how = "iterations with multigrid" if self.name == "iterative" else "a factorisation"
         return f"linear equations: {how}, about {self.memory / GIGA:.2g} GB" + (f" ({self.why})" if self.why else "")
 
     def inverse(self, system: System) -> Preconditioner:
-        """What stands for the inverse of a system's tangent."""
+        """Return the preconditioner of a system's tangent."""
         return cycle_of(system)(system) if self.name == "iterative" else Factorisation(system.K, spread(system.matter))
 
 
 def cycle_of(system: System) -> type[Multigrid]:
-    """The kind of cycle that a system takes."""
+    """Return the kind of cycle that a system takes."""
     return RigidCycle if system.unknowns.moving else Multigrid
 
 
 def select_solver(system: System, method: str) -> SolverMethod:
-    """The method that is taken where this one is asked for.
+    """Return the method to use for the requested one.
 
     Args:
         system: What is to be solved; assembled at rest and analysed where memory could be short.
@@ -175,26 +175,27 @@ def select_solver(system: System, method: str) -> SolverMethod:
     if direct[0] <= room and method != "iterative":
         return SolverMethod("direct", needed(system.comm, beside + usual)[1])
     if fits and method == "auto":
-        told = f"about {direct[1] / GIGA:.2g} GB, where {room * system.comm.size / GIGA:.2g} GB are free"
+        told = f"about {direct[1] / GIGA:.2g} GB of {room * system.comm.size / GIGA:.2g} GB free"
         return SolverMethod("iterative", iterative[1], f"a factorisation would take {told}")
     least = iterative if method == "iterative" else direct
     advice = ", or --solver iterative" if fits else ""
     raise TooLargeError(
-        f"the model has {unknowns} unknowns, and the solution of its equations would take about {least[1] / GIGA:.2g} GB "
+        f"the model has {unknowns} unknowns, and its solution needs about {least[1] / GIGA:.2g} GB "
         f"of memory, where {room * system.comm.size / GIGA:.2g} GB are free; use a larger --cell-size, a smaller slice of "
         f"the device{advice}"
     )
 
 
 TANGENT_TOLERANCE = 1e-7
-"""Of the linear solver for a path's direction, which decides how long steps are: at 1e-5 single precision's rounding shows."""
+"""Tolerance of the linear solver for a path's tangent, which affects the step length: at 1e-5 single-precision rounding
+shows."""
 ENERGY_TOLERANCE, OF_A_CYCLE = 1e-4, 1e-5
-"""The same where the answer's work on its own load is asked for: its error is the square of that with a factorisation, and a
-hundred times the square with a cycle of multigrid, whose residual says less."""
+"""The same for the work of a solution on its own load: its error is the square of that with a factorisation, and a
+hundred times the square with multigrid, whose residual is less informative."""
 
 
 class Solver:
-    """Solves a system for its states of equilibrium.
+    """Solves a system for its equilibrium states.
 
     Args:
         system: The discrete equations. Its functions hold the state that was solved for or asked about last.
@@ -219,14 +220,14 @@ class Solver:
         self.kept = LaggedPreconditioner(system, self.bordered)
         self.newton = Newton(system, self.bordered, self.kept)
         self.bordered.precondition(self.newton.snes.getKSP(), LOOSEST)
-        # Questions aside of the path have a solver of their own: its iterations do not count as the path's.
+        # Solves outside the continuation use a separate solver, so that their iterations do not count as the path's.
         self._side = self.bordered.precondition(PETSc.KSP().create(system.comm), TANGENT_TOLERANCE)
         self.newton.snes.setFromOptions()
         self._y = system.K.createVecRight()
         self._answers = EarlierAnswers(system.comm)
 
     def couple(self, coupling: Coupling, state: State, pressures: Array) -> State:
-        """Couple the cavities in another way from a state on.
+        """Change the coupling of the cavities at a state.
 
         Args:
             coupling: The new coupling.
@@ -255,7 +256,7 @@ class Solver:
             control: The curve.
             w: Guess of the dofs, shape as `State.w`.
             P: Guess of the pressure.
-            since: If given, stress in Newton's matrix is foreseen (`Potential.foresee`), at first that of these dofs.
+            since: If given, stress in Newton's matrix is predicted (`Potential.foresee`), at first that of these dofs.
             most: Iterations of Newton's method before it is given up; the solver's own number if None.
 
         Raises:
@@ -279,7 +280,7 @@ class Solver:
         return self._state(self.newton.solve_along(force, anchor, amount, w, P))
 
     def _state(self, scalars: Array) -> State:
-        """The state that Newton's method has left in the functions."""
+        """Return the state that Newton's method has left in the functions."""
         w = np.concatenate([self.system.w.x.array, scalars[1:]])
         return State(w, float(scalars[0]), self.system.volume(), self.newton.snes.getIterationNumber())
 
@@ -294,12 +295,12 @@ class Solver:
         """Whether a new factorisation is due; see `LaggedPreconditioner.stale`."""
         return self.kept.stale
 
-    # -- linear answers -----------------------------------------------------------------------------------------------
+    # -- linear responses ----------------------------------------------------------------------------------------------
 
     def tangent(
         self, state: State, control: Control, tolerance: float = TANGENT_TOLERANCE, guess: Tangent | None = None
     ) -> Tangent:
-        """Direction of the path at a state, scaled to one unit of the control's line, to a relative tolerance.
+        """Return the direction of the path at a state, scaled to one unit of the control's line, to a relative tolerance.
 
         Args:
             state: The state.
@@ -314,7 +315,8 @@ class Solver:
         return self.linear_response(0.0, 1.0, tolerance, guess)
 
     def tangent_along(self, state: State, force: PETSc.Vec, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
-        """The same scaled to ``force . dw = 1``, as `solve_along` goes: regular where pressure and volume both turn back.
+        """Return the same scaled to ``force . dw = 1``, as `solve_along` goes: regular even if pressure and volume both
+        turn back.
 
         Args:
             state: The state.
@@ -334,11 +336,11 @@ class Solver:
             self.bordered.row = None
 
     def _border(self, state: State, control: Control) -> None:
-        """Set the border for linear answers at a state, the control's line held."""
+        """Set the border for linear responses at a state, on the control's line."""
         self.system.load(state)
         self.kept.set_columns()
         self.bordered.control = control
-        if self.bordered.factorisations == 0:  # the guess was the state: Newton's method made no step
+        if self.bordered.factorisations == 0:  # the guess was the state: Newton's method took no step
             self.kept.make(state)
         self.bordered.refresh()
 
@@ -374,7 +376,7 @@ class Solver:
         return self._answer()
 
     def _answer(self) -> Tangent:
-        """The linear solver's solution: changes of dofs, pressure and volume."""
+        """Return the linear solver's solution: changes of dofs, pressure and volume."""
         bordered = self.bordered
         body, pressures = bordered.split(self.newton.x)
         direction = self.system.potential.direction.x
@@ -385,7 +387,8 @@ class Solver:
         return Tangent(w, float(pressures[0]), bordered.q.dot(self._y))
 
     def aside(self, state: State, control: Control, force: Array, tolerance: float) -> Tangent:
-        """Answer of a state, linearised, to a ``force`` on the body with a control's line held; the path knows nothing of it.
+        """Return the linear response of a state to a ``force`` on the body on a control's line; does not affect the
+        continuation.
 
         Args:
             state: The state.
@@ -405,18 +408,21 @@ class Solver:
         self._side.solve(newton.f, newton.x)
         self._side.setTolerances(rtol=TANGENT_TOLERANCE)
         if not self._side.is_converged:
-            raise NoConvergence(f"the linear solver failed on a force beside the path{bordered.inverse.instead}")
+            raise NoConvergence(
+                f"the linear solver failed on a force outside the continuation{bordered.inverse.instead}"
+            )
         return self._answer()
 
     def dead_load_compliance(self, state: State, load: Array) -> float:
-        """Work of a dead load (entries of owned dofs, shape (n,)) on the motion it causes at a state, the cavity pressure kept.
+        """Return the work of a dead load (entries of owned dofs, shape (n,)) on the motion it causes at constant
+        cavity pressure.
 
         To 1e-9, by a few iterations from the answers at the states before; infinite where the tangent has no solution.
         """
         self.system.load(state)
         bordered, newton = self.bordered, self.newton
         bordered.control = pressure_control(0.0)
-        if bordered.constraint_columns:  # the held volumes' own: the border may be of another state
+        if bordered.constraint_columns:  # for the held volumes, because the border may belong to another state
             self._border(state, bordered.control)
         pulled = self.system.by_unknowns(load).copy()
         bordered.join(newton.f, pulled, np.zeros(bordered.scalars))
@@ -425,7 +431,7 @@ class Solver:
         self._side.setTolerances(rtol=ENERGY_TOLERANCE if bordered.inverse.exact else OF_A_CYCLE)
         place = self.system.unknowns.nearest(state.w)
         guess = self._answers.guess(load, place)
-        # Near a critical point an answer may be far from the next: what leads nowhere is begun again without it.
+        # Near a critical point solutions may differ strongly between states: retry without the guess.
         for known in [None] if guess is None else [guess, None]:
             newton.x.array_w[:] = 0.0 if known is None else known
             self._side.setInitialGuessNonzero(known is not None)
@@ -438,15 +444,15 @@ class Solver:
             return math.inf
         self._answers.keep(place, newton.x.array_r)
         moved, pressures = bordered.split(newton.x)
-        # Twice the load's work less that of all forces in the answer: what is missing then is of second order in its error.
+        # Twice the load's work minus that of all forces in the solution has a second-order error.
         bordered.mat.mult(newton.x, newton.f)
         forces, opened = bordered.split(newton.f)
         return total(self.system.comm, float((2.0 * pulled - forces) @ moved)) + float(pressures[1:] @ opened[1:])
 
     def release(self) -> None:
-        """Give back what PETSc and MPI hold for this device; it cannot be solved any more.
+        """Release the PETSc and MPI objects of this device, which cannot be solved afterwards.
 
-        What is merely dropped is given back on one rank alone: on several PETSc waits until all agree.
+        What is merely dropped is released on only one rank: on several PETSc waits until all agree.
         """
         self._drop()
         self.system.K.destroy()

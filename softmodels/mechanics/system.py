@@ -1,4 +1,4 @@
-"""The discrete equations of a pressurised body: what its potential's forms are assembled to, and functions of a state.
+"""The discrete equations of a pressurised body: assembled forms of its potential, and functions of a state.
 
 Inside, lengths are in sizes of the device and stresses in shear moduli.
 """
@@ -51,12 +51,12 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What Newton's method solves for, where that is not every dof: w = T(q).
+# The reduced unknowns of Newton's method: w = T(q).
 #
-# A state's dofs w stay whole everywhere else. Without rigid parts q is the owned part of w, and nothing here costs anything.
-# With them q has the same length and the same layout: a part's few unknowns (`RigidMotion`) sit in the slots of some of the
-# dofs that follow it, and the others' rows are the identity, as at held dofs. The residual is T^T r, the tangent T^T K T and,
-# where a part can turn, r times T's second derivative.
+# All other code uses the full dofs w. Without rigid parts q is the owned part of w, at no cost. With
+# them q has the same length and layout: a part's few unknowns (`RigidMotion`) occupy the slots of some of the dofs that
+# follow it, and the others' rows are the identity, as at held dofs. The residual is T^T r, the tangent T^T K T and, if a part
+# can rotate, r times T's second derivative.
 
 
 Ints = npt.NDArray[np.int32]
@@ -84,29 +84,29 @@ class Unknowns:
         self.n = n
 
     def begin(self, w: Array) -> Array:
-        """Take the state of local dofs w, from which unknowns count where a part can turn; its q, shape (n,)."""
+        """Set the state of local dofs w as the base of rotations; return its q, shape (n,)."""
         return w[: self.n]
 
     def take(self, w: Array) -> None:
-        """Take the state of local dofs w."""
+        """Set the state of local dofs w."""
 
     def place(self, q: Array, w: Array) -> None:
-        """Take the state q, and put its dofs into w."""
+        """Set the state q, and put its dofs into w."""
         w[: self.n] = q
 
     def push(self, q: Array, w: Array) -> None:
-        """Put into w how the dofs change as the unknowns change by q."""
+        """Put into w the change of the dofs for a change q of the unknowns."""
         w[: self.n] = q
 
     def nearest(self, w: Array) -> Array:
-        """The change of the unknowns by which the dofs change most nearly by w, shape (n,)."""
+        """Return the change of the unknowns whose change of the dofs is closest to w, shape (n,)."""
         return w[: self.n]
 
     def pull(self, b: Array) -> None:
-        """Turn owned entries conjugate to w into those conjugate to q."""
+        """Convert owned entries conjugate to w into those conjugate to q."""
 
     def matrix(self, whole: PETSc.Mat, fill: Callable[[], None]) -> PETSc.Mat:
-        """A matrix with the pattern of the reduced one.
+        """Return a matrix with the pattern of the reduced one.
 
         Args:
             whole: K, not yet assembled.
@@ -123,7 +123,7 @@ class Unknowns:
         """
 
     def projected(self, whole: PETSc.Mat, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """T^T M T of another matrix; what was made before is made anew where a part has turned."""
+        """Return T^T M T of another matrix; an earlier result is updated if a part has rotated."""
         return whole
 
     def stiffen(self, q: Array, y: Array, forces: Callable[[], Array]) -> None:
@@ -168,7 +168,7 @@ class RigidUnknowns(Unknowns):
             motion.take(w)
 
     def _values(self, q: Array) -> list[Array]:
-        """Each part's own values in q."""
+        """Return each part's own values in q."""
         own = [q[slots] if rank == self.comm.rank else None for rank, slots in self.slots]
         if self.comm.size == 1:
             return [values for values in own if values is not None]
@@ -221,7 +221,7 @@ class RigidUnknowns(Unknowns):
         return self._reduced
 
     def _rows(self, whole: PETSc.Mat) -> tuple[Ints, Ints, Array]:
-        """T, compressed by rows: the identity, and each part's rates."""
+        """Return T in compressed rows: the identity, and each part's rates."""
         start = whole.getOwnershipRange()[0]
         counts = np.ones(self.n, dtype=np.int32)
         for motion in self.motions:
@@ -240,7 +240,7 @@ class RigidUnknowns(Unknowns):
         from petsc4py import PETSc
 
         self._take_rates(whole)
-        same = whole.getInfo()["nz_used"] == self._entries  # contact couples more and more of them
+        same = whole.getInfo()["nz_used"] == self._entries  # contact adds couplings over time
         self._product = whole.ptap(self._T, self._product if same else None)
         self._entries = whole.getInfo()["nz_used"]
         self._reduced.zeroEntries()
@@ -262,13 +262,13 @@ class RigidUnknowns(Unknowns):
         return whole.ptap(self._T, into)
 
     def _take_rates(self, whole: PETSc.Mat) -> None:
-        """Take the present rates into T."""
+        """Update T with the current rates."""
         if self.turns:
             self._T.setValuesCSR(*self._rows(whole))  # type: ignore[arg-type]
             self._T.assemble()
 
     def _second(self, forces: Callable[[], Array]) -> list[Array]:
-        """Each part's second derivatives' part of the tangent; nothing where none can turn."""
+        """Return each part's second-derivative terms of the tangent; empty if none can rotate."""
         if not self.turns:
             return []
         if self._curvatures is None:
@@ -283,7 +283,7 @@ class RigidUnknowns(Unknowns):
 
 
 def _slots(comm: MPI.Comm, n: int, motion: RigidMotion, held: Ints, name: str) -> tuple[int, npt.NDArray[np.int64]]:
-    """The rank that has a part's unknowns, and the owned dofs in whose slots they are there (empty elsewhere)."""
+    """Return the rank that has a part's unknowns, and the owned dofs in whose slots they are there (empty elsewhere)."""
     free = np.setdiff1d(motion.dofs[motion.owned].ravel(), held)
     counts = comm.allgather(len(free))
     rank = int(np.argmax(counts))
@@ -294,14 +294,14 @@ def _slots(comm: MPI.Comm, n: int, motion: RigidMotion, held: Ints, name: str) -
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The residual and the tangent of a device's equations, assembled in the state that its functions hold.
+# Assemble the residual and the tangent of a device's equations at the current state.
 
 
 class Assembly:
-    """What the `System` assembles; its attributes are set there.
+    """Assembly methods of `System`, which sets the attributes.
 
     Vectors of all dofs are entries by w. Those of the unknowns are what Newton's method has: zero at held dofs, and with rigid
-    parts by the parts' own unknowns in place of the dofs that follow them.
+    parts by the parts' own unknowns instead of the dofs that follow them.
     """
 
     potential: Potential
@@ -320,7 +320,8 @@ class Assembly:
     form: Callable[[ufl.Form], fem.Form]
 
     def assemble(self, forms: list[fem.Form], held: bool = False) -> Array:
-        """Sum of assembled linear forms, owned entries: by the unknowns and zero at held dofs, or by all dofs if ``held``.
+        """Return the sum of assembled linear forms, owned entries: by the unknowns and zero at held dofs, or by all dofs if
+        ``held``.
 
         It is a view that the next call overwrites.
         """
@@ -334,12 +335,12 @@ class Assembly:
         return b.array[: self.n] if held else self._by_unknowns()
 
     def by_unknowns(self, entries: Array) -> Array:
-        """Entries of owned dofs by the unknowns; a view that the next assembly overwrites."""
+        """Return the entries of owned dofs by the unknowns; a view that the next assembly overwrites."""
         self._vector.x.array[: self.n] = entries
         return self._by_unknowns()
 
     def _by_unknowns(self) -> Array:
-        """What has been assembled by all dofs, by the unknowns."""
+        """Return what has been assembled by all dofs, by the unknowns."""
         b = self._vector.x.array
         for bc in self.bcs:
             bc.set(b, alpha=0.0)
@@ -347,12 +348,12 @@ class Assembly:
         return b[: self.n]
 
     def internal_forces(self) -> Array:
-        """Derivative of the stored energy, owned entries; a view that the next assembly overwrites."""
+        """Return the derivative of the stored energy, owned entries; a view that the next assembly overwrites."""
         self.assembled.add_forces(self.w.x.array, self.assemble(self._internal, held=True))
         return self._by_unknowns()
 
     def pressure_loads(self) -> Array:
-        """Each driver's load of a unit magnitude, shape (k, n): of the cavities' pressures, then of the dead loads."""
+        """Return each driver's load of a unit magnitude, shape (k, n): of the cavities' pressures, then of the dead loads."""
         return np.array([self.assemble(load).copy() for load in self._loads])
 
     def assemble_tangent(self) -> None:
@@ -368,7 +369,7 @@ class Assembly:
         self.assembled.add_to(self._whole, self.w.x.array)
 
     def tangent_product(self, x: Array, y: Array) -> None:
-        """Put the current state's tangent times x into y. Cheaper than assembling the matrix, and only good for products."""
+        """Put the current state's tangent times x into y, without assembling the matrix."""
         from dolfinx import la
 
         d = self.potential.direction.x
@@ -389,7 +390,7 @@ class Assembly:
         y[self.unknowns.idle] = x[self.unknowns.idle]
 
     def forces_and_loads(self) -> list[tuple[fem.Form, float]]:
-        """The potential's derivative by w in the current state: compiled forms with their factors."""
+        """Return the potential's derivative by w in the current state: compiled forms with their factors."""
         loads = zip(self._loads, -self.pressures, strict=True)
         return [*((form, 1.0) for form in self._internal), *((form, factor) for load, factor in loads for form in load)]
 
@@ -398,9 +399,9 @@ class Assembly:
         return [self.form(walls) for walls in self.potential.pressing()]
 
     def surplus(self) -> Array:
-        """Forces on each owned dof that holders balance, with the sign of `residual`, and equal to it on free dofs.
+        """Return the reaction forces on each owned dof, with the sign of `residual`, and equal to it on free dofs.
 
-        On held dofs, and on rigid parts' as a whole, that is what holds them. The air pushes on its walls alone, see
+        On held dofs, and on rigid parts' as a whole, that is what holds them. The air pushes only on its walls, see
         `Body.pressing`, and all dead loads count.
         """
         found = self.residual()
@@ -410,7 +411,7 @@ class Assembly:
         return found
 
     def residual(self) -> Array:
-        """Derivative of the potential by each owned dof, held ones and rigid parts' too."""
+        """Return the derivative of the potential by each owned dof, held ones and rigid parts' too."""
         found = np.zeros(self.n)
         for form, factor in self.forces_and_loads():
             found += factor * self.assemble([form], held=True)
@@ -418,14 +419,14 @@ class Assembly:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where rigid parts sit on a mesh, and the unknowns that Newton's method has with them.
+# Nodes of rigid parts on a mesh, and the unknowns of Newton's method with them.
 
 
 class Nodes:
     """The displacement's nodes in a function space.
 
     Args:
-        space: Of w: mixed with p, or of the displacement alone.
+        space: Of w: mixed with p, or of only the displacement.
 
     Attributes:
         dofs: Local dofs of w's components at each local node, shape (nodes, d).
@@ -434,14 +435,14 @@ class Nodes:
 
     def __init__(self, space: fem.FunctionSpace):
         d = space.mesh.geometry.dim
-        mixed = space.dofmap.index_map_bs == 1  # the displacement alone is numbered in blocks
+        mixed = space.dofmap.index_map_bs == 1  # only a pure displacement is numbered in blocks
         self.vectors, parents = space.sub(0).collapse() if mixed else (space, None)
         self.places = self.vectors.tabulate_dof_coordinates()[:, :d]
         every = np.arange(len(self.places) * d) if parents is None else np.asarray(parents)
         self.dofs = every.astype(np.int32).reshape(-1, d)
 
     def on(self, body: Body, part: RigidPart) -> npt.NDArray[np.int32]:
-        """The local nodes on a part's face, or of its region.
+        """Return the local nodes on a part's face, or of its region.
 
         Raises:
             ComponentError: The mesh has no such face.
@@ -462,7 +463,7 @@ class Nodes:
 def unknowns_of(
     body: Body, space: fem.FunctionSpace, held: Sequence[fem.DirichletBC], components: Sequence[Component]
 ) -> Unknowns:
-    """What is solved for on a mesh: its owned dofs, fewer where there are rigid parts.
+    """Return the unknowns on a mesh: its owned dofs, fewer with rigid parts.
 
     Args:
         body: Mesh and roles.
@@ -488,11 +489,11 @@ def unknowns_of(
         freedom = part.freedom(body.actuator, _centre(body, part))
         motion = motions[part.label] = RigidMotion(comm, freedom, body.skew, dofs, places, dofs[:, 0] < n)
         if any_rank(comm, bool(np.isin(dofs, taken).any())):
-            raise ComponentError(f"{part.where} meets another rigid part; make them one")
+            raise ComponentError(f"{part.where} touches another rigid part; merge them")
         if any_rank(comm, bool((np.isin(dofs, still)[..., None] & (np.abs(motion.rates()) > STILL)).any())):
             raise ComponentError(
-                f"{part.where} meets the device's support along an edge, so it cannot move; guide it along what the support "
-                "leaves free, or use kind = 'held'"
+                f"{part.where} touches the device's support along an edge, so it cannot move; guide it along a free "
+                "direction of the support, or use kind = 'held'"
             )
         taken = np.concatenate([taken, dofs.ravel()])
     try:
@@ -502,7 +503,7 @@ def unknowns_of(
 
 
 def _centre(body: Body, part: RigidPart) -> Array:
-    """Centre of a part's whole undeformed face or region, in sizes of the device: what lies beyond cut planes counts too."""
+    """Return the centre of a part's whole undeformed face or region, in sizes of the device, mirror images included."""
     import ufl
     from dolfinx import fem
 
@@ -519,7 +520,7 @@ def _centre(body: Body, part: RigidPart) -> Array:
 
 
 def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[Component]) -> list[fem.DirichletBC]:
-    """Conditions that hold p in rigid regions, where nothing strains: a region has its own p, see `region_space`.
+    """Return the conditions that fix p in rigid regions, which do not strain; a region has its own p, see `region_space`.
 
     Args:
         body: The mesh; it has the regions, which `softmodels.mechanics.regions.Regions` checks.
@@ -538,13 +539,13 @@ def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[C
 
 FORMULATIONS = ("mixed", "displacement")
 VOLUME_TOLERANCE = 0.1
-"""Of the cavity's volume by its mesh against its closed form: straight edges cost a few percent, and so do three curved ones
-around a channel; six of them a part in a thousand."""
+"""Tolerance of the meshed cavity's volume against the exact one: straight edges, or three curved ones around a channel,
+give a few percent error; six a part in a thousand."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class State:
-    """A state of equilibrium, dimensionless.
+    """An equilibrium state, dimensionless.
 
     Attributes:
         w: Local dof values with ghosts, shape (n,): skew displacement components and, if mixed, p; behind them, where
@@ -575,7 +576,7 @@ class System(Assembly):
         K: Matrix with the pattern of the tangent.
         n: Number of owned dofs; ``dofs`` counts ghosts too.
         still_pressures: Number of p that are held, in rigid regions.
-        unknowns: What Newton's method solves for in place of w: vectors of K's size are of these.
+        unknowns: What Newton's method solves for instead of w: vectors of K's size are of these.
         coupling: How the drivers are coupled: the cavities' pressures and volumes, then the dead loads and what they move.
         dead: The dead loads.
         volume_error: Of the cavity's volume by its mesh, against the closed form; nan where there is none.
@@ -587,7 +588,7 @@ class System(Assembly):
         ComponentError: A part that cannot be on this mesh.
     """
 
-    potential_class: type[Potential] = Potential  # one's own may have further terms
+    potential_class: type[Potential] = Potential  # a user's potential may have further terms
 
     def __init__(
         self,
@@ -602,7 +603,7 @@ class System(Assembly):
             raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
         check_compressible(material, components, formulation == "mixed")
         self.body, self.formulation, self.comm = clamped(body, components), formulation, body.mesh.comm
-        if type(body).volume_integrand is Body.volume_integrand:  # one's own integral may close them in its own way
+        if type(body).volume_integrand is Body.volume_integrand:  # a user's volume integral may close them differently
             check_closed(body.actuator, body.openings, self.body.holds)
         self.mixed = formulation == "mixed"
         self.potential = self.potential_class(self.body, material, self.mixed, components)
@@ -646,14 +647,14 @@ class System(Assembly):
         self._densities: fem.Expression | None = None
 
     def _check_volume(self) -> None:
-        """Refuse a cavity whose opening is not closed by planes through the origin: its volume would be another."""
+        """Reject a cavity whose openings are not in planes through the origin, because its volume would be wrong."""
         found, known = self.rest().V * self.volume_unit, self.body.actuator.cavity_volume
         self.volume_error = found / known - 1 if self._volumes else 0.0
         if abs(self.volume_error) > VOLUME_TOLERANCE:
             raise BodyError(
-                f"the cavity's wall encloses {found * 1e6:.4g} ml where {known * 1e6:.4g} ml were expected: every face around "
-                "the air has to be among its walls, and planes that cut the cavity open have to pass through the origin; a "
-                "coarse mesh that cuts curves short needs smaller cells (--cell-size)"
+                f"the cavity's wall encloses {found * 1e6:.4g} ml instead of {known * 1e6:.4g} ml: include "
+                f"every face around the air in its walls, let planes that cut the cavity pass through the "
+                f"origin, or use smaller cells if the mesh is coarse (--cell-size)"
             )
 
     @property
@@ -667,7 +668,7 @@ class System(Assembly):
         return self.space.sub(0) if self.mixed else self.space
 
     def set_material(self, material: Material) -> None:
-        """Take other values of the same law; nothing is compiled again."""
+        """Set other parameters of the same law, without recompiling."""
         self.potential.set_material(material)
         self.material = material
 
@@ -706,51 +707,53 @@ class System(Assembly):
         self.potential.set_pressures(P, self.coupling, self.pressures)
 
     def rest(self) -> State:
-        """The undeformed state at no pressure."""
+        """Return the undeformed state at no pressure."""
         state = State(np.zeros(self.dofs + len(self.coupling.constraints)), 0.0, 0.0)
         self.load(state)
         return dataclasses.replace(state, V=self.volume())
 
     def drives_at(self, state: State) -> Array:
-        """Pressure of each cavity and magnitude of each dead load at a state, shape (k,)."""
+        """Return the pressure of each cavity and magnitude of each dead load at a state, shape (k,)."""
         return self.coupling.pressures(state.P, state.w[self.dofs :])
 
     def pressures_at(self, state: State) -> Array:
-        """Pressure of each cavity at a state."""
+        """Return the pressure of each cavity at a state."""
         return self.drives_at(state)[: len(self._volumes)]
 
     def volume(self) -> float:
-        """What P works on in the current state: a volume, or what a dead load moves."""
+        """Return the conjugate of P in the current state: a volume, or a dead load's travel."""
         return float(self.coupling.shares @ self.driven())
 
     def scales(self) -> Array:
-        """Scales of what the drivers work on, shape (k,): the cavities' volumes in the current state, and 1 of dead loads."""
+        """Return the scales of the drivers' conjugates, shape (k,): the cavities' volumes in the current state, and 1 of dead
+        loads."""
         return np.concatenate([self.volumes(), np.ones(len(self.dead.forms))])
 
     @property
     def drives_cavities(self) -> bool:
-        """Whether P is a pressure, and not a dead load's magnitude alone."""
+        """Whether P is a pressure, not only a dead load's magnitude."""
         return bool(self.coupling.shares[: len(self._volumes)].any())
 
     def driven(self) -> Array:
-        """What each driver works on in the current state: the cavities' volumes, then what dead loads move, shape (k,)."""
+        """Return each driver's conjugate in the current state: the cavities' volumes, then the dead loads' travels,
+        shape (k,)."""
         return np.concatenate([self.volumes(), self.dead.moved()])
 
     def volumes(self) -> Array:
-        """Volume of each cavity in the current state."""
+        """Return the volume of each cavity in the current state."""
         return np.array([self.integral(volume) for volume in self._volumes]) + self.body.chambers
 
     def stored_energy(self) -> float:
-        """Energy stored in the body in the current state."""
+        """Return the energy stored in the body in the current state."""
         return sum(self.integral(form) for form in self._stored) + self.assembled.energy(self.w.x.array)
 
     def smallest_J(self) -> float:
-        """Smallest volume ratio at the integration points of the current state."""
+        """Return the smallest volume ratio at the integration points of the current state."""
         values = self._J.eval(self.body.mesh, self.cells)
         return -largest(self.comm, -float(values.min()) if values.size else -math.inf)
 
     def point_volumes(self) -> Array:
-        """Dimensionless undeformed volumes of the integration points of the owned cells, shape (cells, points)."""
+        """Return the dimensionless undeformed volumes of the integration points of the owned cells, shape (cells, points)."""
         if self._densities is None:
             import ufl
             from dolfinx import fem
@@ -760,27 +763,28 @@ class System(Assembly):
         return self._densities.eval(self.body.mesh, self.cells).reshape(len(self.cells), -1) * self._weights
 
     def integral(self, form: fem.Form) -> float:
-        """Value of a compiled form without arguments, over all ranks."""
+        """Return the value of a compiled form without arguments, over all ranks."""
         from dolfinx import fem
 
         return total(self.comm, fem.assemble_scalar(form))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a region much stiffer than the silicone does to rounding errors: of its forces, and of a factorisation.
+# Effect of a very stiff region on rounding errors, of its forces and of a factorisation.
 
 
 def spread(regions: Sequence[MaterialRegion]) -> float:
-    """The stiffest region's shear modulus over the softest one's, at small strain."""
+    """Return the stiffest region's shear modulus over the softest one's, at small strain."""
     moduli = [region.material.shear_modulus_0 for region in regions]
     return max(moduli) / min(moduli)
 
 
 def rounding_of_stress(system: System) -> float:
-    """What rounding leaves of the stiffest region's stress, in shear moduli of the main material; 0 where there is one region.
+    """Return the rounding error of the stiffest region's stress, in shear moduli of the main material; 0 for a single
+    region.
 
     A place of about the device's size is known to a share of 2e-16, and the strain of a thin cell is the difference of two of
-    them over its thickness: of a sheet of 1 GPa and 0.2 mm in a silicone finger 1e-9 shear moduli are measured, and foretold.
+    them over its thickness: of a sheet of 1 GPa and 0.2 mm in a silicone finger 1e-9 shear moduli are measured, and predicted.
     """
     if len(system.matter) == 1:
         return 0.0
@@ -789,7 +793,7 @@ def rounding_of_stress(system: System) -> float:
 
 
 def _thinnest(mesh: meshes.Mesh) -> float:
-    """Least height of a cell in the mesh's units, on all ranks."""
+    """Return the least height of a cell in the mesh's units, on all ranks."""
     from mpi4py import MPI
 
     dimension = mesh.topology.dim
@@ -804,11 +808,11 @@ def _thinnest(mesh: meshes.Mesh) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Forces with which a device pushes on what holds it.
+# Reaction forces of a device's supports.
 
 
 def held_force(system: System, role: str, component: int) -> float:
-    """Force of the current state on whatever holds a role along a component of w, of the slice, dimensionless.
+    """Return the current force on the support of a role along a component of w, of the slice, dimensionless.
 
     It is what of the forces on the role's dofs nothing else balances, see `softmodels.mechanics.system.Assembly.surplus`.
     """
@@ -824,7 +828,7 @@ def held_force(system: System, role: str, component: int) -> float:
 
 
 def face_load(system: System, role: str, direction: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """A unit load on the slice, spread evenly over a role's undeformed facets: entries of all owned dofs.
+    """Return a unit load on the slice, spread evenly over a role's undeformed facets: entries of all owned dofs.
 
     Args:
         system: The equations.
@@ -852,10 +856,10 @@ def face_load(system: System, role: str, direction: npt.ArrayLike) -> npt.NDArra
 
 
 def nodal_forces(system: System) -> tuple[Array, Array]:
-    """All dead loads at their own magnitudes, on the modelled slice.
+    """Return all dead loads at their own magnitudes, on the modelled slice.
 
     Args:
-        system: The equations of a solid with displacements alone, on one rank.
+        system: The equations of a solid with only displacements, on one rank.
 
     Returns:
         Undeformed places of the nodes in m and forces on them in N, shape (n, 3) each, in device coordinates.

@@ -1,9 +1,9 @@
-"""The branch that leaves a path at a bifurcation.
+"""Branch switching at a bifurcation.
 
-Where K is singular in a mode, the device can go on in two more ways, the path's shape with a little of the mode added or
-taken away. Near the bifurcation the branch, its mirror image and the path itself have all but the same volumes and
-pressures, so its first states are solved for with the amount of the mode given, which is regular whatever volume and
-pressure do. Once two states foretell the third, arc lengths lead on.
+If K is singular in a mode, two more branches exist: the path's shape plus or minus a small amount of
+the mode. Near the bifurcation the branch, its mirror image and the path have nearly the same volumes
+and pressures, so its first states are solved with a prescribed amount of the mode, which stays regular. Once
+two states predict the third, arc-length control takes over.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from softmodels.path.points import ArcLength, PathEnd, Point
 from softmodels.path.stability import Mode
 
 AMOUNTS = (0.05, 0.1, 0.02, 0.2, 0.01)
-"""Amounts of the mode tried in turn for the first state: largest displacement in sizes of the device."""
+"""Amounts of the mode tried in turn for the first state, as largest displacement relative to the device's size."""
 GROWTH = 1.3
-"""From one given amount of the mode to the next."""
+"""Factor between prescribed amounts of the mode."""
 MOST_AMOUNTS = 14
-"""Given amounts of the mode after which arc lengths take over in any case."""
+"""Maximum number of prescribed amounts before arc-length control takes over."""
 FORETOLD = 0.2
-"""Error of a foretold amount, in shares of its growth, below which arc lengths take over."""
+"""Relative error of a predicted amount below which arc-length control takes over."""
 MOST_POINTS = 60
 
 
 class Branch:
-    """One of the two ways from a bifurcation; takes the path over, whose last points become the branch's.
+    """One of the two directions from a bifurcation; reuses the path object, whose last points become the branch's.
 
     Args:
         path: The path that met it.
@@ -48,11 +48,12 @@ class Branch:
         path.trail.begin_again(ArcLength.name)
 
     def amount(self, w: npt.NDArray[np.float64]) -> float:
-        """What dofs (shape as `State.w`) have of the mode beyond the bifurcation's, along the way taken."""
+        """Return the amount of the mode in dofs (shape as `State.w`) relative to the bifurcation, along the chosen
+        direction."""
         return self.sign * self.mode.share(w - self.start.state.w)
 
     def first(self) -> Point:
-        """The first state on the branch.
+        """Return the first state on the branch.
 
         Raises:
             NoConvergence: No amount of the mode led to a state.
@@ -62,11 +63,11 @@ class Branch:
             try:
                 return self._given(amount, at.w + self.sign * amount * self.shape, at.P)
             except NoConvergence as failure:
-                self.path.report(f"no state with {amount:g} of the mode ({failure})")
-        raise NoConvergence("no state was found on the branch")
+                self.path.report(f"no converged state with amplitude {amount:g} of the mode ({failure})")
+        raise NoConvergence("no converged state on the branch")
 
     def next(self) -> Point:
-        """The state with `GROWTH` times as much of the mode as the last."""
+        """Return the state with `GROWTH` times as much of the mode as the last."""
         path, last = self.path, self.path.last.state
         points = path.trail.points
         before = points[0].state if len(points) > 1 else self.start.state
@@ -75,7 +76,7 @@ class Branch:
         return self._given(GROWTH * new, last.w + ahead * (last.w - before.w), last.P + ahead * (last.P - before.P))
 
     def _given(self, amount: float, guess: npt.NDArray[np.float64], P: float) -> Point:
-        """The state with so much of the mode, its tangent pointing towards more."""
+        """Return the state with the given amplitude of the mode, its tangent towards larger ones."""
         path, solver, at = self.path, self.path.solver, self.start.state
         solver.factorise(dataclasses.replace(at, w=guess, P=P))
         state = solver.solve_along(self.mode.image, at.w, self.sign * amount, guess, P)
@@ -90,12 +91,12 @@ class Branch:
         )  # fmt: skip
 
     def _distance(self, a: State, b: State) -> float:
-        """Arc length between two states in the plane of volume and pressure."""
+        """Return the arc length between two states in the plane of volume and pressure."""
         change = (b.V - a.V, b.P - a.P)
         return self.path.plane.product(change, change) ** 0.5
 
     def foretold(self, known: list[Point], found: Point) -> bool:
-        """Whether two points of the branch foretell a third well enough to go on by arc lengths."""
+        """Return whether two points predict a third well enough for arc-length control."""
         s, t = known[-1].state, known[-1].tangent
         path, new = self.path, found.state
         line = path.plane.square_to(t, s)
@@ -128,9 +129,7 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
 
     def ends(point: Point) -> bool:
         value, growth = path.value(point.state), point.state.V / path.plane.V_scale
-        least = (
-            0.05 if system.drives_cavities else -LARGEST_GROWTH
-        )  # what a dead load moves may be nothing, or backwards
+        least = 0.05 if system.drives_cavities else -LARGEST_GROWTH  # the travel of a dead load may be zero or negative
         return value >= farthest or value <= 0.0 or not least < growth < LARGEST_GROWTH
 
     branch = Branch(path, bifurcation, sign)

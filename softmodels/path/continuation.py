@@ -1,7 +1,8 @@
-"""Following a device along its load path: `trace` yields one `Point` after another.
+"""Continuation of equilibrium states: `trace` yields one `Point` of the load path after another.
 
 Steps are predicted from the last two states and their tangents (a cubic), corrected by Newton's method, halved on failure,
-and lengthened where Newton is quick. A requested value that the control's line cannot meet is solved for between two states.
+and lengthened if Newton converges quickly. Requested values that the control cannot prescribe are solved for between two
+states.
 """
 
 from __future__ import annotations
@@ -40,17 +41,17 @@ from softmodels.path.points import (
 from softmodels.path.stability import Mode, Signature, Stability
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What the last points of a path and their tangents foretell: the next state, and then the direction of the path there.
+# Predictor of the continuation: the next state and the tangent there, from the last points and their tangents.
 
 
 LONGEST = 3.0
-"""How far ahead, in distances between the last two points, a polynomial through both says more than the last tangent alone."""
+"""Maximum prediction distance, in distances between the last two points, for the cubic rather than the last tangent."""
 MIN_RELATIVE_DISTANCE = 1e-2
-"""The same of a new state that says something about the direction; nearer by, its change is rounding."""
+"""Minimum distance of a new state for predicting the tangent; closer, its change is rounding."""
 
 
 class Foretelling(Protocol):
-    """A state of a path and the path's direction there."""
+    """A predictor point: a state of a path and its tangent."""
 
     @property
     def state(self) -> State: ...
@@ -62,7 +63,7 @@ class Foretelling(Protocol):
 def predict(points: Sequence[Foretelling], line: Curve) -> tuple[Array, float]:
     """Guess (w, P) on a line from one point and its tangent, or from the cubic through two.
 
-    The parameter is the line's own left side; beyond a point where that turns, the tangent alone is used.
+    The parameter is the line's own left side; beyond a point where that turns, only the tangent is used.
 
     Raises:
         NoConvergence: The path runs along the line.
@@ -77,7 +78,8 @@ def predict(points: Sequence[Foretelling], line: Curve) -> tuple[Array, float]:
 
 
 def predict_direction(points: Sequence[Foretelling], state: State, line: Curve) -> Tangent | None:
-    """Guess of the direction at a state beyond the last points, per unit of a line's left side; None if they foretell none.
+    """Predict the tangent at a state beyond the last points, per unit of a line's left side; None
+    if not possible.
 
     It is that of the polynomial through the points, their tangents and the state itself.
     """
@@ -99,14 +101,14 @@ def predict_direction(points: Sequence[Foretelling], state: State, line: Curve) 
 
 
 def _along(points: Sequence[Foretelling], line: Curve) -> tuple[Array, Array]:
-    """A line's left side at points, and its rates along their tangents."""
+    """Return a line's left side at points, and its rates along their tangents."""
     slopes = np.array([line.slopes(p.state.V, p.state.P) for p in points])
     rates = np.einsum("pi,pi->p", slopes, [(p.tangent.V, p.tangent.P) for p in points])
     return np.array([line.value(p.state.V, p.state.P) for p in points]), rates
 
 
 def _agree(places: Array, rates: Array, at: float) -> bool:
-    """Whether two points both foretell what is there."""
+    """Return whether two points agree in their predictions."""
     if len(places) < 2 or rates[0] * rates[1] <= 0.0:
         return False
     apart = places[1] - places[0]
@@ -114,7 +116,8 @@ def _agree(places: Array, rates: Array, at: float) -> bool:
 
 
 def _weights(places: Array, at: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Shares of the values and slopes at one or two places in the polynomial through them, at another; and their rates."""
+    """Return the weights of values and slopes at one or two places in the interpolating polynomial at another, and
+    their rates."""
     if len(places) == 1:
         one = np.ones(1)
         return (one, one * (at - places[0])), (0.0 * one, one)
@@ -127,7 +130,7 @@ def _weights(places: Array, at: float) -> tuple[tuple[Array, Array], tuple[Array
 
 
 def _sum(points: Sequence[Foretelling], values: Array, slopes: Array) -> tuple[Array, float]:
-    """Sum of the points' states and tangents, (w, P), with a share each."""
+    """Return the weighted sum of the points' states and tangents, (w, P)."""
     w, P = np.zeros_like(points[0].state.w), 0.0
     for p, value, slope in zip(points, map(float, values), map(float, slopes), strict=True):
         w += value * p.state.w
@@ -137,11 +140,11 @@ def _sum(points: Sequence[Foretelling], values: Array, slopes: Array) -> tuple[A
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The end of a path: its last two points, from which the next is foretold, and what a restart needs to go on alike.
+# History of a path: its last two points for the predictor, and the data for an exact restart.
 
 
 class PathHistory:
-    """Last points of a path.
+    """The last points of a path.
 
     Args:
         solver: The device.
@@ -164,7 +167,7 @@ class PathHistory:
         return self.points[-1]
 
     def keep(self, point: Point) -> Point:
-        """Make a point the last one, with what a restart needs to go on as this path does."""
+        """Append a point, with the data for an exact restart."""
         kept = self.solver.kept
         self.solver.system.potential.keep(point.state.w)
         point = dataclasses.replace(
@@ -175,16 +178,17 @@ class PathHistory:
         return point
 
     def change_line(self, line: str, step: float) -> None:
-        """Follow something else from the last point on, with a step of this length."""
+        """Switch the control at the last point, with a step of this length."""
         self.line = line
         self.points[-1] = dataclasses.replace(self.last, step=step, line=line)
 
     def begin_again(self, line: str) -> None:
-        """Forget all points and modes: what comes is another branch."""
+        """Drop all points and modes before another branch."""
         self.points, self.modes, self.line = [], [], line
 
     def restore(self, points: Sequence[Point], tangent: Callable[[State], Tangent]) -> None:
-        """Take up points of an earlier path: same predictor, same factorisation, same modes, so the same numbers.
+        """Restore the points of an earlier path, with the same predictor, factorisation and modes, so that results are
+        identical.
 
         Args:
             points: In order, the last two, those before them at which the kept factorisation was made, and bifurcations.
@@ -207,19 +211,20 @@ class PathHistory:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# States of a path: solved for on a control's curve from what the last points foretell, and those between two points.
+# Corrector of the continuation: solve for states on a control's curve from the predictor, and between two points.
 
 
 LARGEST_MODE_SHARE = 0.5
-"""Share of a bifurcation's mode in a guess's error, over the step's size, above which the state lies on another branch."""
+"""Amplitude of a bifurcation's mode in the predictor's error, relative to the step, above which the state is on another
+branch."""
 FARTHEST = 4.0
-"""How far a dead load may move what it acts on in one step, in terms of what the step's beginning foretells."""
+"""Maximum travel of a dead load in one step, relative to the predicted one."""
 MOST_SECANTS = 25
-"""Steps of the secant method in which a value between two points is found."""
+"""Maximum secant iterations to locate a value between two points."""
 
 
 class Emptied(NoConvergence):
-    """A state in which a cavity has less than no volume: its walls have passed through each other."""
+    """A cavity has negative volume: its walls have passed through each other."""
 
 
 class Corrector:
@@ -236,20 +241,21 @@ class Corrector:
         self.stability = trail.stability
 
     def tangent(self, state: State, tolerance: float = TANGENT_TOLERANCE) -> Tangent:
-        """Direction at a state, kept pointing forward; measured square to the last direction, so regular at limits."""
+        """Return the tangent at a state, oriented forwards; scaled along the last direction, so it is regular at
+        limit points."""
         if not self.trail.points:
             return self.solver.tangent(state, Control(1 / self.plane.V_scale, 1.0, 0.0), tolerance)
         last = self.trail.last
         line = self.plane.stiffened(last.stiffest).square_to(last.tangent, last.state)
-        # Where nothing moves, a guess is the states' rounding errors, and the direction has to be without any.
+        # If nothing moves, a guess would consist of rounding errors, so solve without one.
         locked = self.plane.locked(last.tangent.compliance)
         guess = None if locked else predict_direction(self.trail.points, state, line)
         return self.solver.tangent(state, line, tolerance, guess)
 
     def solve(self, line: Curve, around: Sequence[Point]) -> State:
-        """The state on a line, guessed by the cubic through one or two points and their tangents.
+        """Return the state on a line, guessed by the cubic through one or two points and their tangents.
 
-        Past a bifurcation there are several. One with much more or less of the mode than foretold lies on another branch.
+        Past a bifurcation there are several. One with much more or less of the mode than predicted lies on another branch.
 
         Raises:
             NoConvergence: There is none, or it lies on another branch.
@@ -260,15 +266,15 @@ class Corrector:
         except NoConvergence:
             if not self.solver.system.potential.foreseen:
                 raise
-            # A stiff sheet or stiff fibres may have been in the way.
+            # A stiff sheet or stiff fibres may have prevented convergence.
             state = self.solver.solve(line, w, P, since=around[-1].state.w)
         for mode in self.trail.modes:
             if abs(mode.share(state.w - w)) > LARGEST_MODE_SHARE * mode.size(w - around[-1].state.w):
-                raise NoConvergence("it jumped to another branch")
+                raise NoConvergence("Newton converged to another branch")
         return state
 
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
-        """The point of a state: its tangent and signature, factorised where these need it.
+        """Return the point of a state, with tangent and signature, factorised if these need it.
 
         Args:
             state: A state near the last point.
@@ -278,13 +284,13 @@ class Corrector:
         """
         solver, last = self.solver, self.trail.last
         stale = solver.stale
-        # At a limit point K is singular: no preconditioner to go on with, and a signature of rounding errors.
+        # At a limit point K is singular: no usable preconditioner, and a signature of rounding errors.
         stale = (stale or self.stability.wants(state)) and not (limit and solver.bordered.factorisations)
         if stale:
             solver.factorise(state)
         tangent, before = self.tangent(state), last.tangent
         if limit:
-            # Which way the pressure goes there is a matter of rounding; like the signature, it is that of the state before.
+            # The sign of the pressure's rate is rounding there; like the signature, take it from the state before.
             tangent = dataclasses.replace(tangent, P=math.copysign(tangent.P, before.P))
         turned = before.P * tangent.P < 0 or before.V * tangent.V < 0
         negative = last.signature.negative_eigenvalues
@@ -302,7 +308,7 @@ class Corrector:
         )
 
     def check_branch(self, state: State, line: Curve) -> None:
-        """Refuse a state that Newton found on a line somewhere else: behind the last one, inside out, or through a wall.
+        """Reject a converged state on the wrong branch: behind the last one, inverted, or through a wall.
 
         A dead load's magnitude may be given beyond a limit point and met again far behind it, on a part that stiffens.
 
@@ -314,20 +320,20 @@ class Corrector:
         system, plane = self.solver.system, self.plane.stiffened(self.trail.last.stiffest)
         along = plane.product((state.V - s.V, state.P - s.P), (t.V, t.P))
         if (system.volumes() <= 0.0).any():
-            raise Emptied("a cavity would be pressed empty")
+            raise Emptied("a cavity would collapse to zero volume")
         if along <= 0.0:
-            raise NoConvergence("it jumped to another branch")
+            raise NoConvergence("Newton converged to another branch")
         if not system.potential.admits(s.w, state.w):
-            raise NoConvergence("a wall passed through what stops it")
+            raise NoConvergence("a wall passed through an obstacle")
         if not (line.needs_volume or system.drives_cavities):
             foretold = t.V * (state.P - s.P) / t.P if t.P else math.inf
             if abs(state.V - s.V) > FARTHEST * abs(foretold):
-                raise NoConvergence("it gave way too far for one step")
+                raise NoConvergence("the travel was too large for one step")
 
     # -- between two points -------------------------------------------------------------------------------------------
 
     def between(self, quantity: PathQuantity, before: Point, after: Point, value: float) -> Point:
-        """The point between two others at which a quantity has a value."""
+        """Return the point between two others at which a quantity has a value."""
         try:
             state = self.solve(quantity.curve(value), (before, after))
             low, high = sorted((before.state.V, after.state.V))
@@ -339,13 +345,13 @@ class Corrector:
         return self.point(state, requested=True)
 
     def on_the_way(self, before: Point, after: Point, share: float) -> Point:
-        """A point between two, ``share`` of the way in volume."""
+        """Return a point between two, ``share`` of the way in volume."""
         a, b = before.state, after.state
         state = self.solve(volume_control(a.V + share * (b.V - a.V)), (before, after))
         return dataclasses.replace(after, state=state, tangent=self.tangent(state), requested=False)
 
     def interpolated(self, before: Point, after: Point, share: float) -> Point:
-        """A point between two close ones, interpolated and not solved for."""
+        """Return a point between two close ones, interpolated rather than solved."""
         a, b = before.state, after.state
         line = volume_control(a.V + share * (b.V - a.V))
         w, P = predict((before, after), line)
@@ -356,7 +362,7 @@ class Corrector:
         return dataclasses.replace(after, state=State(w, P, line.target), tangent=tangent)
 
     def middle(self, before: Point, after: Point) -> Point:
-        """The point half way between two, with its signature."""
+        """Return the point half way between two, with its signature."""
         state = self.on_the_way(before, after, 0.5).state
         self.solver.factorise(state)
         return dataclasses.replace(
@@ -365,7 +371,7 @@ class Corrector:
         )  # fmt: skip
 
     def root(self, low: Point, high: Point, f: Callable[[Point], float]) -> State:
-        """Root of f between two points by the Illinois variant of the secant, on lines of given volume.
+        """Return the root of f between two points by the Illinois variant of the secant, on lines of given volume.
 
         Each value is a solve, started from the bracket's own two points, which a root finder for plain numbers does not
         know; and it ends as soon as f is small beside its ends.
@@ -392,12 +398,12 @@ class Corrector:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Limit points that a path has passed: they decide where it ends, and where a device would have jumped.
+# Limit points passed by a path, which decide where it ends and where a device would snap through.
 
 
 @dataclasses.dataclass
 class PassedLimits:
-    """What a path has passed so far.
+    """Limit points passed so far.
 
     Attributes:
         limit: The first limit point of the pressure.
@@ -411,14 +417,14 @@ class PassedLimits:
 
     @classmethod
     def among(cls, points: Sequence[Point], requested: PathQuantity) -> PassedLimits:
-        """Those among the points, in order, from which a path goes on."""
+        """Return those of the points, in order, from which a path continues."""
         limit = next((point for point in points if point.limit), None)
         turn = next((point for point in reversed(points) if point.turn), None)
         jumping = turn is not None and _value(requested, turn) > _value(requested, points[-1])
         return cls(limit, turn, jumping)
 
     def ended(self, end: PathEnd, requested: PathQuantity) -> PathEnd:
-        """The end of a path, with the limit point that the requested quantity has met."""
+        """Return the end of a path, with the limit point of the requested quantity."""
         limit = requested.limit_met(self.limit, self.turn)
         return PathEnd(str(end), limit, end.cause if limit is None else None)
 
@@ -428,28 +434,28 @@ def _value(requested: PathQuantity, point: Point) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Ends of a path that are the device's own, beside limit points of what drives it: there is no state of rest beyond them.
+# Physical ends of a path besides limit points: no equilibrium exists beyond them.
 
 
 EMPTIED = PathFailure(
-    "a cavity is pressed empty, so that its walls would pass through each other",
-    "Take less of the load, a stiffer silicone or thicker walls, or let the cavity's walls rest on each other ([walls] with "
-    "faces = 'cavity')",
+    "a cavity collapses to zero volume, so that its walls would pass through each other",
+    "Reduce the load, use a stiffer silicone or thicker walls, or enable contact of the cavity's walls ([walls] "
+    "with faces = 'cavity')",
 )
 LOCKED = PathFailure(
-    "what is asked to change cannot, whatever the pressure or force: what is held leaves the device no way to give",
-    "Hold less of it; a cavity in incompressible silicone (poisson = 0.5) that is held all around keeps its volume, and "
-    "takes a pressure alone",
+    "the requested volume or travel cannot change at any pressure or force: the supports prevent any change",
+    "Support less of the device; a fully supported cavity in incompressible silicone (poisson = 0.5) keeps its volume "
+    "and takes only a pressure",
 )
 SNAPPED = PathFailure(
-    "the device snaps: the pressures and forces have a limit point, and the volumes and travels that they work on turn back "
-    "there too, so that neither can be raised further",
-    "Stay below, or leave out what turns it over",
+    "the device snaps back: pressures and forces have a limit point, and their volumes and travels turn "
+    "back there too, so neither can be raised further",
+    "Stay below, or remove the cause of the snap-back",
 )
 
 
 def folded(cells: float, place: str, at: str) -> PathFailure:
-    """The end of a path at which nothing but a cell or a few of them turn over.
+    """Return the end of a path at which only a few cells fold.
 
     Args:
         cells: How many take part in it.
@@ -458,41 +464,41 @@ def folded(cells: float, place: str, at: str) -> PathFailure:
     """
     few = "one cell" if cells < 1.5 else f"{cells:.0f} cells"
     return PathFailure(
-        f"{few} of the mesh would fold at {place} of the undeformed device{at}, and what is asked for turns back with that: a "
-        "fold of the mesh at a sharp edge, and no limit of the device",
-        "Round that edge (--fillet, --rounding or --clamp-rounding, as the device has it), let the faces beside it meet what "
-        "they are pressed on, or take larger cells there (--cell-size, fewer cells --through); the states up to here are not "
+        f"{few} of the mesh would fold at {place} of the undeformed device{at}, and the requested quantity turns "
+        f"back there: a mesh fold at a sharp edge, not a limit of the device",
+        "Round that edge (--fillet, --rounding or --clamp-rounding, as the device has it), add contact to the faces "
+        "beside it, or use larger cells there (--cell-size, fewer cells --through); the states up to here are not "
         "affected",
         of_mesh=True,
     )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What ended a path where no step succeeds: whether the device is locked, snaps, or has broken down in a part of it.
+# Diagnose a path on which no step converges: the device is locked, snaps back, or fails locally.
 #
-# Pressure and volume may turn back both at once: a small part of the device snaps, and hardly any air goes with it. Then no
-# line in their plane leads on, however short the step. The states beyond are still found where it is given how far that part
-# has gone, which is regular there, as near a bifurcation (`softmodels.path.branching`).
+# Pressure and volume may both turn back at once, if a small part of the device snaps with little change of volume. Then no line
+# in their plane leads further, however short the step. The states beyond are found by prescribing the motion of that
+# part, which is regular there, as near a bifurcation (`softmodels.path.branching`).
 
 
 MOST_STATES = 24
-"""States beyond the last one that are looked at."""
+"""Number of states computed beyond the last one."""
 SNAP_STEP_GROWTH = 1.5
-"""From one step to the next."""
+"""Growth factor from one step to the next."""
 HALVINGS = 10
-"""Of a step that fails."""
+"""Reduction factor of a failed step."""
 ASTRAY = 2.0
-"""Length of a step over the foretold one, above which Newton's method has found another branch."""
+"""Step length relative to the predicted one above which Newton has converged to another branch."""
 TOLERANCE = 1e-10
-"""Of the directions, relative: what they have beyond the whole's motion may be a thousandth of it."""
+"""Relative tolerance of the directions, whose local part may be a thousandth of the whole motion."""
 FEW = (6.0, 0.1)
-"""Cells that take part in a motion, and share of all, up to which it is a fold of the mesh."""
+"""Maximum number and fraction of cells in a motion that counts as a mesh fold."""
 FALLING = 2
-"""States in a row with less than the one before, from which what is requested has turned back."""
+"""Consecutive decreases after which the requested quantity counts as turned back."""
 
 
 def check_yields(first: Point, plane: ArcLengthMetric, *followed: ContinuationParameter) -> None:
-    """Raise the `PathEnd` of a path that has to follow a volume, or a travel, which nothing changes.
+    """Raise `PathEnd` if the requested volume or travel cannot change.
 
     Args:
         first: Its first point.
@@ -500,11 +506,11 @@ def check_yields(first: Point, plane: ArcLengthMetric, *followed: ContinuationPa
         followed: What is requested of it and what it follows.
     """
     if first.stiffest <= plane.felt(0.0) and any(isinstance(one, AddedVolume) for one in followed):
-        raise PathEnd("nothing gives way", cause=LOCKED)
+        raise PathEnd("the supports prevent any change", cause=LOCKED)
 
 
 def lost(corrector: Corrector, requested: PathQuantity, why: str, failure: NoConvergence) -> PathEnd:
-    """The end of a path that could not be followed from its last point, with its cause if that is the device's own.
+    """Return the end of a path that could not be continued from its last point, with its cause if that is physical.
 
     Args:
         corrector: Of the path; its factorisation is not kept.
@@ -534,7 +540,7 @@ def _cause_of(corrector: Corrector, requested: PathQuantity, failure: NoConverge
 
 
 def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
-    """The motion of what snaps, local dofs, if what is requested turns back just beyond a path's last point; else None.
+    """Return the snapping motion (local dofs) if the requested quantity turns back just beyond the last point; else None.
 
     It does where the device loses its stability there.
 
@@ -547,7 +553,7 @@ def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
     """
     last, points = corrector.trail.last, corrector.trail.points
     value = requested.value(last.state.V, last.state.P)
-    if len(points) < 2 or not requested.rate(last.state, last.tangent) > 0.0:  # the first point has come from nowhere
+    if len(points) < 2 or not requested.rate(last.state, last.tangent) > 0.0:  # the first point has no predecessor
         return None
     ahead, fallen, unstable = Ahead(corrector), 0, _unstable(requested, last)
     for _ in range(MOST_STATES):
@@ -556,7 +562,7 @@ def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
         fallen = fallen + 1 if now < value else 0
         value = now
         if fallen == FALLING:
-            # Where it only seems to turn back, as Newton's method has found another branch, nothing has become unstable.
+            # If Newton has only converged to another branch, no direction is unstable.
             corrector.solver.factorise(ahead.state)
             signature = corrector.stability.signature(exact=True)
             beyond = dataclasses.replace(last, state=ahead.state, tangent=ahead.tangent, signature=signature)
@@ -565,12 +571,12 @@ def snapping(corrector: Corrector, requested: PathQuantity) -> Array | None:
 
 
 def _unstable(requested: PathQuantity, point: Point) -> int:
-    """Directions in which a state falls to less energy while what is requested is kept; see `Point.stable_under`."""
+    """Return the directions in which the energy falls at a constant requested quantity; see `Point.stable_under`."""
     return point.signature.negative_eigenvalues - int(requested.rate(point.state, point.tangent) * point.tangent.P < 0)
 
 
 class Ahead:
-    """States beyond a path's last point, by how far the part that snaps has gone.
+    """States beyond a path's last point, controlled by the motion of the snapping part.
 
     The whole device moves on as it did before, and turns back with pressure and volume. What the motion has beyond that is
     the part's: it grows without bound as the path nears the state where it snaps, and leads on through it. It may be so little
@@ -595,7 +601,7 @@ class Ahead:
         self._amount = abs(self._part().share(last.state.w - before.state.w))
 
     def step(self) -> None:
-        """Go on to the next state.
+        """Solve for the next state.
 
         Raises:
             NoConvergence: There is none near.
@@ -618,27 +624,27 @@ class Ahead:
                 pass
             self._amount /= 2
             self.solver.factorise(state)
-        raise NoConvergence("no state near beyond the last one")
+        raise NoConvergence("no nearby state beyond the last one")
 
     @property
     def part(self) -> Array:
-        """What the motion has beyond that of the whole, local dofs."""
+        """The local part of the motion, local dofs."""
         whole, w = self._measure(self._whole.w), self.tangent.w
         return np.asarray(w - whole.share(w) * self._whole.w)
 
     def _part(self) -> Mode:
-        """The same as a measure of unit length."""
+        """Return the same as a measure of unit length."""
         beyond = self.part
         length = self._measure(beyond).length
         if not length:
-            raise NoConvergence("the whole device moves on as before")
+            raise NoConvergence("the whole device moves as before")
         return self._measure(beyond / length)
 
     def _measure(self, w: Array) -> Mode:
         return Mode(self._mass, w)
 
     def _direction(self, state: State, along: Mode) -> Tangent:
-        """The path's direction at a state, towards more of a measure, its dofs of unit length."""
+        """Return the path's direction at a state, towards more of a measure, its dofs of unit length."""
         self.solver.factorise(state)
         rate = self.solver.tangent_along(state, along.image, TOLERANCE)
         length = self._measure(rate.w).length
@@ -646,7 +652,7 @@ class Ahead:
 
 
 class Concentration:
-    """In how many cells a motion is, by the squares of its gradient: a fold hardly moves the rest, but carries it along.
+    """Effective number of cells in a motion, by its squared gradient: a fold moves the rest only rigidly.
 
     Args:
         system: The equations; w is overwritten.
@@ -671,12 +677,12 @@ class Concentration:
 
     @property
     def local(self) -> bool:
-        """Whether it is in a few cells, of many."""
+        """Whether the motion is local: in a few of many cells."""
         return self.cells <= min(FEW[0], FEW[1] * total(self.system.comm, float(len(self.system.cells))))
 
     @property
     def place(self) -> tuple[str, str]:
-        """Undeformed middle of the cell with most of it, in mm, and the faces that it is at: the same on all ranks."""
+        """Undeformed centre in mm of the cell with the largest part, and its faces; the same on all ranks."""
         from dolfinx import mesh as meshes
 
         system, body = self.system, self.system.body
@@ -712,32 +718,32 @@ class Concentration:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where a path loses or regains stability: every change of the tangent's signature between two points, located.
+# Locate limit points and bifurcations: every change of the tangent's signature between two points.
 #
-# Two things change the number of negative eigenvalues along a path. At a limit point the pressure turns and K's singular mode
-# is the path's own direction. At a bifurcation K is singular in a mode that leaves the volume as it is (q . mode = 0), the
-# path goes straight on, and another branch crosses it. A turn of the volume leaves K regular.
+# Two things change the number of negative eigenvalues along a path. At a limit point the pressure has an extremum and K's
+# singular mode is the path's tangent. At a bifurcation K is singular in a mode that does not change the volume (q . mode = 0),
+# the path continues smoothly, and another branch crosses it. At an extremum of the volume K is regular.
 
 
 Known = tuple[float, Point]
-"""An eigenvalue and the state it belongs to."""
+"""An eigenvalue and its state."""
 
 DEEPEST = 10
-"""Halvings of an interval that holds several events; those closer together are told as one."""
+"""Maximum bisections of an interval with several events; closer ones are reported as one."""
 SPREADS = (0.5, 0.2, 0.08)
-"""Where the eigenvalue is asked for around its expected root, in shares of the way to the interval's farther end.
+"""Sampling positions of the eigenvalue around its expected root, relative to the interval's farther end.
 
-Not closer: a mesh without the device's symmetry bends the path towards the branch where K is nearly singular, and a state
-near by would have a part of the mode and show the imperfect mesh's eigenvalue instead of the device's. The eigenvalue is a
-smooth function of the volume, so what is left is interpolated."""
+Not closer: a mesh without the device's symmetry bends the path towards the branch where K is nearly singular, and a nearby
+state would contain some of the mode and give the imperfect mesh's eigenvalue instead of the device's. The eigenvalue is a
+smooth function of the volume, so the rest is interpolated."""
 TOO_NEAR = 3e-3
-"""Eigenvalue, in shares of the largest on the path at hand, below which a state is not used for the interpolation."""
+"""Eigenvalue, relative to the largest on the path, below which a state is not used for the interpolation."""
 SAMPLES = 4
-"""States whose eigenvalues the interpolation uses."""
+"""Number of states whose eigenvalues are interpolated."""
 
 
 def unexplained(before: Point, after: Point) -> int:
-    """Negative eigenvalues gained between two points beyond what turns of the pressure account for."""
+    """Return the negative eigenvalues gained between two points, minus those explained by limit points."""
     gained = after.signature.negative_eigenvalues - before.signature.negative_eigenvalues
     turned_P, turned_V = before.tangent.P * after.tangent.P < 0, before.tangent.V * after.tangent.V < 0
     if turned_P and turned_V:
@@ -750,10 +756,10 @@ def unexplained(before: Point, after: Point) -> int:
 def events(
     corrector: Corrector, requested: PathQuantity, before: Point, after: Point, report: Callable[[str], None]
 ) -> list[Point]:
-    """Limit points, of the pressure and of what is requested, and bifurcations between two neighbouring points, in order.
+    """Return the limit points, of the pressure and of the requested quantity, and bifurcations between two points, in order.
 
     The kept factorisation is that of ``after`` then: none of the states solved for in between leaves a trace in what
-    follows, which a run that is gone on with could not follow.
+    follows, which a run that is resumed could not follow.
 
     Args:
         corrector: Of the path, whose last point is ``before``.
@@ -773,14 +779,15 @@ def events(
 
 
 def own_limit(corrector: Corrector, requested: PathQuantity, before: Point, after: Point) -> list[Point]:
-    """The limit point of what is requested between two points, if it has one: of a stroke, where the gas goes on to push."""
+    """Return the limit point of the requested quantity between two points, if any: of a stroke, where the gas keeps
+    expanding."""
     if not requested.has_limits or requested.slope(before) <= 0.0 or requested.slope(after) >= 0.0:
         return []
     return [dataclasses.replace(corrector.point(corrector.root(before, after, requested.slope)), turn=True)]
 
 
 def limit(corrector: Corrector, before: Point, after: Point) -> Point:
-    """The limit point of the pressure between two points, to about 1e-10 of the pressure."""
+    """Return the limit point of the pressure between two points, to about 1e-10 of the pressure."""
     state = corrector.root(before, after, lambda point: point.tangent.P / point.tangent.V)
     return corrector.point(state, limit=True)
 
@@ -788,7 +795,8 @@ def limit(corrector: Corrector, before: Point, after: Point) -> Point:
 def changes(
     corrector: Corrector, before: Point, after: Point, report: Callable[[str], None], depth: int = 0
 ) -> list[Point]:
-    """Changes of the signature between two neighbouring points: limit points of the pressure and bifurcations, in order."""
+    """Return the changes of the signature between two neighbouring points: limit points of the pressure and bifurcations, in
+    order."""
     turned = before.tangent.P * after.tangent.P < 0
     gained = unexplained(before, after)
     if gained == 0:
@@ -797,7 +805,7 @@ def changes(
         try:
             middle = corrector.middle(before, after)
         except NoConvergence as failure:
-            report(f"several changes of stability between two points could not be told apart ({failure})")
+            report(f"several changes of stability between two points could not be separated ({failure})")
             return [limit(corrector, before, after)] if turned else []
         return [
             *changes(corrector, before, middle, report, depth + 1),
@@ -806,14 +814,14 @@ def changes(
     try:
         return [bifurcation(corrector, before, after)]
     except NoConvergence as failure:
-        # The signature says that there is one; the next points' signatures go on saying so.
+        # The signature shows one; the signatures of the next points will still show it.
         report(f"a bifurcation between two points could not be located ({failure})")
         corrector.solver.factorise(after.state)
         return []
 
 
 def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
-    """The bifurcation between two points: the root of the eigenvalue that changes its sign there.
+    """Return the bifurcation between two points: the root of the eigenvalue that changes its sign there.
 
     Raises:
         NoConvergence: No state in between could be solved for.
@@ -824,7 +832,7 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
     _, mode = stability.critical(more.state, fewer.signature.negative_eigenvalues)
     f_low, f_high = (stability.like(point.state, mode)[0] for point in (before, after))
     if f_low * f_high > 0:
-        raise NoConvergence("the eigenvalue that changes its sign was not found")
+        raise NoConvergence("the eigenvalue that changes sign did not converge")
     known = [(f_low, before), (f_high, after)]
     scale = max(stability.largest, abs(f_low), abs(f_high))
     start, width = before.state.V, after.state.V - before.state.V
@@ -836,7 +844,7 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
             try:
                 point = corrector.on_the_way(before, after, min(max((V - start) / width, -1.0), 2.0))
                 known.append((stability.like(point.state, mode)[0], point))
-            except NoConvergence:  # too near: K is singular there in every control
+            except NoConvergence:  # too near: K is singular there under every control
                 continue
     low, high = _around(_far(known, scale))
     root = _root(known, scale)
@@ -845,13 +853,14 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
     lowest = stability.critical_lowest(
         point.state, min(before.signature.negative_eigenvalues, after.signature.negative_eigenvalues)
     )
-    corrector.solver.factorise(after.state)  # the singular K just factorised is no preconditioner to go on with
+    corrector.solver.factorise(after.state)  # the singular K just factorised is no usable preconditioner
     signature = Signature(before.signature.negative_eigenvalues, lowest)
     return dataclasses.replace(point, mode=mode, limit=False, requested=False, signature=signature, factorised=False)
 
 
 def _root(known: list[Known], scale: float) -> float:
-    """Volume at which the eigenvalue is zero, by the polynomial through the states around it that are far enough from it."""
+    """Return the volume at which the eigenvalue is zero, by interpolation through the states far enough
+    from it."""
     import scipy
 
     far = _far(known, scale)
@@ -865,12 +874,13 @@ def _root(known: list[Known], scale: float) -> float:
 
 
 def _around(known: list[Known]) -> tuple[Known, Known]:
-    """The neighbours between which the eigenvalue changes its sign."""
+    """Return the neighbours between which the eigenvalue changes its sign."""
     return next((a, b) for a, b in itertools.pairwise(known) if a[0] * b[0] <= 0)
 
 
 def _far(known: list[Known], scale: float) -> list[Known]:
-    """Those states, by rising volume, that are far enough from the singular one; all, where they leave it on one side."""
+    """Return the states, by rising volume, that are far enough from the singular one; all of them, if these lie on
+    one side."""
     every = sorted(
         {point.state.V: (value, point) for value, point in known}.values(), key=lambda entry: entry[1].state.V
     )
@@ -879,17 +889,17 @@ def _far(known: list[Known], scale: float) -> list[Known]:
 
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
-QUICK, SLOW = 3, 6  # Newton iterations up to which a step grows, from which it shrinks
+QUICK, SLOW = 3, 6  # Newton iterations up to which steps grow, above which they shrink
 STEP_GROWTH = 1.7
-SOFTENING = 4.0  # growth of dV/dP (or dV/dS of a stroke) over its least at which `auto` leaves it for the volume
-PAST_LIMIT = 0.1  # how far `auto` goes on past a limit point, in volumes added up to it
-SHORTEST_STEP = 1e-3  # of the first step: a path that needs shorter ones has met something that steps do not mend
-LARGEST_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control is ended
+SOFTENING = 4.0  # growth of dV/dP (or dV/dS) over its minimum at which `auto` switches to volume control
+PAST_LIMIT = 0.1  # how far `auto` continues past a limit point, relative to the volume added up to it
+SHORTEST_STEP = 1e-3  # relative to the first step: shorter steps do not fix the cause of failure
+LARGEST_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control ends
 
 
 @dataclasses.dataclass
 class Continuation:
-    """A load path in the making: what is asked of it, what it follows, and the length of its steps.
+    """Continuation of a load path: requested quantity, control, and step length.
 
     Args:
         solver: The device.
@@ -919,13 +929,13 @@ class Continuation:
             raise ValueError(f"control {self.control!r} is not one of {', '.join(CONTROLS)}")
 
     def begin(self) -> Point:
-        """The path's first point; sets the scales of the plane in which arc lengths are measured."""
+        """Return the path's first point; sets the scales of the plane in which arc lengths are measured."""
         solver = self.solver
         rest = solver.system.rest()
         V_scale = float(np.abs(solver.system.coupling.shares) @ solver.system.scales())
         start = rest if self.start is None else self.start
         solver.system.potential.keep(start.w, anew=self.start is None)
-        self.trail = PathHistory(solver)  # before there are factors: to make its mass matrix takes memory
+        self.trail = PathHistory(solver)  # before factorising, because making the mass matrix takes memory
         solver.factorise(start)
         tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
         self.V0, self.plane = start.V, ArcLengthMetric.of(V_scale, tangent.compliance)
@@ -934,7 +944,7 @@ class Continuation:
         self._known: dict[str, ContinuationParameter] = {one.name: one for one in known}
         self.trail.line = self.requested.name if self.control == "auto" else self.control
         self.corrector = Corrector(solver, self.trail, self.plane)
-        if not self.requested.starts_forward(start, tangent):  # it starts where the device is unstable
+        if not self.requested.starts_forward(start, tangent):  # the path starts at an unstable state
             tangent = -tangent
         self.trail.stability.start()
         signature = self.trail.stability.signature(exact=True)
@@ -943,7 +953,7 @@ class Continuation:
         return self.keep(first)
 
     def resume(self, points: Sequence[Point]) -> None:
-        """Go on from points of an earlier trace; see `PathHistory.restore`."""
+        """Continue from points of an earlier trace; see `PathHistory.restore`."""
         self.begin()
         self.recall()
         self.trail.restore(points, self.corrector.tangent)
@@ -961,20 +971,20 @@ class Continuation:
 
     @property
     def direct(self) -> bool:
-        """Whether the requested quantity is followed itself, so that the path stops at its values without looking back."""
+        """Whether the requested quantity is the control itself, so that the path stops exactly at its values."""
         return self.followed is self.requested
 
     @property
     def first_step(self) -> float:
-        """Length of a first step in what is followed."""
+        """Length of the first step in the control."""
         return self.followed.first_step(self.plane, self.V0)
 
     def value(self, state: State) -> float:
-        """The requested quantity at a state."""
+        """Return the requested quantity at a state."""
         return self.requested.value(state.V, state.P)
 
     def between(self, before: Point, after: Point, value: float) -> Point:
-        """The point with a requested value that lies between two points."""
+        """Return the point with a requested value that lies between two points."""
         return self.corrector.between(self.requested, before, after, value)
 
     def events(self, before: Point, after: Point) -> list[Point]:
@@ -982,10 +992,10 @@ class Continuation:
         try:
             return events(self.corrector, self.requested, before, after, self.report)
         except NoConvergence as failure:
-            raise lost(self.corrector, self.requested, "a limit point on the way was not found", failure) from failure
+            raise lost(self.corrector, self.requested, "a limit point on the way was not located", failure) from failure
 
     def advance(self, step: float, goal: float) -> Point:
-        """One step towards the requested value ``goal``; shortened until it succeeds.
+        """Take a step towards the requested value ``goal``, shortened until it converges.
 
         Raises:
             PathEnd: Not even the shortest step succeeded.
@@ -995,23 +1005,25 @@ class Continuation:
         left = goal - self.value(self.last.state)
         while True:
             hit = direct and left <= step * (1 + 1e-9)
-            # Equal shares of what is left: no sliver of a step before a requested value.
+            # Equal parts of the remainder avoid a tiny step before a requested value.
             share = left if hit else left / math.ceil(left / step - 1e-9) if direct and left < 3 * step else step
             try:
                 return self._stepped(share, goal if hit else None, step)
             except NoConvergence as failure:
-                self.report(f"step of {share:.3g} failed ({failure}); halved")
+                self.report(f"no convergence with step {share:.3g} ({failure}); halving the step")
                 step = share / 2
                 shortest = SHORTEST_STEP * self.first_step
                 if self.may_follow_volume and direct and step < max(0.02 * self.last.step, shortest):
-                    self.follow(AddedVolume.name)  # which passes a limit point, and so tells one from a failure
+                    self.follow(
+                        AddedVolume.name
+                    )  # volume control passes a limit point, which distinguishes it from a failure
                     step, direct = self.last.step, False
                 elif step < shortest:
-                    why = "no step succeeded, down to a thousandth of the first one"
+                    why = "no step converged, down to a thousandth of the first one"
                     raise lost(self.corrector, self.requested, why, failure) from failure
 
     def _stepped(self, share: float, goal: float | None, step: float) -> Point:
-        """The point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""
+        """Return the point a ``share`` ahead, or at the value ``goal`` if given; `NoConvergence` if this branch has none."""
         last = self.last
         line = self.followed.ahead(last.state, last.tangent, share) if goal is None else self.requested.curve(goal)
         state = self.corrector.solve(line, self.trail.points)
@@ -1023,51 +1035,51 @@ class Continuation:
         return self.corrector.point(state, requested=goal is not None, step=following)
 
     def _longest(self) -> float:
-        """The longest step allowed, in units of what the path is following."""
+        """Return the longest step allowed, in units of the control."""
         s, t = self.last.state, self.last.tangent
         per, along = self.requested.rate(s, t), self.followed.rate(s, t)
         return self.largest_step * abs(along / per) if per else math.inf
 
     def choose(self, past_limit: bool) -> None:
-        """Under ``auto``, follow the requested quantity where the device is stiff and the volume where it softens."""
+        """Under ``auto``, control the requested quantity while the device is stiff, and the volume where it softens."""
         if self.control != "auto" or self.by_volume or (past_limit and self.requested.ends_at_pressure_limit):
             return
         s, t = self.last.state, self.last.tangent
         a, b = self.requested.slopes(s.V, s.P)
         stiffest = (a + b / self.last.stiffest) * t.V
-        softened = a * t.V + b * t.P  # the same here; both are how fast the quantity rises with the volume
+        softened = a * t.V + b * t.P  # the same here; both are the derivative of the quantity by the volume
         if self.direct and not stiffest < SOFTENING * softened:
             self.follow(AddedVolume.name)
         elif self.trail.line == AddedVolume.name and stiffest < SOFTENING / 2 * softened:
             self.follow(self.requested.name)
 
     def follow(self, line: str) -> None:
-        """Change what the path follows, by its name, with a step of about the same length."""
+        """Switch the control, by its name, with a step of about the same length."""
         if line == self.trail.line:
             return
-        self.report(f"following the {line} from here")
+        self.report(f"control switched to {line}")
         s, t, now, new = self.last.state, self.last.tangent, self.followed, self._known[line]
         step = abs(self.last.step * new.rate(s, t) / now.rate(s, t))
         self.trail.change_line(line, min(step, new.largest_step(s, self.plane)))
 
     @property
     def by_volume(self) -> bool:
-        """Whether volumes are requested, of which there is one beyond every limit point of the pressure."""
+        """Whether volumes are requested, which exist beyond every limit point of the pressure."""
         return isinstance(self.requested, AddedVolume)
 
     @property
     def may_follow_volume(self) -> bool:
-        """Whether the volume may be followed where no step of the requested quantity succeeds."""
+        """Whether volume control may be used if no step in the requested quantity converges."""
         return self.control in ("auto", Pressure.name) and not self.by_volume
 
     @property
     def ends_at_limit(self) -> bool:
-        """Whether a limit point of the pressure ends the path: a pressure above it has no state, a volume has one."""
+        """Whether a limit point of the pressure ends the path: no state exists at a higher pressure, but at a larger volume."""
         return self.may_follow_volume and self.requested.ends_at_pressure_limit
 
 
 def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = ()) -> Iterator[Point]:
-    """Follow a device through the requested values, in rising order, and yield every point on the way.
+    """Follow a device through the requested values, in rising order, and yield every point of the path.
 
     Args:
         path: What to follow, and how.
@@ -1111,17 +1123,17 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
 def _up_to(
     path: Continuation, before: Point, stops: list[Point], left: list[float], passed: PassedLimits
 ) -> Iterator[Point]:
-    """Points from one up to its neighbour, the last stop, in order; goals that are met are taken from ``left``."""
+    """Yield the points from one up to its neighbour, the last stop, in order; goals reached are removed from ``left``."""
     here, after = before, stops[-1]
     for stop in stops:
         if passed.jumping and passed.turn:
             level = path.value(passed.turn.state)
             if path.value(here.state) < level <= path.value(stop.state):
-                # On the bench the device jumps at the limit point of what is requested to here.
+                # A real device snaps through from the limit point of the requested quantity to here.
                 landed = path.between(here, stop, level)
                 here, passed.jumping = path.keep(dataclasses.replace(landed, requested=False, jump=True)), False
                 yield here
-        # On its own line the path stops at a goal by itself; on another it has to look back for those it passed.
+        # Under its own control the path stops at a goal; under another it has to locate the goals it passed.
         while not path.direct and path.value(here.state) < left[0] <= path.value(stop.state):
             here = path.keep(path.between(here, stop, left[0]))
             del left[0]
@@ -1129,7 +1141,7 @@ def _up_to(
             if not left:
                 return
         if stop.mode is not None:
-            # Interpolated, and where K is singular: nothing to foretell the next state from.
+            # Interpolated, and K is singular: not used to predict the next state.
             path.trail.modes.append(Mode(path.trail.stability.mass, stop.mode))
             here = stop
         else:
@@ -1142,11 +1154,11 @@ def _up_to(
 
 
 def _check_end(path: Continuation, passed: PassedLimits) -> None:
-    """Raise the `PathEnd` of a path that has gone far enough past its limit point, or too far altogether."""
+    """Raise `PathEnd` if the path is far enough past its limit point, or has grown too large."""
     added = path.last.state.V - path.V0
     limit = passed.limit
     if limit is not None and path.ends_at_limit and added > (1 + PAST_LIMIT) * (limit.state.V - path.V0):
         raise PathEnd("the pressure has a limit point", limit)
     if not path.by_volume and added > path.largest_growth * path.plane.V_scale:
-        why = f"the cavity has grown {path.largest_growth:g} times and the requested value was not met"
+        why = f"the cavity has grown {path.largest_growth:g}-fold without reaching the requested value"
         raise passed.ended(PathEnd(why), path.requested)

@@ -31,7 +31,7 @@ class Point:
         requested: Whether this is one of the requested values.
         limit: Whether this is a limit point of the pressure.
         step: Length of the next step in units of ``line``.
-        line: What the path is following here: pressure, volume or arc-length.
+        line: The control at this point: pressure, volume or arc-length.
         factorised: Whether the factorisation that the path goes on with is that of this state (a restart has to do the same).
         age: How far that factorisation has aged here, in iterations of the linear solver.
         stiffest: Least |dV/dP| on the path so far.
@@ -69,11 +69,11 @@ class Point:
 
     @property
     def stable_under_volume(self) -> bool:
-        """Whether no direction that keeps the cavity's volume lowers the energy."""
+        """Whether the state is stable under a given cavity volume."""
         return self.stable_under(volume_control(self.state.V))
 
     def stable_under(self, control: Control) -> bool:
-        """Whether the state is stable where pressure and volume can only move along a control's line a V + b P = d.
+        """Return whether the state is stable if pressure and volume are tied by a control's line a V + b P = d.
 
         What drives the air then gives way by dP = -k dV, k = a/b, and adds k q q^T to K. That takes one of the negative
         eigenvalues away where 1 + k q.K^-1 q = 1 + k dV/dP is negative, and else changes nothing (Sylvester's law again).
@@ -87,7 +87,7 @@ class Point:
 
 
 class PathEnd(Exception):
-    """The path cannot go on to what was requested.
+    """The path cannot reach the requested value.
 
     Args:
         why: A clause.
@@ -101,48 +101,50 @@ class PathEnd(Exception):
 
     @property
     def physical(self) -> bool:
-        """Whether the device has no state of rest beyond it, and it is not the method that has lost it."""
+        """Whether no equilibrium exists beyond it, as opposed to a failure of the method."""
         return self.limit is not None or (self.cause is not None and not self.cause.of_mesh)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a path is asked for and what it follows: functions of cavity volume and pressure whose values are given.
+# Requested quantities and controls of a path: functions of cavity volume and pressure with prescribed values.
 #
-# A path has no notion of pressures, volumes or strokes. It asks a `Quantity` for its value at a state, for the curve in the
-# plane of volume and pressure on which it has a value, for its rate along a tangent and for a first step. A new supply is one
+# A path does not distinguish pressures, volumes and strokes. A `Quantity` provides its value at a state, the
+# curve of constant value in the volume-pressure plane, its rate along a tangent and a first step. A new supply is one
 # subclass of `Supply` with a name, a value and two slopes. All figures are dimensionless, as in `softmodels.mechanics`.
 
 
 FIRST_STEP = 0.1
-"""Of a path, in the device's own scales of volume and pressure."""
+"""First step of a path, in the device's scales of volume and pressure."""
 LOCKED_BELOW = 1e-12
-"""dV/dP, in volumes per shear modulus, up to which nothing moves: the stiffest parts leave 1e-8, rounding makes 1e-18."""
+"""dV/dP, in volumes per shear modulus, below which the device counts as rigid: the stiffest parts leave 1e-8, rounding
+1e-18."""
 LARGEST_VOLUME_STEP = 0.2
-"""First step in volume where a path changes to it, in cavity volumes."""
+"""First step in volume after a switch to volume control, in cavity volumes."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ArcLengthMetric:
-    """The plane of cavity volume and pressure, with the scales in which arc lengths are measured."""
+    """The volume-pressure plane, with the scales of arc lengths."""
 
     V_scale: float
     P_scale: float
 
     @classmethod
     def of(cls, V_scale: float, compliance: float) -> ArcLengthMetric:
-        """Scaled by how far the device gives way, dV/dP."""
+        """Return the plane scaled by the device's compliance dV/dP."""
         return cls(V_scale, V_scale / max(abs(compliance), LOCKED_BELOW * V_scale))
 
     def felt(self, compliance: float) -> float:
-        """The size of a dV/dP, but not less than that of a device in which nothing moves: below lies rounding."""
+        """Return |dV/dP|, but at least the value below which only rounding is left."""
         return max(abs(compliance), LOCKED_BELOW * self.V_scale)
 
     def locked(self, compliance: float) -> bool:
-        """Whether a dV/dP is of a device in which nothing moves."""
+        """Return whether a dV/dP means that nothing moves."""
         return abs(compliance) <= LOCKED_BELOW * self.V_scale
 
     def stiffened(self, compliance: float) -> ArcLengthMetric:
-        """The plane of a device as it is at its stiffest: of a flat membrane the scale of its rest says nothing any more.
+        """Return the plane scaled at the stiffest state: for a flat membrane the scale at rest soon becomes
+        meaningless.
 
         Args:
             compliance: Smallest dV/dP on the path.
@@ -150,41 +152,41 @@ class ArcLengthMetric:
         return dataclasses.replace(self, P_scale=max(self.P_scale, self.V_scale / compliance))
 
     def product(self, a: tuple[float, float], b: tuple[float, float]) -> float:
-        """Inner product of two changes (dV, dP)."""
+        """Return the inner product of two changes (dV, dP)."""
         return a[0] * b[0] / self.V_scale**2 + a[1] * b[1] / self.P_scale**2
 
     def square_to(self, tangent: Tangent, state: State, step: float = 0.0) -> Control:
-        """The line square to a tangent, ``step`` away from a state."""
+        """Return the line perpendicular to a tangent, ``step`` away from a state."""
         return arc_length(state.V, state.P, tangent.V, tangent.P, step, self.V_scale, self.P_scale)
 
 
 class ContinuationParameter(Protocol):
-    """What a path can follow step by step.
+    """A control of a path.
 
     Attributes:
-        name: As in the column ``following`` of ``path.csv``.
+        name: As in the column ``control`` of ``path.csv``.
     """
 
     @property
     def name(self) -> str: ...
     def ahead(self, state: State, tangent: Tangent, step: float) -> Curve:
-        """The curve that lies ``step`` ahead of a state."""
+        """Return the curve ``step`` ahead of a state."""
 
     def rate(self, state: State, tangent: Tangent) -> float:
-        """Change along a tangent."""
+        """Return the change along a tangent."""
 
     def first_step(self, plane: ArcLengthMetric, V0: float) -> float:
-        """Length of a path's first step from the volume V0."""
+        """Return the length of a path's first step from the volume V0."""
 
     def largest_step(self, state: State, plane: ArcLengthMetric) -> float:
-        """Length of the longest first step where a path changes to this."""
+        """Return the longest first step after a switch to this control."""
 
 
 class PathQuantity(abc.ABC):
     """A function of volume and pressure whose values can be requested of a path.
 
     Attributes:
-        name: As in the column ``following`` of ``path.csv``.
+        name: As in the column ``control`` of ``path.csv``.
         ends_at_pressure_limit: Whether there is no state with a higher value beyond a limit point of the pressure.
         has_limits: Whether it can have limit points of its own beside the pressure's.
     """
@@ -195,30 +197,31 @@ class PathQuantity(abc.ABC):
 
     @abc.abstractmethod
     def value(self, V: float, P: float) -> float:
-        """Its value."""
+        """Return its value."""
 
     @abc.abstractmethod
     def slopes(self, V: float, P: float) -> tuple[float, float]:
-        """Its derivatives by volume and by pressure."""
+        """Return its derivatives by volume and by pressure."""
 
     @abc.abstractmethod
     def curve(self, value: float) -> Curve:
-        """The curve on which it has a value."""
+        """Return the curve on which it has a value."""
 
     def counted(self, start: float, undeformed: float) -> PathQuantity:
-        """The same for a path that begins at the volume ``start``, of a device that has another one undeformed."""
+        """Return the same for a path that starts at the volume ``start`` instead of the undeformed one."""
         return self
 
     def starts_forward(self, state: State, tangent: Tangent) -> bool:
-        """Whether a tangent at a path's first state leads to higher values."""
+        """Return whether a tangent at a path's first state leads to higher values."""
         return not self.rate(state, tangent) < 0.0
 
     def exactly(self, state: State, value: float) -> State:
-        """A state that was solved for at a value, with that value to the last digit where it is a number of the state."""
+        """Return a state solved at a value, with exactly that value if it is part of
+        the state."""
         return state
 
     def limit_met(self, of_pressure: Point | None, own: Point | None) -> Point | None:
-        """Which of the limit points on a path is the reason that a value was not met."""
+        """Return the limit point that prevented a value from being reached."""
         return None
 
     def ahead(self, state: State, tangent: Tangent, step: float) -> Curve:
@@ -229,7 +232,7 @@ class PathQuantity(abc.ABC):
         return a * tangent.V + b * tangent.P
 
     def slope(self, point: Point) -> float:
-        """Derivative by the volume along the path."""
+        """Return the derivative by the volume along the path."""
         a, b = self.slopes(point.state.V, point.state.P)
         return a + b * point.tangent.P / point.tangent.V
 
@@ -265,7 +268,7 @@ class Pressure(PathQuantity):
 
 @dataclasses.dataclass(frozen=True)
 class AddedVolume(PathQuantity):
-    """The cavity's volume beyond that of the undeformed device, wherever a path begins.
+    """The cavity's volume minus that of the undeformed device.
 
     Attributes:
         V0: The volume from which it counts; a path puts in its own.
@@ -295,21 +298,21 @@ class AddedVolume(PathQuantity):
 
 @dataclasses.dataclass(frozen=True)
 class VolumeGain(AddedVolume):
-    """The cavity's volume beyond that at the path's first state."""
+    """The cavity's volume minus that at the path's first state."""
 
     def counted(self, start: float, undeformed: float) -> VolumeGain:
         return dataclasses.replace(self, V0=start)
 
 
 class DeadForce(Pressure):
-    """A dead load's magnitude, where P is that."""
+    """A dead load's magnitude, if that is P."""
 
     name = "force"
 
 
 @dataclasses.dataclass(frozen=True)
 class LoadDisplacement(VolumeGain):
-    """How far a dead load has moved what it acts on since the path's first state, where V is that."""
+    """Travel of a dead load since the path's first state, if that is V."""
 
     name: ClassVar[str] = "travel"
 
@@ -317,11 +320,11 @@ class LoadDisplacement(VolumeGain):
 DIRECT: dict[str, PathQuantity] = {
     one.name: one for one in (Pressure(), AddedVolume(), DeadForce(), LoadDisplacement())
 }
-"""What needs no supply, by name."""
+"""Quantities without a supply, by name."""
 
 
 class Supply(PathQuantity):
-    """What drives the air where that is neither a pressure nor a volume alone: a value that is set, such as a stroke.
+    """An air supply driven by a prescribed value, such as a stroke, instead of a pressure or volume.
 
     With its value kept, the supply's pressure falls as the cavity takes volume, so that it holds some states past the
     pressure's limit point. Where its value has a limit point of its own along the path, the device jumps.
@@ -340,7 +343,7 @@ class Supply(PathQuantity):
         return SupplyCurve(self, value)
 
     def line(self, V: float, P: float) -> Control:
-        """Tangent of the curve through (V, P), as a direction, in units of `weight`."""
+        """Return the tangent of the curve through (V, P), as a direction, in units of `weight`."""
         a, b = self.slopes(V, P)
         return Control(self.weight * a, self.weight * b, 0.0)
 
@@ -350,7 +353,7 @@ class Supply(PathQuantity):
 
 @dataclasses.dataclass(frozen=True)
 class SupplyCurve:
-    """The curve on which a supply has one value: a `controls.Curve`."""
+    """The curve of constant value of a supply: a `controls.Curve`."""
 
     supply: Supply
     target: float
@@ -375,7 +378,7 @@ class SupplyCurve:
 
 @dataclasses.dataclass(frozen=True)
 class ArcLength:
-    """The path's own length in its plane: followed where neither pressure nor volume rise, and never requested."""
+    """The arc length in the volume-pressure plane: a control where neither pressure nor volume rise, never requested."""
 
     plane: ArcLengthMetric
     name: ClassVar[str] = "arc-length"

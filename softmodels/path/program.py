@@ -1,4 +1,4 @@
-"""A load program: cavities and dead loads, each with values of its own, step by step.
+"""Load programs: values of cavities and dead loads, step by step.
 
 Each cavity, and each dead load that changes, has a series of values, one for each step; from step to step all of them change
 together, in proportion. A step changes either pressures, forces and the like, or volumes and travels. A device is taken
@@ -31,7 +31,7 @@ from softmodels.common.units import (
 
 @dataclasses.dataclass(frozen=True)
 class ProgramValue:
-    """What a series gives.
+    """A quantity that a series prescribes.
 
     Attributes:
         unit: Of its values in case files and messages.
@@ -45,25 +45,25 @@ class ProgramValue:
 
 
 KEYS = {"pressure_cm": ProgramValue("cm"), "volume_ml": ProgramValue("ml", True, 1e-6)}
-"""What can be given of a cavity, as in the case file."""
+"""Quantities of a cavity, as in the case file."""
 LOAD_KEYS = {
     "gravity": {"share": ProgramValue("of the weight")},
     "force": {"force_N": ProgramValue("N"), "travel_mm": ProgramValue("mm", True, 1e-3)},
     "moment": {"moment_Nmm": ProgramValue("Nmm", scale=1e-3), "turn_deg": ProgramValue("deg", True, math.pi / 180)},
 }
-"""The same of a dead load, by its table."""
+"""Quantities of a dead load, by its table."""
 EVERY_KEY = {key: given for keys in (KEYS, *LOAD_KEYS.values()) for key, given in keys.items()}
 MOST_STEPS = 1000
 
 
 class ProgramError(Spoken, ValueError):
-    """A program that cannot be meant; the message is a sentence for the user."""
+    """An invalid program; the message is for the user."""
 
 
 @checked
 @dataclasses.dataclass(frozen=True)
 class Series:
-    """What one cavity, or one dead load, goes through.
+    """The values of a cavity or a dead load, step by step.
 
     Attributes:
         key: One of `EVERY_KEY`.
@@ -81,7 +81,7 @@ class Series:
 
     @property
     def is_volume(self) -> bool:
-        """Whether a volume or a travel is given, and not a pressure or a force."""
+        """Whether volumes or travels are prescribed instead of pressures or forces."""
         return EVERY_KEY[self.key].held
 
     @property
@@ -93,7 +93,8 @@ Program = tuple[Series, ...]
 
 
 def from_tables(tables: Mapping[str, object]) -> Program:
-    """The program of a case file's tables: ``cavity1`` and so on by name, and ``gravity``, ``force.NAME``, ``moment.NAME``.
+    """Return the program of a case file's tables: ``cavity1`` and so on by name, and ``gravity``, ``force.NAME``,
+    ``moment.NAME``.
 
     Raises:
         ProgramError: Unknown entries, values that are no numbers, pressures below zero, series of unlike lengths, or a step
@@ -109,8 +110,8 @@ def from_tables(tables: Mapping[str, object]) -> Program:
         given[target] = dataclasses.replace(_series(target, table, LOAD_KEYS[target.partition(".")[0]]), target=target)
     count = max(len(series.values) for series in given.values())
     if count > MOST_STEPS:
-        raise ProgramError(f"the program has {count} steps; at most {MOST_STEPS} are taken")
-    # One value alone is kept through all steps.
+        raise ProgramError(f"the program has {count} steps; at most {MOST_STEPS} are allowed")
+    # A single value is constant over all steps.
     program = tuple(
         dataclasses.replace(series, values=series.values * count) if len(series.values) == 1 else series
         for series in given.values()
@@ -118,15 +119,16 @@ def from_tables(tables: Mapping[str, object]) -> Program:
     for name, series in zip(given, program, strict=True):
         if len(series.values) != count:
             raise ProgramError(
-                f"{name} has {len(series.values)} values where another series has {count}; give one for each step, or one "
-                "alone that is kept"
+                f"{name} has {len(series.values)} values but another series has {count}; give one for each "
+                f"step, or a single constant one"
             )
     _check_steps(program)
     return program
 
 
 def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
-    """The series of one kind of load by key: ``gravity = [...]``, ``force.force_N = [...]``, ``force.tip.force_N = [...]``."""
+    """Return the series of one kind of load by key: ``gravity = [...]``, ``force.force_N = [...]``, ``force.tip.force_N =
+    [...]``."""
     if kind == "gravity" and not isinstance(table, Mapping):
         return [(kind, {"share": table})]
     if not isinstance(table, Mapping):
@@ -139,7 +141,7 @@ def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
 
 
 def _in_cm(name: str, table: object) -> str:
-    """The end of a sentence: what a pressure with a unit is in cm of the usual column."""
+    """Return the end of a sentence: what a pressure with a unit is in cm of the usual column."""
     text = table.get("pressure") if isinstance(table, Mapping) else None
     try:
         height = quantity(text, "Pa") / pascal_per_cm(WATER_DENSITY) if isinstance(text, str) else 0.0
@@ -162,13 +164,13 @@ def _series(name: str, table: object, keys: Mapping[str, ProgramValue]) -> Serie
             f"{name}.{key} {brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
         ) from None
     if not numbers or (keys is KEYS and min(numbers) < 0.0):
-        raise ProgramError(f"{name}.{key} {brief(text)} must be numbers of 0 or more; suction is not modelled")
+        raise ProgramError(f"{name}.{key} {brief(text)} must be numbers of 0 or more, because suction is not modelled")
     return Series(key, numbers)
 
 
 def _check_steps(program: Program) -> None:
     if not changes(program).any():
-        raise ProgramError("the program holds zeros alone, where nothing happens")
+        raise ProgramError("the program contains only zeros; add a value above 0")
     for number, change in enumerate(changes(program), 1 - int(begins_at_rest(program))):
         kinds = {series.is_volume for series, step in zip(program, change, strict=True) if step}
         if not kinds and number > 0:
@@ -181,18 +183,18 @@ def _check_steps(program: Program) -> None:
 
 
 def begins_at_rest(program: Program) -> bool:
-    """Whether the first values are all zero: the undeformed state, as step 0."""
+    """Return whether the first values are all zero: the undeformed state, as step 0."""
     return not any(series.values[0] for series in program)
 
 
 def changes(program: Program) -> npt.NDArray[np.float64]:
-    """Changes from step to step from the undeformed state on, in cm and ml, shape (steps, cavities)."""
+    """Return the changes from step to step from the undeformed state on, in cm and ml, shape (steps, cavities)."""
     values = np.array([series.values for series in program]).T
     return np.diff(values, axis=0, prepend=0.0)
 
 
 def goes_on(program: Program, old: Program) -> bool:
-    """Whether a program is another one, or that and more steps."""
+    """Return whether a program equals another one, or extends it by more steps."""
     return len(program) == len(old) and all(
         (new.key, new.target) == (before.key, before.target) and new.values[: len(before.values)] == before.values
         for new, before in zip(program, old, strict=True)
@@ -200,7 +202,7 @@ def goes_on(program: Program, old: Program) -> bool:
 
 
 def to_tables(program: Program) -> dict[str, object]:
-    """The tables that `from_tables` takes back."""
+    """Return the tables that `from_tables` takes back."""
     written: dict[str, dict[str, object]] = {}
     for name, series in named(program).items():
         kind, _, own = name.partition(".")
@@ -210,13 +212,13 @@ def to_tables(program: Program) -> dict[str, object]:
 
 
 def named(program: Program) -> dict[str, Series]:
-    """The series by the names of what they are of: ``cavity1``, ``force.tip``."""
+    """Return the series by the names of their cavities and loads: ``cavity1``, ``force.tip``."""
     names = (f"cavity{i}" for i in itertools.count(1))
     return {series.target or next(names): series for series in program}
 
 
 def step_text(program: Program, number: int) -> str:
-    """What the cavities and loads have at a step: ``"cavity1 60 cm, cavity2 2 ml added"``."""
+    """Return the values of the cavities and loads at a step: ``"cavity1 60 cm, cavity2 2 ml added"``."""
     row = number - 1 + int(begins_at_rest(program))
     added = {key: " added" if key in KEYS and given.held else "" for key, given in EVERY_KEY.items()}
     return ", ".join(

@@ -1,4 +1,4 @@
-"""A device taken through a load program, step by step.
+"""Follow a device through a load program, step by step.
 
 Each step changes either pressures, forces and the like, or volumes and travels, and is followed by its own pair (P, V), see
 `softmodels.mechanics.controls`.
@@ -30,18 +30,18 @@ from softmodels.path.points import (
 from softmodels.path.program import Program, begins_at_rest
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Stages of a load: all drivers change together from one state to another, in proportion, as one path.
+# Load stages: all drivers change proportionally from one state to another, as one path.
 #
 # The drivers are the cavities and behind them the dead loads, see `softmodels.mechanics.controls`. A stage changes magnitudes
-# (pressures, forces) or what they work on (volumes, travels). A device with dead loads first hangs: a stage of its own.
+# (pressures, forces) or their conjugates (volumes, travels). Dead loads are applied first, as a separate stage: the preload.
 
 
 POINTS_PER_STAGE = 4
-"""At least this many points in each stage, for curves worth drawing."""
+"""Minimum number of points per stage, for smooth curves."""
 
 
 class HangingEnd(PathEnd):
-    """A device does not bear what acts on it before it is inflated.
+    """No equilibrium exists under the preload.
 
     Attributes:
         what: What was being applied, a clause.
@@ -55,7 +55,7 @@ class HangingEnd(PathEnd):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StageEnd:
-    """Where a stage has come to its end; dimensionless.
+    """The end of a stage; dimensionless.
 
     Attributes:
         number: The stage's.
@@ -71,11 +71,11 @@ class StageEnd:
 
 
 def at_rest(solver: Solver) -> StageEnd:
-    """The undeformed state under nothing."""
+    """Return the undeformed state without loads."""
     system = solver.system
     state = system.rest()
     driven = system.driven()
-    return StageEnd(0, state, np.zeros(len(driven)), driven)  # whatever the coupling of an earlier path keeps
+    return StageEnd(0, state, np.zeros(len(driven)), driven)  # independent of the coupling of an earlier path
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class Stage:
 
     @classmethod
     def between(cls, start: StageEnd, change: Array, held: Sequence[int], volumes: Array) -> Stage:
-        """A stage that changes either magnitudes or what they work on.
+        """Return a stage that changes either magnitudes or their conjugates.
 
         Args:
             start: Where it begins.
@@ -125,7 +125,7 @@ class Stage:
             yield path.value(point.state) / self.goal, point
 
     def stop(self, solver: Solver, point: Point, number: int) -> StageEnd:
-        """Where the path stands, once the stage has been followed to this point."""
+        """Return the end of the stage at this point."""
         system = solver.system
         system.load(point.state)
         return StageEnd(number, point.state, system.drives_at(point.state), system.driven())
@@ -137,7 +137,7 @@ def hang(
     report: Callable[[str], None] = lambda text: None,
     control: str = "auto",
 ) -> StageEnd:
-    """Apply magnitudes one after the other from the undeformed state on, such as the dead loads and then a pressure.
+    """Apply the preload to the undeformed state, one magnitude after the other, such as the dead loads and then a pressure.
 
     Args:
         solver: The device; the coupling of its drivers is changed.
@@ -165,7 +165,8 @@ def hang(
 
 
 def inflate_from(solver: Solver, hung: StageEnd) -> State:
-    """Couple the cavities by the device's pressure ratios from where it hangs, its dead loads kept; the state P starts from."""
+    """Couple the cavities by the device's pressure ratios from the preloaded state, with constant dead loads; return the start
+    of P."""
     system = solver.system
     cavities = len(system.body.actuator.ratios)
     dead = hung.drives[cavities:]
@@ -173,7 +174,7 @@ def inflate_from(solver: Solver, hung: StageEnd) -> State:
 
 
 def load_from(solver: Solver, hung: StageEnd, driver: int) -> State:
-    """Couple the drivers so that P is one dead load's magnitude, all others kept; the state P starts from."""
+    """Couple the drivers so that P is one dead load's magnitude, all others constant; return the start of P."""
     change = np.zeros(len(hung.drives))
     change[driver] = 1.0
     return solver.couple(Coupling.by_pressure(hung.drives, change, (), hung.driven), hung.state, hung.drives)
@@ -188,7 +189,7 @@ def follow(
     begin: StageEnd | None = None,
     hung: StageEnd | None = None,
 ) -> Iterator[tuple[float, Point]]:
-    """Take a device through a program.
+    """Follow a device through a program.
 
     Args:
         solver: The device, at rest; the coupling of its cavities is changed.
@@ -212,8 +213,8 @@ def follow(
     rest[len(eq.volumes()) :] = hung.driven[len(eq.volumes()) :]
     values, held = in_drivers(solver, program, pascal_per_cm, hung.drives)
     first, here = int(begins_at_rest(program)), begin or hung
-    # A volume that is held counts from the undeformed cavity, a travel from where the device hangs, and 0 is either as it
-    # hangs; what is given is a magnitude.
+    # A held volume counts from the undeformed cavity, a travel from the preloaded state, and 0 means the preloaded state
+    # for both; all other values are magnitudes.
     before = hung.drives.copy()
     before[held] = (hung.driven - rest)[held]
     values[:, held] = np.where(values[:, held] == 0.0, before[held], values[:, held])
@@ -234,7 +235,7 @@ def follow(
 def in_drivers(
     solver: Solver, program: Program, pascal_per_cm: float, kept: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], list[int]]:
-    """The values of a program by step and driver, dimensionless, and the drivers whose volume or travel is given.
+    """Return the values of a program by step and driver, dimensionless, and the drivers with prescribed volume or travel.
 
     Args:
         solver: The device.
@@ -261,22 +262,23 @@ def in_drivers(
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Up and down under a dead pressure: what a water column does that is slowly raised and lowered again.
+# Loading and unloading under pressure control, with snap-through: a water column slowly raised and lowered.
 #
-# The states of equilibrium form one curve through stable and unstable parts. A given pressure holds the device on a stable
-# part until that ends at a limit point; there it jumps, at that pressure, to the next stable part the curve leads to. On
-# the way down it stays on that part until its own limit point, so the way back is another: hysteresis.
+# The equilibrium states form one curve with stable and unstable parts. The device stays on a stable part until
+# its limit point; there it snaps through, at constant pressure, to the next stable part of the curve. During
+# unloading it stays on that part until the part's own limit point: hysteresis.
 #
-# The curve is followed once by arc length; both ways are then read off it, every state solved for at its own pressure.
+# The curve is computed once under arc-length control; the states of loading and unloading are then solved on it, each at its
+# own pressure. The dynamics of a snap-through are not computed.
 
 
 LARGEST_GROWTH_OF_CYCLE = 500.0
-"""Cavity volumes up to which a second stable part is looked for: a balloon of eight times its radius."""
+"""Maximum cavity volumes in the search for another stable part: a balloon of eight times its radius."""
 
 
 @dataclasses.dataclass(frozen=True)
 class CyclePart:
-    """A stable part of the curve: points with rising pressure, limit points at ends where there are any."""
+    """A stable part of the curve: points with rising pressure, with limit points at its ends if there are any."""
 
     points: tuple[Point, ...]
 
@@ -290,14 +292,14 @@ class CyclePart:
 
 
 def cycle(path: Continuation, goals: Sequence[float]) -> Iterator[Point]:
-    """Raise the pressure through the goals and lower it through them again.
+    """Raise the pressure through the goals and lower it again.
 
     Args:
         path: A new path, its quantity the pressure; what it follows is chosen here.
         goals: Dimensionless pressures, rising.
 
     Yields:
-        Points with their stable states alone, in the order in which they happen; the first one after a jump is marked.
+        Points with only their stable states, in the order in which they happen; the first one after a jump is marked.
 
     Raises:
         PathEnd: There is no stable state at the highest pressure. What can be reached has been yielded.
@@ -314,14 +316,14 @@ def cycle(path: Continuation, goals: Sequence[float]) -> Iterator[Point]:
     if here is None:
         limit = next((point for point in points if point.limit), None)
         if len(parts) > 1 or limit is None:
-            why = f"past the jumps so far, {lost}" if len(parts) > 1 else str(lost)
+            why = f"after the snap-throughs so far, {lost}" if len(parts) > 1 else str(lost)
             raise PathEnd(why, cause=None if lost is None else lost.cause)
-        raise PathEnd("the pressure has a limit point, and no stable state was found at that pressure beyond it", limit)
+        raise PathEnd("the pressure has a limit point, and no stable state at that pressure was found beyond it", limit)
     yield from _along(path, parts, here, [*goals[::-1], *([0.0] if goals[0] > 0 else [])], -1)
 
 
 def _stable_parts(points: Sequence[Point]) -> list[CyclePart]:
-    """The curve's stable parts in order; limit points belong to the part they end."""
+    """Return the curve's stable parts in order; limit points belong to the part they end."""
     parts: list[list[Point]] = []
     current: list[Point] = []
     for point in points:
@@ -330,7 +332,7 @@ def _stable_parts(points: Sequence[Point]) -> list[CyclePart]:
                 parts.append([*current, point])
                 current = []
             else:
-                current = [point]  # a least pressure: a stable part may begin here
+                current = [point]  # a minimum of the pressure: a stable part may start here
         elif point.stable_under_pressure and point.tangent.P > 0 and not point.bifurcation:
             current.append(point)
         elif current:
@@ -377,7 +379,7 @@ def _along(path: Continuation, parts: list[CyclePart], here: int, goals: Sequenc
 
 
 def _state(path: Continuation, part: CyclePart, P: float) -> Point:
-    """The state of a stable part at a pressure."""
+    """Return the state of a stable part at a pressure."""
     for before, after in zip(part.points, part.points[1:], strict=False):
         if before.state.P <= P <= after.state.P:
             if P == before.state.P and not before.limit:

@@ -1,13 +1,13 @@
 """Stability of states: the signature of the tangent, its lowest eigenvalues, and their modes.
 
-A state is stable under a given pressure where the tangent K is positive definite on the displacements, and under a given
-volume where it is so on those that keep the volume. Both follow from the inertia of the factorised K (Sylvester's law):
+A state is stable under a given pressure if the tangent K is positive definite on the displacements, and under a given
+volume if it is so on those that keep the volume. Both follow from the inertia of the factorised K (Sylvester's law):
 
 * Mixed form: each of the n_p unknowns of p adds one negative pivot to a stable K, since eliminating them from the bottom
-  leaves the displacements' own stiffness (Haynsworth 1968, doi 10.1016/0024-3795(68)90050-5). What is beyond n_p is the
+  leaves the displacements' own stiffness (Haynsworth 1968, doi 10.1016/0024-3795(68)90050-5). The excess over n_p is
   the number of K's negative eigenvalues: the directions in which the energy falls.
-* Holding the volume takes one of them away where the compliance dV/dP = q.K^-1 q is negative.
-* Volumes that are held whatever the path follows are taken into account in both (`Bordered.negative_eigenvalues`).
+* Holding the volume removes one of them if the compliance dV/dP = q.K^-1 q is negative.
+* Volumes held independently of the control are accounted for in both (`Bordered.negative_eigenvalues`).
 
 Eigenvalues are of K x = lambda M x with the displacement's mass matrix M (of unit density): they do not depend on the mesh's
 cells, and lambda / density is the square of a natural frequency. M has no entries for p, which is then slaved to u.
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Shapes in which a device leaves its path, as measures of other shapes, and the operator whose eigenvectors they are.
+# Buckling modes as measures of other shapes, and the operator whose eigenvectors they are.
 
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 
 class Mode:
-    """A shape in which a device leaves its path, as a measure of other shapes.
+    """A buckling mode, as a measure of other shapes.
 
     Args:
         M: Mass matrix of the device, see `Stability`.
@@ -64,16 +64,16 @@ class Mode:
 
     @property
     def length(self) -> float:
-        """That of the shape in the norm of M."""
+        """Length of the shape in the norm of M."""
         return self._size
 
     def share(self, w: Array) -> float:
-        """What dofs (shape as `State.w`) have of the mode."""
+        """Return the amplitude of the mode in dofs (shape as `State.w`)."""
         self._vector.array_w[:] = w[: self._vector.getLocalSize()]
         return float(self.image.dot(self._vector))
 
     def size(self, w: Array) -> float:
-        """How large dofs are, with the mode as the unit."""
+        """Return the size of dofs in units of the mode."""
         return self._length(w) / self._size
 
     def _length(self, w: Array) -> float:
@@ -103,28 +103,28 @@ class ShiftInvert:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The lowest eigenvalue of K x = lambda M x by Lanczos' method on K^-1 M, held against its residual and K's inertia.
+# The lowest eigenvalue of K x = lambda M x by Lanczos' method on K^-1 M, verified by its residual and K's inertia.
 #
-# K is symmetric and may be indefinite, M symmetric and positive but for a null space (the pressures of a mixed form). K^-1 M is
-# self-adjoint in the inner product of M, with eigenvalues nu = 1/lambda. Where K has no negative eigenvalue, the lowest lambda
-# belongs to the largest nu. Where it has k of them, it belongs to the negative nu nearest to zero: Lanczos' matrix never has
-# more negative eigenvalues than K (Cauchy's interlacing), so once it has k of them, none has been overlooked.
+# K is symmetric and may be indefinite, M symmetric and positive except for a null space (the pressures of a mixed form). K^-1 M
+# is self-adjoint in the inner product of M, with eigenvalues nu = 1/lambda. Where K has no negative eigenvalue, the lowest
+# lambda belongs to the largest nu. Where it has k of them, it belongs to the negative nu nearest to zero: Lanczos' matrix
+# never has more negative eigenvalues than K (Cauchy's interlacing), so once it has k of them, none is missed.
 # Parlett 1998, The Symmetric Eigenvalue Problem, chapters 11 to 13; the semi-inner product: Nour-Omid, Parlett, Ericsson and
 # Jensen 1987, doi 10.1090/S0025-5718-1987-0878698-5.
 
 
 TOLERANCE = 1e-7
-"""Residual of K^-1 M x = nu x, in the norm of M and in shares of nu; the eigenvalue's error is about its square."""
+"""Residual of K^-1 M x = nu x, in the norm of M and relative to nu; the eigenvalue's error is about its square."""
 ROUNDING = 1e-12
-"""Share of the largest nu below which one is zero: it belongs to the null space of M."""
+"""Fraction of the largest nu below which one counts as zero: it belongs to the null space of M."""
 MOST_STEPS = 150
-"""Back-substitutions after which an eigenvalue counts as not found."""
+"""Maximum back-substitutions, after which an eigenvalue counts as not converged."""
 
 
 def lowest(
     solve: Solve, M: PETSc.Mat, start: PETSc.Vec, negatives: int, count: int = 1, tolerance: float = TOLERANCE
 ) -> tuple[float, list[PETSc.Vec]]:
-    """The lowest eigenvalue, its vector, and approximations of the next ones.
+    """Return the lowest eigenvalue, its vector, and approximations of the next ones.
 
     Args:
         solve: ``solve(b, x)`` puts K^-1 b into x (PETSc vectors).
@@ -138,7 +138,7 @@ def lowest(
         lambda, and vectors of length 1 in the norm of M, the one of lambda first.
 
     Raises:
-        NoConvergence: The residual did not fall below the tolerance, or K's inertia says otherwise.
+        NoConvergence: The residual did not fall below the tolerance, or K's inertia contradicts the result.
     """
     w, image = M.createVecRight(), M.createVecLeft()
     M.mult(start, image)
@@ -158,7 +158,7 @@ def lowest(
         images[-1].scale(1 / length)
         solve(images[-1], w)
         diagonal.append(w.dot(images[-1]))
-        for _ in range(2):  # against all before, twice: Lanczos' own recurrence forgets them
+        for _ in range(2):  # full reorthogonalisation, twice: Lanczos' recurrence loses orthogonality
             w.maxpy([-share for share in w.mDot(images)], basis)
         M.mult(w, image)
         length = max(w.dot(image), 0.0) ** 0.5
@@ -175,11 +175,11 @@ def lowest(
                     x.maxpy([float(share) for share in vectors[:, k]], basis)
                 return 1 / float(values[chosen]), found
         beside.append(length)
-    raise NoConvergence(f"the lowest eigenvalue was not found in {len(basis)} steps")
+    raise NoConvergence(f"the lowest eigenvalue did not converge in {len(basis)} steps")
 
 
 def grown(square: npt.NDArray[np.float64], column: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """A symmetric matrix with one more column and row."""
+    """Return a symmetric matrix with one more column and row."""
     column = np.asarray(column)
     return np.block([[square, column[:-1, None]], [column[None, :-1], column[-1:, None]]])
 
@@ -187,7 +187,8 @@ def grown(square: npt.NDArray[np.float64], column: npt.NDArray[np.float64]) -> n
 def generalised(
     A: npt.NDArray[np.float64], C: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Eigenvalues, rising, and vectors as columns of A x = value C x for small symmetric matrices, x of length 1 in C.
+    """Return the eigenvalues, rising, and vectors as columns of A x = value C x for small symmetric matrices, x of length 1 in
+    C.
 
     NumPy has no routine for two matrices, and SciPy's takes longer to load than a section's path to solve.
 
@@ -200,23 +201,23 @@ def generalised(
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Eigenvalues of K x = lambda M x nearest zero, and all negative ones, from rough answers of K^-1: Davidson's method.
+# Davidson's method: eigenvalues of K x = lambda M x nearest zero and all negative ones, with an approximate K^-1.
 #
 # Rayleigh's quotient is made stationary over a growing space. Each new direction is a residual times K^-1, by loose iterations
-# or a factorisation in single precision, so that the space grows as that of inverse iteration does. A mode that is known from a
-# state near by is where it begins. Davidson 1975, doi 10.1016/0021-9991(75)90065-0; Morgan and Scott 1986, doi 10.1137/0907054.
+# or a factorisation in single precision, so that the space grows as that of inverse iteration does. It starts from modes
+# known at a nearby state. Davidson 1975, doi 10.1016/0021-9991(75)90065-0; Morgan and Scott 1986, doi 10.1137/0907054.
 
 
 MOST_DIRECTIONS = 32
-"""Size of the space at which it is cut back to the best modes."""
+"""Size of the space at which it restarts with the best modes."""
 MOST_SOLVES = 150
-"""Solves after which an eigenvalue counts as not found, if no other number is given."""
+"""Default maximum number of solves, after which an eigenvalue counts as not converged."""
 LOOSE, TIGHT = 1e-2, 1e-3
-"""Tolerances of the solves: looser ones leave p that do not belong to their displacements, tighter ones gain nothing."""
+"""Tolerances of the solves: looser ones leave inconsistent p, tighter ones do not help."""
 POLISH = 1e-2
-"""Share of an eigenvalue that its last correction may move it by, whose part of p need not belong to its displacement."""
+"""Maximum relative change of an eigenvalue by its last correction, whose p may be inconsistent with its displacement."""
 DEPENDENT = 1e-8
-"""Share of a new direction that has to be left beside the space."""
+"""Minimum remainder of a new direction after orthogonalisation."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -245,7 +246,7 @@ class Space:
         self.K = np.empty((0, 0))
 
     def add(self, x: PETSc.Vec) -> bool:
-        """Add a direction, which is overwritten; whether there was anything new in it."""
+        """Add a direction, which is overwritten; return whether it extends the space."""
         M, Mx, Kx = self.pencil.M, self.pencil.M.createVecLeft(), self.pencil.M.createVecLeft()
         M.mult(x, Mx)
         size = x.dot(Mx)
@@ -270,7 +271,7 @@ class Space:
         return made
 
     def cut(self, shares: Array) -> None:
-        """Keep only these combinations, columns of an orthogonal matrix."""
+        """Reduce the space to these combinations, columns of an orthogonal matrix."""
         for name in ("x", "Kx", "Mx"):
             setattr(self, name, [self.combined(column, getattr(self, name)) for column in shares.T])
         self.K = shares.T @ self.K @ shares
@@ -289,7 +290,7 @@ class Modes:
 
 
 def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[float], most: int = MOST_SOLVES) -> Modes:
-    """Eigenvalues nearest zero, and all negative ones.
+    """Return the eigenvalues nearest zero, and all negative ones.
 
     Args:
         pencil: K and M.
@@ -316,7 +317,7 @@ def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[flo
             continue
         here = values[chosen]
         slack = max(filter(math.isfinite, tolerances)) ** 2 * np.abs(here).max()
-        while found and abs(found[-1] - here[len(found) - 1]) > slack:  # a lower one has come up since
+        while found and abs(found[-1] - here[len(found) - 1]) > slack:  # a lower one has appeared since
             found.pop()
             polished.pop(len(found), None)
         while len(found) < len(chosen) >= count and math.isinf(tolerances[min(len(found), count - 1)]):
@@ -332,11 +333,11 @@ def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[flo
             polished[place] = _polished(space, here[place], new)
         elif not (math.isfinite(size) and space.add(new)):
             break
-    raise NoConvergence("the lowest modes were not found")
+    raise NoConvergence("the lowest modes did not converge")
 
 
 def _polished(space: Space, value: float, new: PETSc.Vec) -> float:
-    """An eigenvalue over the space with its last correction too, which is not kept: small ones may be rounding alone."""
+    """Return an eigenvalue over the space with its last correction too, which is not kept: small ones may be only rounding."""
     kept = space.x, space.Kx, space.Mx, space.K
     if not space.add(new):
         return value
@@ -347,7 +348,7 @@ def _polished(space: Space, value: float, new: PETSc.Vec) -> float:
 
 
 def _chosen(values: Array, of_first: Array, count: int) -> npt.NDArray[np.intp]:
-    """Indices of the values nearest zero, and of the negative ones that the first directions had, by rising value.
+    """Return the indices of the values nearest zero, and of the negative ones among the first directions, by rising value.
 
     Other negative ones far from zero are of directions whose p does not belong to their displacements.
     """
@@ -357,7 +358,7 @@ def _chosen(values: Array, of_first: Array, count: int) -> npt.NDArray[np.intp]:
 
 
 def _correction(space: Space, value: float, shares: Array, tolerance: float) -> tuple[float, PETSc.Vec]:
-    """K^-1 times the residual of a mode of the space, to a tolerance and without the mode's own part, and its length."""
+    """Return K^-1 times the residual of a mode of the space, to a tolerance and without the mode's own part, and its length."""
     pencil = space.pencil
     residual, new = pencil.M.createVecLeft(), pencil.M.createVecRight()
     residual.maxpy([float(share) for share in shares], space.Kx)
@@ -370,26 +371,26 @@ def _correction(space: Space, value: float, shares: Array, tolerance: float) -> 
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The lowest eigenvalues of a device's tangent, by its factorisation where there is one and else by iterations.
+# The lowest eigenvalues of a device's tangent, by its factorisation or, without one, by iterations.
 
 
 BLOCK = 4
-"""Modes of the last factorised point from which the lowest eigenvalue of a point without factorisation is found."""
+"""Modes of the last factorised point, used to find the lowest eigenvalue of an unfactorised one."""
 MOST_CORRECTIONS, CLOSE = 6, 1e-3
-"""Corrections of that mode, and the share of the eigenvalue that the last one may move it by, as expected and as found:
-its own error is about a tenth of that then. Where K has changed so much that its kept inverse expects less than comes, or where
-a mode does not get there in as many corrections, the point is factorised."""
+"""Maximum corrections of that mode, and the maximum relative change of the eigenvalue by the last one, predicted
+and actual: its error is then about a tenth. If K has changed so much that the lagged inverse underestimates the
+change, or if these corrections do not suffice, the point is factorised."""
 EIGENVALUE = 1e-10
-"""What back-substitutions are refined to where a factorisation is in single precision, in shares of the answer, for the lowest
-eigenvalue where K was factorised. Corrections of its mode elsewhere are not refined: they are directions to search in."""
+"""Relative tolerance of the refined back-substitutions with a single-precision factorisation, for the lowest eigenvalue
+where K was factorised. Corrections of its mode elsewhere are not refined, because they are only search directions."""
 ROUGH, REFINED = 1e-3, 3e-5
-"""Residuals to which it is looked for in single precision alone, and then refined by corrections of its mode: the eigenvalue's
-own error is about the square of the second."""
+"""Residual tolerances: first in single precision, then after corrections of the mode; the eigenvalue's error
+is about the square of the second."""
 MOST_REFINEMENTS = 30
-"""Such corrections; where they are not enough, Lanczos' method is with refined back-substitutions from the start."""
+"""Maximum number of such corrections; beyond it, Lanczos' method uses refined back-substitutions from the start."""
 LOWEST, OTHERS, LOCATED = 3e-4, 5e-2, 1e-5
-"""Residuals of modes that are found in this way: of the lowest along a path, of those kept to begin the next search with, and
-of all where a bifurcation is located."""
+"""Residual tolerances of modes: the lowest along a path, those kept to start the next search,
+and all at a bifurcation."""
 
 
 class Spectrum(abc.ABC):
@@ -411,11 +412,11 @@ class Spectrum(abc.ABC):
     @property
     @abc.abstractmethod
     def negative_eigenvalues(self) -> int:
-        """Negative eigenvalues of the K that was factorised, or looked at, last."""
+        """Number of negative eigenvalues of the last factorised or examined K."""
 
     @abc.abstractmethod
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
-        """The lowest eigenvalue at the state that K was factorised at, its mode, and approximations of the next ones.
+        """Return the lowest eigenvalue at the state where K was factorised, its mode, and approximations of the next ones.
 
         Args:
             modes: Those of a state near by; may be none.
@@ -426,7 +427,7 @@ class Spectrum(abc.ABC):
 
     @abc.abstractmethod
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
-        """Lowest eigenvalue of another state, from modes of the last one, without a factorisation of its own.
+        """Return the lowest eigenvalue of another state from modes of the last one, without a new factorisation.
 
         Raises:
             NoConvergence: The mode changes too much between the two states.
@@ -434,7 +435,7 @@ class Spectrum(abc.ABC):
 
     @abc.abstractmethod
     def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
-        """At least so many eigenvalues nearest zero with their vectors, at the state that K was factorised at.
+        """Return at least so many eigenvalues nearest zero with their vectors, at the state where K was factorised.
 
         Raises:
             NoConvergence: They were not found.
@@ -442,12 +443,12 @@ class Spectrum(abc.ABC):
 
 
 def spectrum_of(solver: Solver, M: PETSc.Mat) -> Spectrum:
-    """The eigenvalues of a device, found as its linear systems are solved."""
+    """Return the eigenvalue solver that suits a device's linear solver."""
     return (Factorised if solver.bordered.inverse.exact else Iterated)(solver, M)
 
 
 class Factorised(Spectrum):
-    """By Lanczos' method on K^-1 M, and K's inertia."""
+    """Eigenvalues by Lanczos' method on K^-1 M, and K's inertia."""
 
     def __init__(self, solver: Solver, M: PETSc.Mat):
         super().__init__(solver, M)
@@ -470,14 +471,15 @@ class Factorised(Spectrum):
         return lowest(solve, self.M, self.seed, negatives, BLOCK)
 
     def _refined(self, negatives: int) -> tuple[float, list[PETSc.Vec]]:
-        """`lowest` from a search in single precision, whose modes are then corrected by their residuals in double precision.
+        """Return `lowest` from a search in single precision, whose modes are then corrected by their residuals in double
+        precision.
 
         A correction takes one back-substitution, where a refined one of Lanczos' method takes two or three.
         """
         bordered = self.solver.bordered
 
         def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
-            if bordered.constraint_columns:  # pressures that hold volumes are large beside a small residual
+            if bordered.constraint_columns:  # pressures that hold volumes are large relative to a small residual
                 bordered.solve(b, x, EIGENVALUE)
             else:
                 bordered.solve_roughly(b, x)
@@ -486,8 +488,8 @@ class Factorised(Spectrum):
         tolerances = [REFINED, *[math.inf] * (len(start) - 1)]
         found = nearest(Pencil(bordered.K.mult, self.M, solve), start, tolerances, MOST_REFINEMENTS)
         if found.negative != negatives:
-            raise NoConvergence("the modes in single precision are other ones")
-        # The others as they were found first: what corrections of the lowest change in them is single precision's rounding.
+            raise NoConvergence("single precision converged to other modes")
+        # The others as first computed: corrections of the lowest change them only by single-precision rounding.
         return float(found.values[0]), [found.vectors[0], *start[1:]]
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
@@ -511,7 +513,7 @@ class Factorised(Spectrum):
                 basis, products, images = [*basis, x], [*products, Kx], [*images, Mx]
                 A, C = grown(A, Kx.mDot(basis)), grown(C, Mx.mDot(basis))
             values, vectors = generalised(A, C)
-            # The same mode as before: a subspace of a saddle point's has stationary values that are no eigenvalues.
+            # The same mode as before: a subspace of a saddle point has stationary values that are not eigenvalues.
             likeness = np.abs(before @ C[: len(before)] @ vectors) if len(before) else -values
             chosen = int(np.argmax(likeness))
             moved, value, before = abs(value - float(values[chosen])), float(values[chosen]), vectors[:, chosen]
@@ -524,7 +526,7 @@ class Factorised(Spectrum):
             residual.maxpy(shares, products)
             residual.maxpy([-value * share for share in shares], images)
             self.solver.bordered.solve_roughly(residual, correction)
-            # The work of the residual, of first order: a correction's length says little of it where its motions are stiff.
+            # First-order work of the residual: the length of a correction is not a good measure for stiff motions.
             change = correction.dot(residual)
             M.mult(correction, residual)
             size = max(correction.dot(residual), 0.0) ** 0.5
@@ -533,7 +535,7 @@ class Factorised(Spectrum):
             correction.scale(1 / size)
             close = abs(change) <= CLOSE * abs(value)
             new = [correction]
-        raise NoConvergence("the lowest mode changes too much without a factorisation")
+        raise NoConvergence("the lowest mode changes too much without a new factorisation")
 
     def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
         from petsc4py import PETSc
@@ -541,8 +543,8 @@ class Factorised(Spectrum):
 
         eq = self.solver.system
         solver = SLEPc.EPS().create(eq.comm)
-        # The largest eigenvalues of K^-1 M in the inner product of M. K^-1 M maps p-parts to displacements alone, so the
-        # constraint's infinite eigenvalues are zeros here, far from those wanted.
+        # The largest eigenvalues of K^-1 M in the inner product of M. K^-1 M maps p-parts to displacements only,
+        # so the constraint's infinite eigenvalues are zeros here, far from those wanted.
         solver.setOperators(ShiftInvert.matrix(self.solver.bordered.solve, self.M))
         solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
         solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
@@ -551,38 +553,39 @@ class Factorised(Spectrum):
         solver.setInitialSpace([self.seed])
         try:
             solver.solve()
-        except (PETSc.Error, SystemError) as error:  # SLEPc's own errors come as either
-            raise NoConvergence("the modes of the tangent were not found") from error
+        except (PETSc.Error, SystemError) as error:  # SLEPc raises either
+            raise NoConvergence("the modes of the tangent did not converge") from error
         found = []
         for i in range(solver.getConverged()):
             vector = eq.K.createVecRight()
             found.append((1 / solver.getEigenpair(i, vector).real, vector))
         solver.destroy()
         if not found:
-            raise NoConvergence("the modes of the tangent were not found")
+            raise NoConvergence("the modes of the tangent did not converge")
         return found
 
 
 class Iterated(Spectrum):
-    """By Davidson's method, from state to state: an eigenvalue changes its sign only where it is among those nearest zero."""
+    """Eigenvalues by Davidson's method, from state to state: an eigenvalue changes sign only if it is among those nearest
+    zero."""
 
     def __init__(self, solver: Solver, M: PETSc.Mat):
         super().__init__(solver, M)
         self._negative = self._turn = self._counted = 0
         self._modes: Sequence[PETSc.Vec] = ()
-        # The lowest mode of the state before the last: with its own the two foretell.
+        # The lowest mode of the state before the last: the last two modes predict the next.
         self._before: list[PETSc.Vec] = []
 
     @property
     def negative_eigenvalues(self) -> int:
-        """Those of the state that is loaded; where they are not found, those of the state before."""
+        """Those of the loaded state; if not converged, those of the state before."""
         if self._counted != self.solver.kept.made:
             with contextlib.suppress(NoConvergence):
                 self.lowest(self._modes)
         return self._negative
 
     def _take(self, found: Modes) -> Modes:
-        """Remember what was found at the state that is loaded."""
+        """Store the modes of the loaded state."""
         self._negative, self._counted, self._modes = found.negative, self.solver.kept.made, found.vectors
         return found
 
@@ -594,12 +597,13 @@ class Iterated(Spectrum):
 
         def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
             solver.bordered.iterate(b, x, tolerance)
-            solver.bordered.keep_volumes(x)  # to the last digits: a loose solve changes them a little
+            solver.bordered.keep_volumes(x)  # only to the last digits: a loose solve changes them slightly
 
         return Pencil(product, self.M, solve)
 
     def _start(self, modes: Sequence[PETSc.Vec]) -> Sequence[PETSc.Vec]:
-        """Where a search begins: with the modes known, or in the range of K^-1 M; with motions that keep the held volumes."""
+        """Return the starting vectors of a search: the known modes, or vectors in the range of K^-1 M, with held
+        volumes kept."""
         if modes:
             kept = [mode.copy() for mode in modes]
             for mode in kept:
@@ -621,7 +625,7 @@ class Iterated(Spectrum):
         return float(found.values[0]), found.vectors
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
-        raise NoConvergence("every state is looked at for itself: that costs a few solves")
+        raise NoConvergence("every state is examined separately, at the cost of a few solves")
 
     def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
         found = self._take(nearest(self._pencil(), self._start(()), [LOCATED] * count))
@@ -629,19 +633,19 @@ class Iterated(Spectrum):
 
 
 ALWAYS = 6000
-"""Unknowns up to which every point is factorised: it costs no more there than the iterations it saves."""
+"""Number of unknowns up to which every point is factorised, which costs no more than the iterations it saves."""
 NEAR = 0.4
-"""Share of the lowest eigenvalue at the last factorised point below which a larger system is factorised too."""
+"""Ratio of the lowest eigenvalue to that at the last factorised point below which a larger system is factorised too."""
 SINGULAR = 1e-6
-"""Eigenvalue, in shares of the largest on the path, below which K is singular and the rest is rounding."""
+"""Eigenvalue relative to the largest on the path below which K counts as singular."""
 
 ALIKE = 0.6
-"""Cosine of the angle between two modes (in the inner product of M) above which they are one mode at two states."""
+"""Cosine of the angle between two modes (in the inner product of M) above which they are the same mode at two states."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Signature:
-    """How a state stands.
+    """Stability of a state.
 
     Attributes:
         negative_eigenvalues: Of the tangent at a given pressure: directions in which the energy falls; 0 if stable.
@@ -678,7 +682,7 @@ class Stability:
 
     @classmethod
     def of(cls, solver: Solver) -> Stability:
-        """The one that belongs to a solver, made at the first call."""
+        """Return the instance of a solver, created at the first call."""
         found = getattr(solver, "_stability", None)
         if found is None:
             found = cls(solver)
@@ -686,9 +690,9 @@ class Stability:
         return found
 
     def start(self) -> None:
-        """Forget the modes known and take up a shape that has a part of every mode, the same on any ranks.
+        """Drop the known modes and start from a shape with a part of every mode, the same on any number of ranks.
 
-        Every search for modes begins with it, so that what is found depends on the state alone and not on the way there.
+        Every search for modes begins with it, so that the result depends only on the state, not on the history.
         """
         from dolfinx import fem
 
@@ -705,7 +709,7 @@ class Stability:
         self.seed = self.M.createVecRight()
         self.spectrum.seed = self.seed
         self.seed.array_w[:] = eq.unknowns.nearest(seed.x.array)
-        self.sense = self.M.createVecLeft()  # tells a mode from its opposite
+        self.sense = self.M.createVecLeft()  # fixes the sign of a mode
         self.M.mult(self.seed, self.sense)
         self.reference = self.largest = self._guess = 0.0
         self.modes: Sequence[PETSc.Vec] = []
@@ -713,7 +717,7 @@ class Stability:
     # -- along a path -------------------------------------------------------------------------------------------------
 
     def wants(self, state: State) -> bool:
-        """Whether the signature at this state needs a factorisation of its own.
+        """Return whether the signature at this state needs a factorisation of its own.
 
         It does where faces are pressed on: a kept K has other places in contact, and corrections by its inverse creep.
         """
@@ -727,14 +731,15 @@ class Stability:
         return self._guess < NEAR * self.reference
 
     def signature(self, exact: bool, known: int = 0) -> Signature:
-        """Signature of the state that `wants` was asked of: of K as factorised there, or else with the number known before."""
+        """Return the signature of the state passed to `wants`: of K if factorised there, else with the last
+        known number."""
         if not exact:
             return Signature(known, self._guess, exact=False)
         value = self.lowest()
         return Signature(self.negative_eigenvalues(), value)
 
     def lowest(self) -> float:
-        """Lowest eigenvalue of K as it is factorised; nan if it was not found to within its tolerance."""
+        """Return the lowest eigenvalue of the factorised K; nan if it did not converge."""
         self.solver.system.unknowns.projected(self.mass, self.M)
         try:
             value, self.modes = self.spectrum.lowest(self.modes)
@@ -746,7 +751,7 @@ class Stability:
         return value
 
     def critical_lowest(self, state: State, negative: int) -> float:
-        """Lowest eigenvalue where K is singular in one mode more than ``negative`` ones; K may be factorised there.
+        """Return the lowest eigenvalue where K is singular in one mode more than ``negative`` ones; K may be factorised there.
 
         Zero where none is negative; else that of K with its singular mode, which leaves the others as they are.
         """
@@ -759,13 +764,13 @@ class Stability:
         return 0.0 if abs(value) < SINGULAR * largest else value
 
     def negative_eigenvalues(self) -> int:
-        """Negative eigenvalues of the factorised K beyond those of a stable one."""
+        """Return the negative eigenvalues of the factorised K beyond those of a stable one."""
         return self.spectrum.negative_eigenvalues
 
     # -- at one state -------------------------------------------------------------------------------------------------
 
     def eigenpairs(self, state: State, count: int = 4) -> list[tuple[float, Array]]:
-        """Eigenvalues nearest zero and their modes at a state, rising, by shift and invert through the factorised K.
+        """Return the eigenvalues nearest zero and their modes at a state, rising, by shift and invert through the factorised K.
 
         Args:
             state: The state; K is factorised there.
@@ -778,7 +783,7 @@ class Stability:
         return self._pairs(count)
 
     def _pairs(self, count: int) -> list[tuple[float, Array]]:
-        """`eigenpairs` of K as it is factorised."""
+        """Return `eigenpairs` of the factorised K."""
         self.solver.system.unknowns.projected(self.mass, self.M)
         pairs = [(value, self._mode(vector)) for value, vector in self.spectrum.pairs(count)]
         return sorted(pairs, key=lambda pair: pair[0])
@@ -789,13 +794,14 @@ class Stability:
         function = fem.Function(self.solver.system.space)
         self.solver.system.unknowns.push(vector.array_r, function.x.array)
         function.x.scatter_forward()
-        # By its largest entry alone, an antisymmetric mode would turn round with the rounding of the day.
+        # The largest entry alone would make the sign of an antisymmetric mode depend on rounding.
         largest = max(vector.max()[1], -vector.min()[1])
         scaled = function.x.array / math.copysign(largest, vector.dot(self.sense))
         return np.concatenate([scaled, np.zeros(len(self.solver.system.coupling.constraints))])
 
     def critical(self, state: State, index: int) -> tuple[float, Array]:
-        """The eigenvalue that is number ``index`` (from 0) in rising order, and its mode; K is factorised at the state."""
+        """Return the eigenvalue that is number ``index`` (from 0) in rising order, and its mode; K is factorised at the
+        state."""
         pairs = self.eigenpairs(state)
         negative = self.negative_eigenvalues()
         rank = negative - sum(value < 0 for value, _ in pairs)  # negative ones farther from zero than those found
@@ -803,7 +809,8 @@ class Stability:
         return pairs[chosen]
 
     def like(self, state: State, shape: Array) -> tuple[float, Array]:
-        """The eigenvalue whose mode is most like a shape, and that mode: the same one all along, whatever others it passes.
+        """Return the eigenvalue whose mode is closest to a shape, and that mode, to track it past crossings
+        with others.
 
         Args:
             state: The state; K is factorised there.
@@ -818,5 +825,5 @@ class Stability:
         ]
         likeness, value, mode = max(pairs, key=lambda pair: pair[0])
         if likeness < ALIKE:
-            raise NoConvergence("its mode was lost between two states")
+            raise NoConvergence("its mode could not be tracked between two states")
         return value, mode

@@ -1,4 +1,4 @@
-"""What drives the air: a syringe on a T-junction with the column and the device, and the gas between them.
+"""Air supply by a syringe on a T-junction with the column and the device, with the compressible gas between them.
 
 The syringe's stroke S is the volume its piston has swept. It pushes the gas that filled syringe, tubes and cavity at ambient
 pressure; together they held G = dead + syringe + cavity at rest. With p = (P + ambient) / ambient and the exponent n (1
@@ -7,7 +7,7 @@ isothermal, 1.4 adiabatic) the gas law is
     p^(1/n) (G - S + V - V0) = G (1 - leak S)
 
 so S is a function of cavity volume and pressure: a control like any other, whose line in the plane is the gas law's
-tangent. A very large G makes it pressure control (S/G alone gives P), an incompressible fluid volume control (S = V - V0).
+tangent. A very large G gives pressure control (S/G determines P), an incompressible fluid volume control (S = V - V0).
 """
 
 from __future__ import annotations
@@ -30,21 +30,20 @@ from softmodels.common.schema import (
 from softmodels.path.points import Supply
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a case says of the supply that drives the air, where that is neither the pressure nor the volume itself.
+# Air supplies in a case, where neither the pressure nor the volume itself is prescribed.
 #
-# A supply is one class below `AirSupply`, also in a file of one's own: its fields, made by `softmodels.common.schema`, are its
-# entries in a case's table ``[supply]`` and its options, and `AirSupply.control` gives the path what it follows.
-# `register_supply`
-# lets case files and command lines find it by its name.
+# A supply is a subclass of `AirSupply`, also in a user's file: its fields, made by `softmodels.common.schema`, are its entries
+# in a case's table ``[supply]`` and its options, and `AirSupply.control` returns the quantity that the path controls.
+# `register` makes it available to case files and command lines by name.
 
 
 class SupplyError(Spoken, ValueError):
-    """An impossible supply; the message is a sentence for the user."""
+    """An invalid supply; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True)
 class AirSupply:
-    """A supply that is driven by strokes: volumes in m3 that it displaces, or lets in.
+    """A supply driven by strokes: volumes in m3 that it displaces or admits.
 
     Attributes:
         name: What case files (``kind``) and ``--supply`` call it, and sentences too.
@@ -65,14 +64,14 @@ class AirSupply:
 
     @property
     def doubt(self) -> str:
-        """Which of its numbers is hardly meant: a sentence, empty if none."""
+        """Return a sentence on an implausible value; empty if none."""
         return doubt_of(self)
 
     def check(self) -> None:
-        """Raise `SupplyError` for fields that do not go together."""
+        """Raise `SupplyError` for inconsistent fields."""
 
     def check_strokes(self, largest: float, cavity: float) -> None:
-        """Raise `SupplyError` for a stroke that it cannot make.
+        """Raise `SupplyError` for a stroke that is out of range.
 
         Args:
             largest: Largest stroke requested in m3.
@@ -80,7 +79,7 @@ class AirSupply:
         """
 
     def control(self, cavity: float, pressure_unit: float, volume_unit: float) -> Supply:
-        """The stroke as what a path is asked for.
+        """Return the stroke as the requested quantity of a path.
 
         Args:
             cavity: The whole device's cavity at rest in m3.
@@ -91,11 +90,11 @@ class AirSupply:
 
     @property
     def stores_energy(self) -> bool:
-        """Whether `gas_energy` accounts for the work of the supply's gas."""
+        """Whether `gas_energy` returns the work done on the supply's gas."""
         return False
 
     def gas_energy(self, stroke: float, added: float, pressure: float, cavity: float) -> float:
-        """Work in J that the supply's gas has taken up against the surroundings.
+        """Return the work in J stored in the supply's gas, relative to ambient pressure.
 
         Args:
             stroke, added: Stroke and added volume of the cavity in m3.
@@ -119,7 +118,7 @@ register_supply = SUPPLIES.register
 
 
 GASES = {"isothermal": 1.0, "adiabatic": 1.4, "liquid": math.inf}
-"""Exponent of the gas law by name; a liquid does not give way at all."""
+"""Exponent of the gas law by name; a liquid is incompressible."""
 AMBIENT = 101.325e3
 
 
@@ -137,12 +136,12 @@ class Syringe(AirSupply):
             1 - leak S of what it was. So it is the leak of a piston moved at a steady rate.
     """
 
-    syringe: float = field_of(Quantity("m^3"), "volume of the syringe, which is the largest stroke", 20e-6, usual=0.01)
+    syringe: float = field_of(Quantity("m^3"), "volume of the syringe, the largest stroke", 20e-6, usual=0.01)
     dead_volume: float = field_of(Quantity("m^3"), "volume of tubes and T-junction", 5e-6, usual=0.01)
-    ambient: float = field_of(Quantity("Pa"), "absolute pressure around, at which everything was filled", AMBIENT)
-    gas: str = field_of(Choice(tuple(GASES)), "how the gas is squeezed", "isothermal")
+    ambient: float = field_of(Quantity("Pa"), "absolute ambient pressure, at which everything was filled", AMBIENT)
+    gas: str = field_of(Choice(tuple(GASES)), "gas law", "isothermal")
     leak: float = field_of(
-        Quantity(), "share of the gas's mass lost per volume of stroke, such as 0.002 per ml", 0.0,
+        Quantity(), "fraction of the gas's mass lost per volume of stroke, such as 0.002 per ml", 0.0,
         key="leak_per_m3", option="leak_per_ml", per_option=1e6,
     )  # fmt: skip
     name: ClassVar[str] = "syringe"
@@ -155,20 +154,23 @@ class Syringe(AirSupply):
             if value < 0 or (least and value == 0):
                 raise SupplyError(f"the {name} is {value:g}; it must be {'above' if least else 'at least'} zero")
         if self.leak * self.syringe >= 1:
-            raise SupplyError(f"a leak of {self.leak * 1e-6:g} per ml loses all gas within one stroke")
+            raise SupplyError(
+                f"a leak of {self.leak * 1e-6:g} per ml loses all gas within one stroke; give a smaller one, "
+                f"such as 0.002 per ml"
+            )
         if self.gas == "liquid" and self.leak:
-            raise SupplyError("a leak is of a gas; leave it out with a liquid")
+            raise SupplyError("a leak applies only to a gas; leave it out with a liquid")
 
     def check_strokes(self, largest: float, cavity: float) -> None:
         if largest > self.syringe * (1 + 1e-9):
             raise SupplyError(
-                f"a stroke of {largest * 1e6:g} ml is more than the syringe holds, "
-                f"{self.syringe * 1e6:g} ml; take a larger one (--syringe)"
+                f"a stroke of {largest * 1e6:g} ml exceeds the volume of the "
+                f"syringe, {self.syringe * 1e6:g} ml; use a larger one (--syringe)"
             )
         if self.leak * self.gas_at_rest(cavity) >= 1:
             raise SupplyError(
-                "the leak loses all gas before the cavity is filled; it is a share per volume of stroke, such as 0.005 per ml "
-                "(--leak-per-ml)"
+                "the leak loses all gas before the cavity is filled; it is a fraction per volume of stroke, such as 0.005 per "
+                "ml (--leak-per-ml)"
             )
 
     @property
@@ -176,11 +178,11 @@ class Syringe(AirSupply):
         return not self.leak
 
     def gas_at_rest(self, cavity: float) -> float:
-        """Volume in m3 of all gas at rest, with a cavity of so many m3."""
+        """Return the volume in m3 of all gas at rest, with a cavity of so many m3."""
         return self.syringe + self.dead_volume + cavity
 
     def control(self, cavity: float, pressure_unit: float, volume_unit: float) -> Stroke:
-        """The stroke as what a path is asked for.
+        """Return the stroke as what a path is asked for.
 
         Args:
             cavity: The whole device's cavity at rest in m3.
@@ -193,7 +195,7 @@ class Syringe(AirSupply):
         )  # fmt: skip
 
     def gas_energy(self, stroke: float, added: float, pressure: float, cavity: float) -> float:
-        """Work in J that the gas has taken up against the surroundings, without a leak.
+        """Return the work in J stored in the gas relative to ambient pressure, without a leak.
 
         The piston's work is the integral of P dS; what is not stored in the rubber is here (isothermal: free energy).
 
@@ -244,5 +246,5 @@ class Stroke(Supply):
 
     @property
     def weight(self) -> float:
-        """However much gas there is, an error of the stroke counts as one of pressure or volume."""
+        """Weight with which an error of the stroke counts as one of pressure or volume, for any amount of gas."""
         return 1 / (1 + self.power * self.gas / self.ambient)

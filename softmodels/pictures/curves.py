@@ -1,4 +1,4 @@
-"""Curves over the path: rise, added volume and forces. They need no rendering."""
+"""Plots over the path: rise, added volume and forces. No rendering needed."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ if TYPE_CHECKING:
 
 
 FORCES = ("contact_force_N", "blocked_force_N")
-"""Columns that get a curve of their own where a device presses on something."""
+"""Columns plotted separately if the device is in contact."""
 DASHES = ("--", ":", "-.", (0, (10, 3)), (0, (1, 4)))
-"""Of the sources' lines."""
+"""Line styles of the sources."""
 PRESSURE = ("pressure_cm", "pressure in cm of water")
-"""What curves are drawn over unless a case asks for something else: the column, and its words."""
+"""Default abscissa of the plots: the column, and its label."""
 
 
 def over_of(case: Case) -> tuple[str, str]:
-    """What a case's curves are drawn over: the column, and its words; the pressure unless a dead load is asked for."""
+    """Return the abscissa of a case's plots: the column and its label; the pressure unless a dead load is requested."""
     if case.driven is None:
         return PRESSURE
     return case.column, str(term(case.column))
@@ -65,7 +65,7 @@ def rise(
     over: tuple[str, str] = PRESSURE,
     sources: SourceRows = MappingProxyType({}),
 ) -> Figure:
-    """Rise of the device's gauge, such as the disk's apex, over the pressure.
+    """Plot the rise of the device's gauge, such as the disk's apex, over the pressure.
 
     Args:
         rows: All rows of ``path.csv``.
@@ -95,7 +95,7 @@ def rise(
 
 
 def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
-    """A second scale above a pressure in cm of water; ``pascal_per_cm`` is Pa in one of them."""
+    """Add a second scale in kPa above a pressure in cm of water; ``pascal_per_cm`` is Pa in one of them."""
     k = pascal_per_cm / 1e3
 
     def in_kPa(column: npt.ArrayLike) -> Array:
@@ -114,7 +114,7 @@ def curves(
     over: tuple[str, str] = PRESSURE,
     sources: SourceRows = MappingProxyType({}),
 ) -> list[Figure]:
-    """The gauge's rise, the added volume and a force on what holds the device, if there is one, over the pressure.
+    """Plot the gauge's rise, the added volume and the blocked force, if any, over the pressure.
 
     Of weights and forces also what they move. With a supply also the pressure over its stroke, first. ``words`` is what the run
     shows, the other arguments are as of `rise`. One figure each, so that a narrow page puts them below each other.
@@ -144,7 +144,7 @@ def curves(
 
 
 def _events(rows: Sequence[Row]) -> list[tuple[str, str, str, list[Row]]]:
-    """What happens on a path: its name, colour and marker, and the rows where it does; only what there is."""
+    """Return the events of a path that occur: name, colour, marker and rows."""
     kinds = (
         ("limit point", WARNING, "D", limits(rows)),
         ("bifurcation", BRANCH, "s", [row for row in rows if row.get("bifurcation")]),
@@ -153,18 +153,18 @@ def _events(rows: Sequence[Row]) -> list[tuple[str, str, str, list[Row]]]:
 
 
 def _path(axes: Axes, rows: Sequence[Row], column: str, branch: Sequence[Row], over: str = "pressure_cm") -> None:
-    """Curve, steps, requested values and jumps of a path over the column ``over``, and the branch that leaves it."""
+    """Plot curve, steps, requested values and snap-throughs of a path over the column ``over``, and its branch."""
     places = np.array([[row[over], row[column]] for row in rows])
     jumps = [k for k, row in enumerate(rows) if row.get("jump")]
     held = np.ones(len(rows), dtype=bool)
     held[jumped_over(rows)] = False
-    # Of a supply's jump the states that are jumped over are on the path too.
+    # States skipped by a supply's snap-through are on the path too.
     parts = np.split(places, [k for k in jumps if held[k - 1]])
     for k, part in enumerate(parts):
         axes.plot(*smooth(part).T, color=CURVE, label="" if k else "simulated path")
     axes.plot(*places[held].T, "o", color=CURVE, markersize=3.5, label="steps")
     if not held.all():
-        axes.plot(*places[~held].T, "x", color=WARNING, markersize=6, label="steps the device jumps over")
+        axes.plot(*places[~held].T, "x", color=WARNING, markersize=6, label="steps skipped by snap-through")
     _band(axes, rows, column, over)
     asked = places[[bool(row["requested"]) for row in rows]]
     if len(asked):
@@ -181,8 +181,8 @@ def _path(axes: Axes, rows: Sequence[Row], column: str, branch: Sequence[Row], o
 
 
 def _sources(axes: Axes, sources: SourceRows, rows: Sequence[Row], column: str, over: str) -> None:
-    """The paths under the other sources of a silicone, and what all of them span: the areas between neighbours, each as far as
-    both go."""
+    """Plot the paths of the other sources of a silicone, and the band they span: areas between neighbours, as far as
+    both extend."""
     if not sources:
         return
     lines = {
@@ -201,9 +201,9 @@ def _sources(axes: Axes, sources: SourceRows, rows: Sequence[Row], column: str, 
 
 
 def _band(axes: Axes, rows: Sequence[Row], column: str, over: str) -> None:
-    """The 95 % band that the material's errors make in the pressure at the same value of the column, which is regular at limit
+    """Plot the 95 % band of the pressure from the material's errors at equal values of the column, regular at limit
     points: at the same rise, or at the same added volume."""
-    half = "pressure_95_cm" if column == "added_volume_ml" else at_rise(split(column)[0])
+    half = "pressure_ci95_cm" if column == "added_volume_ml" else at_rise(split(column)[0])
     if over != "pressure_cm" or half not in rows[0]:
         return
     found = np.array([[row[over], row[column], row[half]] for row in rows])
@@ -218,12 +218,12 @@ def _band(axes: Axes, rows: Sequence[Row], column: str, over: str) -> None:
 
 
 def limits(rows: Sequence[Row]) -> list[Row]:
-    """The rows that are limit points of the pressure."""
+    """Return the rows that are limit points of the pressure."""
     return [row for row in rows if row["limit"]]
 
 
 def smooth(path: Array, count: int = 400) -> Array:
-    """A curve through points of a plane that keeps their turning points, shape (n, 2) to (count, 2).
+    """Return a smooth curve through points of a plane that preserves their extrema, shape (n, 2) to (count, 2).
 
     Cubic pieces, monotone between neighbours in both directions (Fritsch and Butland), so that the curve neither
     overshoots nor shows a limit that is not there.
@@ -249,11 +249,11 @@ def smooth(path: Array, count: int = 400) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The curves of a program: what each cavity was under, and what the device did, over the program's steps.
+# Plots of a program: loads of each cavity and response of the device, over the program's steps.
 
 
 def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
-    """The gauge's rise, the cavities' pressures, their added volumes and the loads over the steps, below each other.
+    """Plot the gauge's rise, the cavities' pressures, their added volumes and the loads over the steps, in panels.
 
     Args:
         rows: All rows of ``path.csv``.
@@ -290,21 +290,21 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The device's outline at each pressure, from the side or where a plane cuts it. They need no rendering.
+# Plots of the device's outline at each pressure, from the side or in a section. No rendering needed.
 
 
 FEW = 2
-"""Up to this many requested values, the profile shows steps in between as well."""
+"""Number of requested values up to which the profile also shows steps in between."""
 LEGEND_LINES = 12
 
 
 def profile(points: Array, displacement: Array, actuator: Actuator) -> Array:
-    """The outline that a camera sees from the side, from the axis or the clamped base outwards.
+    """Plot the outline from the side, from the axis or the clamped base outwards.
 
     Args:
         points: Undeformed nodes in device coordinates, m, shape (n, 3).
         displacement: In m, shape (n, 3).
-        actuator: The device; tells which nodes lie on the outline.
+        actuator: The device; determines which nodes lie on the outline.
 
     Returns:
         Distance from the axis and height, both deformed and in m, shape (k, 2), in order along the undeformed outline.
@@ -318,7 +318,7 @@ def profile(points: Array, displacement: Array, actuator: Actuator) -> Array:
 
 
 def profile_steps(rows: Sequence[Row], words: StateLabels) -> list[int]:
-    """Which steps the profile shows beside the undeformed line: the requested ones, limit points and the last.
+    """Return the steps of the profile besides the undeformed line: the requested ones, limit points and the last.
 
     If few were requested, up to eight steps stand evenly in the gauge's rise as well.
     """
@@ -336,7 +336,7 @@ def profile_steps(rows: Sequence[Row], words: StateLabels) -> list[int]:
 def cut_profiles(
     lines: Mapping[int, Array], rest: Array, path: tuple[Sequence[Row], StateLabels], axes_of_plane: Array, plane: str
 ) -> Figure:
-    """The outside where a plane cuts it at rest, seen along the plane's normal.
+    """Plot the section of the outer surface by a plane at rest, seen along its normal.
 
     Args:
         lines: Pieces (k, 2, 3) in m by number of the step, as `softmodels.runs.stored.cut_line` gives them.
@@ -365,13 +365,13 @@ def cut_profiles(
     axes.set_aspect("equal")
     axes.margins(0.05)
     axes.set(xlabel=f"{_direction(axes_of_plane[0])} in mm", ylabel=f"{_direction(axes_of_plane[1])} in mm")
-    axes.set_title(f"Outside where the plane {plane} cuts it at rest")
+    axes.set_title(f"Section of the outer surface by the plane {plane} (undeformed)")
     _legend_beside(axes, path[1])
     return figure
 
 
 def _direction(axis: Array) -> str:
-    """A direction in words: x, y, z, or the vector."""
+    """Return a direction in words: x, y, z, or the vector."""
     near = int(np.argmax(np.abs(axis)))
     return "xyz"[near] if abs(axis[near]) > 1 - 1e-9 else f"along ({', '.join(f'{value:.3g}' for value in axis)})"
 
@@ -383,7 +383,7 @@ def profiles(
     axial: bool = True,
     plate: float | None = None,
 ) -> Figure:
-    """The line on the outer surface that a camera sees from the side.
+    """Return the line on the outer surface that a camera sees from the side.
 
     Args:
         lines: Outlines from `profile` by number of the step.
@@ -398,7 +398,7 @@ def profiles(
     left, right = (-1.04 * right, 1.04 * right) if axial else (everything[:, 0].min() - 0.04 * right, 1.04 * right)
     tall = max(high - low, 0.25 * (right - left)) * 1.16
     bottom = low - 0.08 * tall
-    # The legend stands beside the axes, never on a line.
+    # The legend is beside the axes, so that it hides no line.
     inner = 7.1
     height = inner * tall / (right - left)
     names = _labels(*path, _labelled(list(lines)))
@@ -430,7 +430,7 @@ def _legend_beside(axes: Axes, words: StateLabels) -> None:
 
 
 def _labels(rows: Sequence[Row], words: StateLabels, steps: Collection[int]) -> dict[int, str]:
-    """What the legend says of some steps: their load, and on which part of the path they lie."""
+    """Return the legend entries of some steps: load, and part of the path."""
     places = branches(rows, words)
     return {
         step: (
@@ -442,7 +442,7 @@ def _labels(rows: Sequence[Row], words: StateLabels, steps: Collection[int]) -> 
 
 
 def branches(rows: Sequence[Row], words: StateLabels) -> list[str]:
-    """On which part of the path each state lies, in words for a legend; empty on the part that begins at rest.
+    """Return the part of the path of each state, in words for a legend; empty for the first part.
 
     Where the device jumps, the way of the load counts too: up, and down after the highest one. A state past a limit
     point that stands under its pressure again is on another part of the path, not past the limit.
@@ -460,22 +460,22 @@ def branches(rows: Sequence[Row], words: StateLabels) -> list[str]:
         elif row["limit"]:
             part.append("limit point")
         elif landings and k >= landings[0]:
-            part += ["after the jump"] if row[moved] > largest_before else []
+            part += ["after snap-through"] if row[moved] > largest_before else []
         elif passed:
-            part.append("stable again" if row.get("stable_under_pressure") else "past the limit")
+            part.append("stable again" if row.get("stable_under_pressure") else "past the limit point")
         found.append(", ".join(part))
         passed = passed or bool(row["limit"])
     return found
 
 
 def _labelled(steps: list[int]) -> set[int]:
-    """The steps that get a line in the legend: all, or evenly chosen ones with the last among them."""
+    """Return the steps that get a line in the legend: all, or evenly chosen ones with the last among them."""
     every = -(-len(steps) // LEGEND_LINES) or 1
     return set(steps[::-1][::every])
 
 
 def _outline(line: Array, axial: bool) -> Array:
-    """An outline in mm, on both sides of an axis, between nodes as second-order cells have it; (k, 2) m to (m, 2) mm."""
+    """Return an outline in mm, on both sides of an axis, between nodes as second-order cells have it; (k, 2) m to (m, 2) mm."""
     fine = line
     if len(line) % 2 and len(line) >= 3:  # corners and mid-edge nodes in turn
         fine = parabolas(np.stack([line[:-2:2], line[2::2], line[1:-1:2]], axis=1), 8).reshape(-1, 2)

@@ -1,7 +1,7 @@
 """``python -m softmodels.pictures.draw results/disk``: pictures, film and report of a folder of results.
 
-A program of its own, because VTK and DOLFINx each bring an HDF5 and one process does not bear both. The curves come
-first and need no rendering; a machine that cannot render still gets them, and the report with its 3-D view.
+A separate program, because VTK and DOLFINx each bring an HDF5, which conflict in one process. The curves come first
+and need no rendering, so machines that cannot render still get them, and the report with its 3-D view.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What makes the pictures of a run and can begin before the run ends: the film's process, and the pictures at rest.
+# Picture makers that can start before the run ends: the film's process, and the pictures at rest.
 
 
 class Makers:
-    """Makers of pictures, ready to begin; as a context they end with the film's process.
+    """Picture makers, ready to start; as a context manager they end the film's process.
 
     Args:
         beside: Make the film in a process of its own, in a program that has not rendered.
@@ -75,7 +75,7 @@ class Makers:
         self.film.__exit__(kind, error, trace)
 
     def draw_early(self, folder: Path, name: str) -> None:
-        """Do what can be done as soon as a run has stored its first state.
+        """Draw what is possible once a run has stored its first state.
 
         Args:
             folder: Results with their ``case.toml``.
@@ -87,7 +87,7 @@ class Makers:
 
 
 def orders() -> Iterator[list[Any]]:
-    """Orders from standard input, each a list in JSON on a line: of those that have come meanwhile the last."""
+    """Yield the orders from standard input, each a JSON list on a line; of several pending ones only the last."""
     left = b""
     while data := os.read(0, 1 << 16):
         *whole, left = (left + data).split(b"\n")
@@ -96,8 +96,8 @@ def orders() -> Iterator[list[Any]]:
 
 
 def get_ready(beside: bool) -> Makers:
-    """Load what renders and see whether this machine can, before there is anything to draw; ``beside`` as of `Makers`."""
-    with unswept():  # taking VTK apart at the end would be a tenth of all drawing
+    """Load the renderer and check that it works, before there is anything to draw; ``beside`` as of `Makers`."""
+    with unswept():  # VTK's clean-up at exit would take a tenth of the drawing time
         import pyvista.plotting  # noqa: F401
 
         with contextlib.suppress(OwnModuleError):  # reported when something is drawn
@@ -105,7 +105,7 @@ def get_ready(beside: bool) -> Makers:
     return Makers(beside, can_render())
 
 
-NO_RENDERING = "this machine cannot render, so the pictures of the solid and the film are left out; the rest is drawn"
+NO_RENDERING = "this machine cannot render: pictures of the solid and the film are skipped"
 
 
 def draw(
@@ -118,7 +118,7 @@ def draw(
     few: bool = False,
     each: Callable[[Path], object] = lambda path: None,
 ) -> list[Path]:
-    """Draw the pictures of a folder of results into it, with its film and report; those of before are taken away.
+    """Draw the pictures, film and report of a results folder into it, replacing earlier ones.
 
     Args:
         folder: Results with their ``case.toml``.
@@ -126,8 +126,8 @@ def draw(
         say: Gets a sentence if something had to be left out.
         beside: Make the film in a process beside this one, which must not have rendered anything yet.
         makers: What draws, if it has been made ready or has drawn something already.
-        few: Draw the curves, the stress and the report alone.
-        each: Gets each file as it is drawn.
+        few: Draw only the curves, the stress and the report.
+        each: Is called with each file once it is drawn.
 
     Returns:
         The files written.
@@ -145,7 +145,7 @@ def draw(
     own.take(PATIENCE)
     try:
         states = States(folder, name)
-        # Checked for all before any is taken away: somebody else's report must not cost the pictures of before.
+        # Check all files before removing any, so that a foreign file does not cost the earlier pictures.
         own.check_names(picture_files(states.actuator.gauge))
         own.remove(own.files)
         own.claim(picture_files(states.actuator.gauge))
@@ -161,7 +161,7 @@ def draw(
 
 
 def _draw(states: States, out: DrawnFolder, name: str, say: Callable[[str], object], makers: Makers) -> list[Path]:
-    """All there is."""
+    """Draw everything."""
     rendered = makers.rest.rendered
     with makers, matplotlib.rc_context(STYLE):
         if rendered:
@@ -190,7 +190,7 @@ def _draw(states: States, out: DrawnFolder, name: str, say: Callable[[str], obje
 
 
 def _draw_few(states: States, out: DrawnFolder, name: str, say: Callable[[str], object]) -> list[Path]:
-    """What shows most for the time it takes."""
+    """Draw only the most useful pictures."""
     shown = look(states)
     with matplotlib.rc_context(STYLE):
         _curves(states, out)
@@ -226,7 +226,7 @@ def _curves(states: States, out: DrawnFolder) -> None:
 
 
 def _cut_profile(states: States) -> Figure:
-    """The outside along the plane that the case names."""
+    """Draw the section of the outer surface by the case's plane."""
     actuator, gauges = states.actuator, states.case.gauges
     assert gauges.cut is not None
     normal, at = gauges.cut
@@ -241,7 +241,7 @@ def _cut_profile(states: States) -> Figure:
 
 
 def _plate(states: States) -> float | None:
-    """Height in m of a rigid plane across the lift that stops the device; None if there is none or it stands otherwise."""
+    """Return the height in m of a rigid plane across the lift that stops the device; None without one."""
     obstacle = obstacle_of(states.case.components)
     if obstacle is None or obstacle.on_cut:
         return None
@@ -250,7 +250,7 @@ def _plate(states: States) -> float | None:
 
 
 def _sections(states: States, out: DrawnFolder) -> None:
-    """What an axisymmetric section shows best flat, but for its mesh."""
+    """Draw the pictures of an axisymmetric section, without its mesh."""
     step, words = states.main, states.words
     points, moved, cells = states.points, states.moved(step), states.cells
     _slice(states, out)
@@ -264,7 +264,7 @@ def _sections(states: States, out: DrawnFolder) -> None:
 
 
 def _slice(states: States, out: DrawnFolder) -> None:
-    """The stress in a section."""
+    """Draw the stress in a section."""
     step, plate = states.main, _plate(states)
     points, moved, values = states.points, states.moved(step), states.field(step, "von_mises")
     stress = section.section_stress(points, moved, states.cells, values, states.rows[step], states.words, plate)
@@ -273,7 +273,7 @@ def _slice(states: States, out: DrawnFolder) -> None:
 
 
 def _solids(shown: Look, out: DrawnFolder) -> None:
-    """Rendered pictures of the deformed solid, but for the stress."""
+    """Draw the rendered pictures of the deformed solid, without the stress."""
     states = shown.states
     if states.actuator.dimension == 3:
         if len(states.skin.planes):
@@ -284,7 +284,7 @@ def _solids(shown: Look, out: DrawnFolder) -> None:
 
 
 def _stress(shown: Look, out: DrawnFolder) -> None:
-    """The solid with its stress at the requested values."""
+    """Draw the solid with its stress at the requested values."""
     rows, words = shown.states.rows, shown.states.words
     images, camera, scale = solid.stress(shown)
     texts = {
@@ -299,12 +299,12 @@ def _stress(shown: Look, out: DrawnFolder) -> None:
 
 
 def draw_folder(folder: Path, name: str | None = None, few: bool = False, makers: Makers | None = None) -> None:
-    """Draw a folder's pictures, film and report for a command: names the files, or says why not and exits with status 2.
+    """Draw a folder's pictures, film and report for a command; print the files, or the error and exit with status 2.
 
     Args:
         folder: Results with their ``case.toml``.
         name: Stem of the result files; None for the case's own name.
-        few: Draw the curves, the stress and the report alone.
+        few: Draw only the curves, the stress and the report.
         makers: As of `draw`.
     """
     try:
@@ -318,7 +318,7 @@ def draw_folder(folder: Path, name: str | None = None, few: bool = False, makers
             say(f"softmodels: {text}", err=True)
 
         def each(path: Path) -> None:
-            print(path, flush=True)  # a run that draws shows them as they come
+            print(path, flush=True)  # a run prints them as they come
 
         draw(folder, name, left_out, beside=True, makers=makers, few=few, each=each)
     except (ResultsError, CaseError, OwnFolderError, OwnModuleError, InUseError) as error:
@@ -332,8 +332,9 @@ def draw_folder(folder: Path, name: str | None = None, few: bool = False, makers
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("folder", type=click.Path(path_type=Path), required=False)
 @click.option("--name", help="Stem of the result files.  [default: the case's name]")
-@click.option("--few", is_flag=True, help="Draw the curves, the stress and the report alone.")
-def main(folder: Path | None, name: str | None, few: bool) -> None:
+@click.option("--pictures", type=click.Choice(("all", "few")), default="all", show_default=True,
+              help="few: only the curves, the stress and the report.")  # fmt: skip
+def main(folder: Path | None, name: str | None, pictures: str) -> None:
     """Draw the pictures, the film and the report of the results in FOLDER.
 
     Without FOLDER: get ready, then read orders from standard input, each a list in JSON on a line: a folder, the results'
@@ -342,6 +343,7 @@ def main(folder: Path | None, name: str | None, few: bool) -> None:
 
     Exit status: 0 drawn, 2 the folder holds no results that can be drawn.
     """
+    few = pictures == "few"
     if folder is not None:
         draw_folder(folder, name, few)
         return

@@ -1,6 +1,6 @@
 """``python -m softmodels.pictures.draw_design results/design``: pictures and report of a design.
 
-A program of its own, because VTK and DOLFINx each bring an HDF5. It reads ``design.json`` and the runs ``before`` and
+A separate program, because VTK and DOLFINx each bring an HDF5. It reads ``design.json`` and the runs ``before`` and
 ``after``.
 """
 
@@ -63,21 +63,21 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Curves of a design: both paths, the history of the search, the parameters before and after. They need no rendering.
+# Plots of a design: both paths, the history of the search, the parameters before and after. No rendering needed.
 
 
 SHOWN_LIMITS = 7
-"""Most limits with a curve of their own in the history: those that come nearest."""
+"""Maximum number of limits plotted in the history: the closest ones."""
 BEFORE, AFTER = BRANCH, CURVE
 COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
 NEAR = -0.3
-"""Share of a limit within which it has a curve."""
+"""Relative distance to a limit within which it is plotted."""
 DEEPEST = -0.6
-"""Lowest share of a limit that the history shows: what is further inside says no more."""
+"""Lower end of the plotted violations."""
 
 
 def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm: float) -> Figure:
-    """The gauge's rise over the pressure, as given and in the design.
+    """Plot the gauge's rise over the pressure, of the given and the optimised device.
 
     Args:
         before, after: Rows of ``path.csv``.
@@ -104,7 +104,8 @@ def paths(before: Sequence[Row], after: Sequence[Row], gauge: str, pascal_per_cm
 
 
 def history(told: DesignTold) -> Figure:
-    """What is asked for and the limits, over the designs in the order of their evaluation; ``told`` is ``design.json``."""
+    """Plot objective and limits over the designs in the order of their evaluation; ``told`` is
+    ``design.json``."""
     figure = Figure((WIDTH, 8.4), dpi=DPI, layout="constrained")
     top, below = figure.subplots(2, sharex=True)
     trials, objective = told["trials"], told["objective"]
@@ -118,10 +119,12 @@ def history(told: DesignTold) -> Figure:
     for start in dict.fromkeys(starts):
         mine = starts == start
         top.plot(numbers[mine], values[mine], "-", color=FAINT, linewidth=1.2)
-    top.plot(numbers[kept], values[kept], "o", color=CURVE, markersize=7, label="all limits kept")
+    top.plot(numbers[kept], values[kept], "o", color=CURVE, markersize=7, label="all limits satisfied")
     passed = ~kept & np.isfinite(values)
     if passed.any():
-        top.plot(numbers[passed], values[passed], "o", color=WARNING, mfc="white", markersize=7, label="a limit passed")
+        top.plot(
+            numbers[passed], values[passed], "o", color=WARNING, mfc="white", markersize=7, label="a limit violated"
+        )
     best = numbers == told["best"]
     top.plot(numbers[best], values[best], "o", color=CURVE, mfc="none", markersize=14, label="the design")
     _failures(top, below, trials)
@@ -129,25 +132,25 @@ def history(told: DesignTold) -> Figure:
     unit = f" in {objective['unit']}" if objective["unit"] else ""
     top.set_ylabel(wrapped(f"{objective['words']}{unit}", 3.6, 12))
     top.legend(loc="best")
-    below.set(xlabel="design", ylabel="share by which a limit is passed")
+    below.set(xlabel="design", ylabel="relative violation of a limit")
     below.xaxis.get_major_locator().set_params(integer=True)
     return figure
 
 
 def _numbers(values: Sequence[float | None]) -> Array:
-    """Numbers with nan where there is none."""
+    """Return the numbers with nan for None."""
     return np.array([float("nan") if value is None else value for value in values])
 
 
 def _failures(top: Axes, below: Axes, trials: Sequence[TrialTold]) -> None:
-    """Designs without a state, and where starts begin, as lines across both panels."""
-    label = "no state or no device"
+    """Mark failed designs and the starts, as lines across both panels."""
+    label = "no state or invalid device"
     for trial in trials:
         if trial["failure"]:
             top.axvline(trial["number"], color=WARNING, linestyle=":", linewidth=1.4, label=label)
             below.axvline(trial["number"], color=WARNING, linestyle=":", linewidth=1.4)
             label = ""
-    fresh = "confirmed, and gone on with on a fresh mesh"
+    fresh = "confirmed and continued on a fresh mesh"
     for before, after in itertools.pairwise(trials):
         if after["mesh"] != before["mesh"] and after["start"] == before["start"]:
             top.axvline(after["number"] - 0.5, color=FAINT, linestyle="--", linewidth=1.2, label=fresh)
@@ -173,16 +176,16 @@ def _limit_curves(axes: Axes, told: DesignTold, numbers: Array, starts: Array) -
             axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=COLOURS[k % len(COLOURS)],
                       label=wrapped(limit["words"], 4.4, 10) if n == 0 else "")  # fmt: skip
     if not nearest:
-        axes.annotate("no limits were asked for", (0.5, 0.5), xycoords="axes fraction", ha="center", color=FAINT)
+        axes.annotate("no limits were set", (0.5, 0.5), xycoords="axes fraction", ha="center", color=FAINT)
         return
     if near:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, fontsize=9.5, frameon=False)
     if rest := len(nearest) - len(near):
-        axes.set_title(f"{rest} further limit{'s' if rest > 1 else ''}, well inside, not shown", fontsize=11)
+        axes.set_title(f"{rest} further limit{'s' if rest > 1 else ''}, inactive, not shown", fontsize=11)
 
 
 def parameters(told: Sequence[ParameterTold]) -> Figure:
-    """Each free parameter between its bounds, before and after."""
+    """Plot each free parameter between its bounds, before and after."""
     figure = Figure((WIDTH, 1.5 + 0.62 * len(told)), dpi=DPI, layout="constrained")
     axes = figure.subplots()
     for k, one in enumerate(told):
@@ -212,14 +215,14 @@ def parameters(told: Sequence[ParameterTold]) -> Figure:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The device as given and the design side by side, deformed: one camera, one colour scale.
+# The given and the optimised device side by side, deformed: same camera, same colour scale.
 
 
 NAMES = ("as given", "design")
 
 
 def shapes(pair: tuple[States, States]) -> Figure:
-    """Both devices at their last requested state, coloured by von Mises stress."""
+    """Return both devices at their last requested state, coloured by von Mises stress."""
     looks = [look(states) for states in pair]
     scales = [one.scale([one.states.main]) for one in looks]
     scale = max(scales, key=lambda one: one.top)
@@ -249,7 +252,7 @@ def _image(one: Look, camera: ViewCamera, scale: Scale) -> Image:
 
 
 def sections(pair: tuple[States, States]) -> Figure:
-    """Outlines of both half sections, at rest and deformed; of axisymmetric devices."""
+    """Return the outlines of both half sections, at rest and deformed; of axisymmetric devices."""
     figure = Figure((WIDTH, 5.6), dpi=DPI, layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, states, name in zip(panels, pair, NAMES, strict=True):

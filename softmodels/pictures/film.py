@@ -1,7 +1,7 @@
-"""The film of a run: the device over its whole path, from one camera in one colour scale, with the pressure written in.
+"""The film of a run: the device over its whole path, with fixed camera and colour scale, and the pressure as caption.
 
-A GIF, which everything plays, in 256 colours; an animated WebP, which every browser plays, in all of them and smaller, and
-which the report shows. An MP4 too where the package imageio-ffmpeg is there.
+A GIF with 256 colours, which plays everywhere; a smaller animated WebP in full colour, which browsers play and
+the report shows. An MP4 too if the package imageio-ffmpeg is installed.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ from softmodels.runs.stored import States
 
 FRAMES = 40
 FEWER = (40, 32, 25, 19, 14, 10)
-"""Frames that are tried until the GIF is small enough: rather fewer of them than colours in bands."""
+"""Numbers of frames tried until the GIF is small enough: fewer frames are better than colour banding."""
 WIDE = 960
 """Width of a frame in pixels."""
 SAMPLE = 4
-"""Frames that tell how large one is in a GIF."""
+"""Number of frames to estimate the size of one in a GIF."""
 LARGEST = 6_000_000
-"""Of a GIF, in bytes."""
+"""Maximum size of a GIF, in bytes."""
 QUALITY = 80
-"""Of the WebP: below, shading shows blocks."""
+"""Quality of the WebP: below, shading shows blocks."""
 SECONDS = 4.0
-"""From the first frame to the last, which then stands for a while."""
+"""Seconds from the first to the last frame, and the duration of the last."""
 STANDING = 1.2
 HEAD, FOOT = 48, 64
 """Pixels above and below the device, for the pressure and the colours."""
 
 
 def render_frames(look: Look, count: int = FRAMES) -> list[Image]:
-    """Pictures of states evenly spaced along the path (see `States.along`); between steps, shapes go straight."""
+    """Return pictures of states evenly spaced along the path (see `States.along`), interpolated linearly between steps."""
     states = look.states
     steps = list(range(len(states.rows)))
     spread = sorted({0, *states.shown(8), states.main, steps[-1]})
@@ -81,7 +81,7 @@ def _caption(states: States, position: float) -> str:
 
 
 def _captioned(image: Image, text: str, scale: Scale) -> Image:
-    """A frame with its words above and its colours below."""
+    """Return a frame with its caption above and its colour bar below."""
     height, width, _ = image.shape
     page = Picture.new("RGB", (width, 2 * ((height + HEAD + FOOT) // 2)), "white")
     page.paste(Picture.fromarray(image), (0, HEAD))
@@ -99,8 +99,8 @@ def _captioned(image: Image, text: str, scale: Scale) -> Image:
 
 
 def gif(images: list[Image]) -> bytes:
-    """Frames as a GIF of at most `LARGEST` bytes; frames are left out if it must be."""
-    # One palette for all, from all: colours then do not flicker.
+    """Return the frames as a GIF of at most `LARGEST` bytes, dropping frames if necessary."""
+    # One common palette avoids flickering colours.
     sample = np.concatenate([image[::4, ::4] for image in [*images[:: max(len(images) // 10, 1)], images[-1]]])
     palette = Picture.fromarray(sample).quantize(256, Picture.Quantize.MAXCOVERAGE)
     pages: dict[int, Picture.Image] = {}
@@ -112,7 +112,7 @@ def gif(images: list[Image]) -> bytes:
                 pages[k] = page.quantize(palette=palette, dither=Picture.Dither.FLOYDSTEINBERG)
         return _gif([pages[k] for k in places])
 
-    # A few from the middles of as many parts tell how large a frame is, which spares encoding all of them again and again.
+    # A few sample frames estimate the size, to avoid encoding all of them repeatedly.
     some = sorted({int((k + 0.5) / SAMPLE * len(images)) for k in range(SAMPLE)})
     each = len(encoded(some)) / len(some)
     begin = next((k for k, count in enumerate(FEWER) if each * min(count, len(images)) <= LARGEST), len(FEWER) - 1)
@@ -130,7 +130,7 @@ def _gif(pages: list[Picture.Image]) -> bytes:
 
 
 def webp(images: list[Image]) -> bytes:
-    """Frames as an animated WebP, in all their colours."""
+    """Return the frames as an animated WebP, in all their colours."""
     pages = [Picture.fromarray(image) for image in images]
     stream = io.BytesIO()
     pages[0].save(
@@ -141,20 +141,20 @@ def webp(images: list[Image]) -> bytes:
         duration=_times(pages),
         loop=0,
         quality=QUALITY,
-        method=0,  # 2 takes half as long again for a fifth less
+        method=0,  # 2 takes 50 % longer and saves a fifth
         kmin=0,
-        kmax=1,  # each frame for itself: of what changes slowly, differences would be left out until they show as blocks
+        kmax=1,  # encode each frame separately: skipped small differences would show as blocks
     )
     return stream.getvalue()
 
 
 def _times(pages: Sequence[object]) -> list[int]:
-    """How long each frame stands, in ms."""
+    """Return the duration of each frame in ms."""
     return [round(1000 * SECONDS / max(len(pages), 1))] * (len(pages) - 1) + [round(1000 * STANDING)]
 
 
 def can_mp4() -> bool:
-    """Whether an encoder is there."""
+    """Return whether an encoder is installed."""
     return importlib.util.find_spec("imageio_ffmpeg") is not None
 
 
@@ -186,19 +186,19 @@ def write_mp4(path: Path, images: list[Image]) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The film, made by a process beside the one that draws the stills, on two cores.
+# Make the film in a second process, in parallel with the still pictures.
 #
-# The process is forked before anything is rendered, since a window to render in does not survive that.
+# The process is forked before anything is rendered, because a render window does not survive a fork.
 
 
 Place = tuple[Path, str]
 """A folder of results, and their name."""
 Made = tuple[list[Path], list[str]]
-"""The files written, and sentences on what was left out."""
+"""The written files, and sentences on skipped ones."""
 
 
 class Film:
-    """What makes the film of a run; as a context it ends with its process.
+    """The maker of a run's film; as a context manager it ends its process.
 
     Args:
         beside: Make it in a process of its own, forked at once; else when it is asked for. Only in a program that has not
@@ -209,14 +209,14 @@ class Film:
         self._process = None
         self._place: Place | None = None
         if beside and sys.platform == "linux":
-            # What renders without a graphics card takes all cores for each picture, and the two processes would wait for
-            # each other's threads.
+            # Software rendering uses all cores per picture, so the two processes would wait
+            # for each other's threads.
             os.environ.setdefault("LP_NUM_THREADS", str(max(cores() // 2 - 1, 0)))
             context = multiprocessing.get_context("fork")
             self._pipe, other = context.Pipe()
             self._process = context.Process(target=_answer_to, args=(other, self._pipe), daemon=True)
             self._process.start()
-            other.close()  # else its end would not be noticed here
+            other.close()  # otherwise its end would not be detected here
 
     def __enter__(self) -> Film:
         return self
@@ -229,21 +229,21 @@ class Film:
             self._process.join()
 
     def rehearse(self, folder: Path, name: str) -> None:
-        """Have its process open its window and take a picture of the first states, of which nothing is kept."""
+        """Make its process open a window and render the first states once, without output."""
         self._tell((folder, name), True)
 
     def begin(self, folder: Path, name: str) -> None:
-        """Begin to make it, from results into their folder."""
+        """Start making the film, from results into their folder."""
         self._place = (folder, name)
         self._tell(self._place, False)
 
     def _tell(self, place: Place, rehearsal: bool) -> None:
         if self._process is not None:
-            with contextlib.suppress(BrokenPipeError):  # its end is reported when it is waited for
+            with contextlib.suppress(BrokenPipeError):  # its end is reported when waiting for it
                 self._pipe.send((place, rehearsal))
 
     def made(self) -> Made:
-        """Wait for it.
+        """Wait for the film.
 
         Raises:
             OSError: It could not be written.
@@ -256,7 +256,7 @@ class Film:
         except (EOFError, ConnectionResetError):
             self._process.join()
             return [], [f"the film could not be made (its process ended with status {self._process.exitcode})"]
-        self._pipe.close()  # which ends the process
+        self._pipe.close()  # ends the process
         self._process.join()
         if isinstance(outcome, OSError):
             raise outcome
@@ -264,7 +264,7 @@ class Film:
 
 
 def make(shown: Look, folder: Path, wanted: Callable[[], bool] = lambda: True) -> Made:
-    """Render the frames and write the film in each format, as long as it is wanted."""
+    """Render the frames and write the film in each format, unless cancelled."""
     frames = render_frames(shown)
     written: list[Path] = []
     left_out: list[str] = []
@@ -286,8 +286,8 @@ def make(shown: Look, folder: Path, wanted: Callable[[], bool] = lambda: True) -
 
 
 def _answer_to(pipe: Connection, others: Connection) -> None:
-    """Rehearse and make films as told, until nobody tells any more."""
-    others.close()  # open here too, it would keep the pipe open when the process that holds it ends
+    """Rehearse and make films on request, until the pipe is closed."""
+    others.close()  # an open copy here would keep the pipe open after its owner ends
     asked_by = os.getppid()
     while True:
         try:
@@ -299,7 +299,7 @@ def _answer_to(pipe: Connection, others: Connection) -> None:
                 render_frames(look(States(*place)), 1)
             continue
         try:
-            # A folder whose drawing was broken off may be another run's by now.
+            # The folder of an aborted drawing may now belong to another run.
             pipe.send(make(look(States(*place)), place[0], lambda: os.getppid() == asked_by))
         except OSError as error:
             pipe.send(error)

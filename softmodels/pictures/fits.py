@@ -1,4 +1,4 @@
-"""Pictures of a fit and the page that holds them."""
+"""Pictures and report of a fit."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Pictures of a fit to outlines: measured and simulated ones on top of each other, and what is left of each photograph.
+# Plots of a fit to outlines: measured and simulated ones overlaid, and the residuals of each photograph.
 
 
 SHOWN = 400
-"""Measured points drawn per photograph."""
+"""Number of measured points drawn per photograph."""
 COLUMNS = 3
 
 
 def draw_outlines(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
-    """All outlines in the device's own place: points measured, lines simulated, a colour per pressure."""
+    """Plot all outlines in device coordinates: measured points, simulated lines, a colour per pressure."""
     figure = Figure((WIDTH, 0.55 * WIDTH), dpi=DPI, layout="constrained")
     axes = figure.subplots()
     for fitting, colour in zip(matches, _colours(len(matches)), strict=True):
@@ -64,7 +64,7 @@ def draw_outlines(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     top = 1e3 * max(float(fitting.points[:, 1].max()) for fitting in matches)
     axes.set_xlim(-1.15 * reach, 1.15 * reach)
     axes.set_ylim(-0.04 * top, 1.06 * top)
-    if top > reach / 2:  # flatter ones would be a thin strip
+    if top > reach / 2:  # flatter plots would be thin strips
         axes.set_aspect("equal")
     axes.set_xlabel("distance from the axis (mm)")
     axes.set_ylabel("height (mm)")
@@ -75,7 +75,8 @@ def draw_outlines(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
 
 
 def draw_photographs(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
-    """Simulated less measured, across the outline, one panel per photograph, and the band of two standard errors."""
+    """Plot the residuals (simulated - measured) along the outline, one panel per photograph, with a band of two standard
+    errors."""
     columns = min(len(matches), COLUMNS)
     rows = -(-len(matches) // columns)
     figure = Figure((WIDTH, 2.3 * rows + 0.5), dpi=DPI, layout="constrained")
@@ -88,7 +89,7 @@ def draw_photographs(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
         axes.set_xlabel("distance from the axis (mm)")
     for axes in grid[:, 0]:
         axes.set_ylabel("simulated less\nmeasured (um)")
-    figure.suptitle(f"{law}: what is left of each photograph; grey: two standard errors of a mean over a bin")
+    figure.suptitle(f"{law}: residuals of each photograph; grey: two standard errors of a bin's mean")
     return figure
 
 
@@ -130,12 +131,12 @@ class LineStyle(TypedDict):
 
 
 def line(i: int) -> LineStyle:
-    """Colour and dashes of the i-th law."""
+    """Return the colour and dashes of the i-th law."""
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": STYLES[i % len(STYLES)], "linewidth": 1.8}
 
 
 def draw_curves(report: FitReport) -> Figure:
-    """Measured and fitted nominal stress, one panel per test."""
+    """Plot measured and fitted nominal stress, one panel per test."""
     figure, panels = _panels(len(report.curves), 4.6)
     for axes, curve in zip(panels, report.curves, strict=True):
         axes.plot(curve.stretch, curve.stress / 1e3, "o", ms=4, mfc="none", mec=INK, mew=0.8, label="measured")
@@ -161,7 +162,7 @@ def _gauge(one: FittedLaw, report: FitReport, curve: TensileCurve) -> float:
 
 
 def draw_residuals(report: FitReport) -> Figure:
-    """Fitted less measured nominal stress, one panel per test."""
+    """Plot the residuals (fit - measured) of the nominal stress, one panel per test."""
     figure, panels = _panels(len(report.curves), 4.0)
     for axes, curve in zip(panels, report.curves, strict=True):
         axes.axhline(0.0, color=FAINT, linewidth=1.0)
@@ -170,19 +171,20 @@ def draw_residuals(report: FitReport) -> Figure:
             axes.plot(curve.stretch, (stress - curve.stress) / 1e3, label=one.choice.name, marker=".", ms=4, **line(i))
         axes.set_title(plain(curve.name))
         axes.set_xlabel("stretch")
-        axes.set_ylabel("fitted less measured (kPa)")
-        # A law that fits badly must not flatten the others' residuals to a line.
+        axes.set_ylabel("residual (fit - measured) (kPa)")
+        # A poor law must not flatten the others' residuals.
         sizes = [np.abs(lines.get_ydata()).max() for lines in axes.lines[1:]]
         reach = 1.15 * min(max(sizes), 8 * min(sizes))
         if max(sizes) * 1.15 > reach:
             axes.set_ylim(-reach, reach)
-            axes.set_title(f"{plain(curve.name)}\n(the worst laws leave the picture)")
+            axes.set_title(f"{plain(curve.name)}\n(the worst laws exceed the axes)")
     panels[0].legend(loc="best")
     return figure
 
 
 def draw_profiles(one: FittedLaw) -> Figure:
-    """Rise of the deviance along every free parameter, the limit of the 95 % interval, and the quadratic it should be."""
+    """Return the rise of the deviance along every free parameter, the limit of the 95 % interval, and the quadratic
+    approximation."""
     rows = -(-len(one.profiles) // PROFILE_COLUMNS)
     columns = min(len(one.profiles), PROFILE_COLUMNS)
     figure = Figure((WIDTH, 3.6 * rows + 0.3), dpi=DPI, layout="constrained")
@@ -222,7 +224,7 @@ def _panels(count: int, height: float) -> tuple[Figure, Sequence[Axes]]:
 
 
 def pictures(report: FitReport) -> dict[str, bytes]:
-    """All pictures as PNG, by file name."""
+    """Return all pictures as PNG, by file name."""
     with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}):
         figures = {}
         if report.curves:
@@ -243,7 +245,7 @@ def as_png(figure: Figure) -> bytes:
 
 
 def page(report: FitReport, images: dict[str, bytes]) -> str:
-    """The report as one self-contained page."""
+    """Return the report as one self-contained page."""
     sources = {name: data_uri(data, "image/png") for name, data in images.items()}
     ranked = [
         (one.fit.label, str(len(one.fit.free)), f"+{one.aicc:.4g}", f"{one.bic:+.4g}") for one in report.comparison.ranked
@@ -258,7 +260,7 @@ def page(report: FitReport, images: dict[str, bytes]) -> str:
 
 
 def _law(one: FittedLaw, sources: dict[str, str]) -> dict[str, object]:
-    """What the page shows of one law."""
+    """Return the report's section on a law."""
     correlations = correlation_rows(one)
     width = max(map(len, correlations), default=0)
     told = (one.material.remark, *one.judgement.notes, *unseen(one.fit), *one.verdict.notes)
@@ -273,11 +275,11 @@ def _law(one: FittedLaw, sources: dict[str, str]) -> dict[str, object]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The picture of materials in their tests.
+# Plot materials in test specimens.
 
 
 def draw(many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], radius: float, thickness: float) -> bytes:
-    """Three tests and the balloon, nominal stresses solid and unstable parts marked, as PNG.
+    """Return three tests and the balloon, nominal stresses solid and unstable parts marked, as PNG.
 
     Args:
         many: The materials.
@@ -327,7 +329,7 @@ def draw(many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], radiu
 
 
 def _mark(axes: object, one: MaterialCurves, mode: str, stress: np.ndarray) -> None:
-    """A cross where the law first stops being stable in this mode."""
+    """Mark the first instability of the law in this mode by a cross."""
     from softmodels.materials.stability import instabilities
 
     for weak in instabilities(one.material):
@@ -338,7 +340,7 @@ def _mark(axes: object, one: MaterialCurves, mode: str, stress: np.ndarray) -> N
 
 
 def _limit(axes: object, many: Sequence[MaterialCurves], measured: Sequence[TensileCurve], mode: str) -> None:
-    """Keep a law near its taut chains, or in strong compression, from flattening the others."""
+    """Limit the axes so that a law near locking, or in strong compression, does not flatten the others."""
     stresses = [one.responses[mode].stress / 1e3 for one in many]
     tops = [np.nanmax(s) for s in stresses] + [
         c.stress[c.stretch <= many[0].stretch[-1]].max(initial=0.0) / 1e3 for c in measured if c.mode == mode

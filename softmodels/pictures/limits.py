@@ -1,4 +1,4 @@
-"""The picture of ``softmodels limit --vary``: how fabrication scatters the limit pressure."""
+"""Plots of ``softmodels limit --vary``: scatter of the limit pressure by fabrication tolerances."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def scatter_figure(
     nominal: float,
     working: float | None,
 ) -> Figure:
-    """Distribution of the limit, and the limit over each parameter.
+    """Plot the distribution of the limit, and the limit over each parameter.
 
     Args:
         limits: Parameters (SI) and limit pressure (cm of water) of each device.
@@ -48,7 +48,7 @@ def scatter_figure(
         axes[0].step(pressures, share, where="mid", color=CURVE)
         for percent in (5, 50, 95):
             axes[0].plot(np.percentile(pressures, percent), percent, "o", color=INK, markersize=5)
-        axes[0].axvline(nominal, color=FAINT, linestyle="--", label=f"as drawn: {nominal:.3g} cm")
+        axes[0].axvline(nominal, color=FAINT, linestyle="--", label=f"nominal: {nominal:.3g} cm")
         if working is not None:
             axes[0].axvline(working, color=WARNING, label=f"working: {working:.3g} cm")
         axes[0].set(xlabel=label, ylabel="devices below it, %", ylim=(0, 100))

@@ -1,4 +1,4 @@
-"""Surfaces and lines to pixels, off screen, in parallel projection; and whether this machine can do it at all."""
+"""Off-screen rendering of surfaces and lines in parallel projection, and a check whether this machine can render."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ if TYPE_CHECKING:
 # ----------------------------------------------------------------------------------------------------------------------
 # The lights of rendered pictures, and how they shade a surface.
 #
-# VTK works out a gloss for each light and each pixel, which takes nearly half of a picture's time where there is no graphics
-# card. Nothing here is glossy, and without the gloss every pixel comes out the same.
+# VTK computes specular reflection per light and pixel, nearly half of a picture's time without a graphics
+# card. Nothing here is specular, so skipping it changes no pixel.
 
 
 HEADLIGHT, LAMP = 0.5, 0.35
-"""Intensities of a light at the viewer, and of another one."""
+"""Intensities of the headlight and of a second light."""
 LAMP_PLACE = (-0.4, 1.0, 0.3)
-"""From where the other one shines: to the right, upwards, towards the viewer."""
+"""Direction of the second light: to the right, upwards, towards the viewer."""
 SHADING = """
   float facing = max(0.0, normalVCVSOutput.z);
   float lit = max(0.0, dot(normalVCVSOutput, vec3({:.9f}, {:.9f}, {:.9f})));
@@ -57,7 +57,7 @@ SHADING = """
 
 
 def add_lights(plotter: Plotter) -> None:
-    """The lights as VTK's own: what `shade` has not been called for is shaded by these."""
+    """Add the lights to VTK, for surfaces without `shade`."""
     import pyvista
 
     plotter.add_light(pyvista.Light(light_type="headlight", intensity=HEADLIGHT))
@@ -65,7 +65,7 @@ def add_lights(plotter: Plotter) -> None:
 
 
 def shade(actor: Actor) -> None:
-    """Shade a surface by the lights, without a gloss."""
+    """Shade a surface by the lights, without specular reflection."""
     lamp = np.array(LAMP_PLACE) / np.linalg.norm(LAMP_PLACE)
     code = SHADING.format(*lamp, HEADLIGHT, LAMP)
     actor.GetShaderProperty().AddFragmentShaderReplacement("//VTK::Light::Impl", True, code, False)
@@ -75,13 +75,13 @@ PIXELS = round(WIDTH * DPI)
 """Width of a picture."""
 
 SAMPLES = 4
-"""Of a pixel, against jagged edges."""
+"""Subpixel offsets for anti-aliasing."""
 
 Image = npt.NDArray[np.uint8]
 
 
 class Style(TypedDict, total=False):
-    """How something is drawn: keywords of ``pyvista.Plotter.add_mesh``."""
+    """Drawing style: keywords of ``pyvista.Plotter.add_mesh``."""
 
     color: str
     scalars: str
@@ -97,7 +97,7 @@ class Style(TypedDict, total=False):
 
 
 type Layer = tuple[PolyData, Style]
-"""What is drawn, and how."""
+"""A mesh and its style."""
 type Shoot = Callable[[Sequence[Layer]], Image]
 """Takes a picture of layers, shape (height, width, 3)."""
 
@@ -115,7 +115,7 @@ sys.exit(len(sys.argv) > 1 and window.GetClassName() != sys.argv[1])
 
 @functools.cache
 def can_render() -> bool:
-    """Whether VTK can draw here; on Linux this also settles in which kind of window, through VTK's own variable.
+    """Return whether VTK can render; on Linux this also selects the kind of window, through VTK's variable.
 
     Without a way to render, VTK does not raise but crashes, so that a process of its own has to try. The kind that
     needs no display comes first, because VTK prints warnings on its own way to it.
@@ -144,7 +144,7 @@ def _probe(arguments: list[str]) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class ViewCamera:
-    """From where something is seen, in parallel projection.
+    """A camera in parallel projection.
 
     Attributes:
         direction: Unit vector from the thing to the viewer.
@@ -164,7 +164,7 @@ class ViewCamera:
     def around(
         cls, clouds: Sequence[Array], direction: Array, up: Array, width: int = PIXELS, tallest: float = 0.62
     ) -> ViewCamera:
-        """The camera that sees all of some clouds of points, each (n, 3) in m, and not much more.
+        """Return the camera that frames some point clouds, each (n, 3) in m.
 
         Args:
             clouds: What must be in the picture.
@@ -187,12 +187,12 @@ class ViewCamera:
 
     @property
     def text(self) -> str:
-        """All of it, for the metadata of a picture."""
+        """The camera as text, for a picture's metadata."""
         names = ("direction", "up", "focus", "scale", "size")
         return "; ".join(f"{name} {np.round(getattr(self, name), 9).tolist()}" for name in names)
 
     def smaller(self, width: int) -> ViewCamera:
-        """The same view in fewer pixels."""
+        """Return the same view in fewer pixels."""
         return dataclasses.replace(self, size=(width, 2 * round(width * self.size[1] / self.size[0] / 2)))
 
 
@@ -202,7 +202,7 @@ def _triple(vector: Array) -> tuple[float, float, float]:
 
 
 def surface(points: Array, triangles: Cells, normals: Array | None = None, values: Array | None = None) -> PolyData:
-    """Triangles to draw; points (n, 3) in m, triangles (t, 3), normals (n, 3), values (n,) to colour them by."""
+    """Return the mesh of triangles; points (n, 3) in m, triangles (t, 3), normals (n, 3), values (n,) to colour them by."""
     import pyvista
 
     data = pyvista.PolyData.from_regular_faces(points, triangles)
@@ -214,14 +214,14 @@ def surface(points: Array, triangles: Cells, normals: Array | None = None, value
 
 
 def lines(points: Array, pairs: Cells) -> PolyData:
-    """Straight lines to draw; points (n, 3) in m, pairs of them (e, 2)."""
+    """Return the straight lines to draw; points (n, 3) in m, pairs of them (e, 2)."""
     import pyvista
 
     return pyvista.PolyData(points, lines=np.column_stack([np.full(len(pairs), 2), pairs]).ravel())
 
 
 def ring(centre: Array, direction: Array, radius: float) -> PolyData:
-    """A circle to draw around a place, seen from a direction; lengths in m."""
+    """Return a circle to draw around a place, seen from a direction; lengths in m."""
     first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
     first /= np.linalg.norm(first)
     around = np.linspace(0.0, 2 * np.pi, 49)[:-1]
@@ -232,7 +232,7 @@ def ring(centre: Array, direction: Array, radius: float) -> PolyData:
 
 @functools.cache
 def _plotter(multisampled: bool, process: int) -> Plotter:
-    """A window to render in, with its lights: kept, because a new one compiles its shaders anew.
+    """Return a render window with lights, cached because a new one recompiles its shaders.
 
     Args:
         multisampled: Whether a pixel has several samples, against jagged edges.
@@ -253,12 +253,12 @@ def _plotter(multisampled: bool, process: int) -> Plotter:
 
 @contextlib.contextmanager
 def studio(camera: ViewCamera, draft: bool = False) -> Iterator[Shoot]:
-    """A place to take pictures in, with one camera: gives a function from layers to an image, shape (height, width, 3).
+    """Provide a function from layers to an image, shape (height, width, 3), for one camera.
 
     One at a time in a process.
 
     Args:
-        camera: From where it is seen.
+        camera: Camera of the view.
         draft: For images that are soon gone by, in two thirds of the time: jagged edges are softened by the mean of two images
             half a pixel apart.
     """
@@ -270,7 +270,7 @@ def studio(camera: ViewCamera, draft: bool = False) -> Iterator[Shoot]:
         plotter.clear_actors()
         for data, style in layers:
             if data.n_lines and "scalars" not in style:
-                # Lifted off the surface towards the viewer; in parallel projection nothing shifts.
+                # Offset towards the viewer; in parallel projection this shifts nothing.
                 lifted = data.translate(1e-3 * far * direction)
                 style = {**style, "line_width": math.floor(style["line_width"])} if draft else style
                 plotter.add_mesh(
@@ -286,9 +286,9 @@ def studio(camera: ViewCamera, draft: bool = False) -> Iterator[Shoot]:
         return np.asarray(Picture.blend(one, other, 0.5))
 
     def rendered(shift: float) -> Image:
-        """What the window shows, moved by a part of a pixel to the right and upwards."""
+        """Return the window's image, shifted by a fraction of a pixel to the right and upwards."""
         plotter.camera.SetWindowCenter(*(2 * shift / pixels for pixels in camera.size))
-        plotter.render_window.Render()  # a second screenshot would not
+        plotter.render_window.Render()  # a second screenshot would not render again
         return np.asarray(plotter.screenshot(return_img=True))
 
     if tuple(plotter.window_size) != camera.size:
@@ -302,7 +302,7 @@ def studio(camera: ViewCamera, draft: bool = False) -> Iterator[Shoot]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Rigid shapes that stop a device, in its pictures: their surfaces in the rendered ones, their outlines in sections.
+# Rigid shapes in pictures: surfaces in rendered ones, outlines in sections.
 
 
 AROUND, ALONG = 48, 16
@@ -310,7 +310,7 @@ AROUND, ALONG = 48, 16
 
 
 def profile(shape: RigidShape, reach: float) -> Array:
-    """Half the outline of a shape by its axis: distance along it and radius in m, shape (n, 2).
+    """Return half the outline of a shape by its axis: distance along it and radius in m, shape (n, 2).
 
     Args:
         shape: The shape.
@@ -327,7 +327,7 @@ def profile(shape: RigidShape, reach: float) -> Array:
 
 
 def shape_surface(shape: RigidShape, reach: float) -> tuple[Array, Cells]:
-    """Points in m, shape (n, 3), and triangles of a shape."""
+    """Return the points in m, shape (n, 3), and triangles of a shape."""
     if shape.file:
         return surface_of(shape)
     axis = shape.direction
@@ -348,15 +348,16 @@ def shapes_of(states: States) -> list[RigidShape]:
 
 
 def way(states: States, shape: RigidShape, step: float) -> Array:
-    """How far a shape has given way at a step or between two, in m, shape (3,)."""
+    """Return the displacement of a shape at a step or between two, in m, shape (3,)."""
     if not shape.guide:
         return np.zeros(3)
-    ways = [row[f"{shape.label}_way_mm"] for row in states.rows]
+    ways = [row[f"{shape.label}_travel_mm"] for row in states.rows]
     return 1e-3 * float(np.interp(step, np.arange(len(ways)), ways)) * shape.gives_way
 
 
 def shape_layers(states: States, step: float) -> list[Layer]:
-    """Translucent surfaces of the shapes beside a device at a step; a cylinder and a plane overtop it a little."""
+    """Return the translucent surfaces of the shapes beside a device at a step; a cylinder and a plane extend slightly beyond
+    it."""
     style: Style = {"color": WARNING, "opacity": 0.25, "smooth_shading": True}
     skin, shapes, found = states.skin, shapes_of(states), list[Layer]()
     if not shapes:
@@ -372,7 +373,8 @@ def shape_layers(states: States, step: float) -> list[Layer]:
 
 
 def below(plane: RigidShape, device: Array) -> tuple[RigidShape, float]:
-    """A plane with its point next to the middle of a device, points of shape (n, 3), and the radius of what is drawn of it."""
+    """Return a plane with its point next to the centre of a device, points of shape (n, 3), and its drawn
+    radius."""
     middle, normal = (device.min(axis=0) + device.max(axis=0)) / 2, plane.direction
     foot = middle - ((middle - np.asarray(plane.at)) @ normal) * normal
     beside = device - foot
@@ -392,13 +394,13 @@ def draw_outlines(axes: Axes, states: States, step: int) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How a device is shown: which images of its slice, and from where. The same for every picture of a run.
+# Viewpoint of a device: which images of its slice, and the camera direction, the same for every picture of a run.
 
 
 SOLID_STYLE: Style = {"smooth_shading": True, "culling": "back"}
-"""Of a solid's closed surface: of what faces away nothing is ever seen."""
+"""Style of a closed surface: back faces are culled."""
 BESIDE = 0.5
-"""How far beside a device rigid shapes are in the picture, in sizes of the device."""
+"""Distance from a device within which rigid shapes are shown, relative to its size."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -417,7 +419,7 @@ class Look:
 
     @property
     def opened(self) -> bool:
-        """Whether images are left out, so that cuts are seen."""
+        """Whether some images are omitted, so that cuts are visible."""
         return len(self.kept) < len(self.states.skin.images)
 
     @property
@@ -425,13 +427,13 @@ class Look:
         return np.asarray(self.states.actuator.lift)
 
     def points(self, step: float, kept: npt.NDArray[np.intp] | None = None) -> Array:
-        """Deformed vertices of the shown images in m, shape (n, 3)."""
+        """Return the deformed vertices of the shown images in m, shape (n, 3)."""
         skin = self.states.skin
         moved = self.states.points + self.states.between(step, "displacement")
         return skin.device(skin.points(moved), self.kept if kept is None else kept)
 
     def camera(self, steps: list[int], width: int = PIXELS, tallest: float = 0.62) -> ViewCamera:
-        """The camera that sees the whole of some states, and of rigid shapes beside them what is near."""
+        """Return the camera that frames some states, and nearby parts of rigid shapes."""
         clouds = [self.points(step) for step in steps]
         low, high = (limit([limit(cloud, axis=0) for cloud in clouds], axis=0) for limit in (np.min, np.max))
         around = BESIDE * float(np.max(high - low))
@@ -443,7 +445,7 @@ class Look:
 
     @functools.cached_property
     def plate(self) -> Array | None:
-        """Corners of the rigid plane that stops the device, as far as it is drawn, in m, shape (k, 3); None without one.
+        """Corners of the drawn part of the contact plane, in m, shape (k, 3); None without one.
 
         A cut plane on which walls meet their mirror image is the device's own middle, and is not drawn.
         """
@@ -464,7 +466,7 @@ class Look:
         return np.asarray(point + (middle + half * corners) @ along)
 
     def plate_layers(self, step: float) -> list[Layer]:
-        """Layers of what stops the device at a step: shapes, and the plane with a border; none without any."""
+        """Return the layers of contact obstacles at a step: shapes, and the plane with a border; empty without any."""
         shapes = shape_layers(self.states, step)
         if self.plate is None:
             return shapes
@@ -476,16 +478,17 @@ class Look:
         return [*shapes, (surface(self.plate, fan), style), (lines(self.plate, ring), border)]
 
     def scale(self, steps: Sequence[int], field: str = "von_mises") -> Scale:
-        """One scale for what is seen in some states: everything where a cut is seen, else the outside alone."""
+        """Return a common scale for the visible surface of some states: everything if a cut is visible, else only the
+        outside."""
         states, skin = self.states, self.states.skin
         rows = [states.rows[step] for step in steps]
         if self.opened:
             return Scale(np.array([states.field(step, field) for step in steps]), field, rows=rows)
         seen = np.unique(skin.nodes[skin.triangles[skin.part == OUTSIDE][self._facing(steps[-1])]])
-        return Scale(np.array([states.field(step, field)[seen] for step in steps]), field, "on what is seen", rows)
+        return Scale(np.array([states.field(step, field)[seen] for step in steps]), field, "visible surface", rows)
 
     def _facing(self, step: int) -> npt.NDArray[np.bool_]:
-        """Which triangles of the outside face the viewer in one of the images, shape (t,)."""
+        """Return which triangles of the outside face the viewer in one of the images, shape (t,)."""
         skin = self.states.skin
         a, b, c = skin.points(self.states.moved(step))[skin.triangles[skin.part == OUTSIDE]].transpose(1, 0, 2)
         towards = np.linalg.inv(skin.images[self.kept]) @ self.direction
@@ -493,7 +496,7 @@ class Look:
         return np.asarray((np.cross(b - a, c - a) @ towards.T * flipped > 0).any(axis=1))
 
     def coloured(self, step: float, scale: Scale) -> list[Layer]:
-        """Layers of a state, coloured, with its sharp edges."""
+        """Return the layers of a state, coloured, with its sharp edges."""
         states, skin = self.states, self.states.skin
         moved = skin.points(states.points + states.between(step, "displacement"))
         values = np.tile(scale.share(states.between(step, scale.field))[skin.nodes], len(self.kept))
@@ -507,7 +510,8 @@ class Look:
         return [(data, style), *edges, *self.plate_layers(step)]
 
     def translucent(self, step: float, opacity: float, walls: Style | None) -> list[Layer]:
-        """Layers of a state with a translucent outside; its cavities' walls before it in a style, None leaves them out."""
+        """Return the layers of a state with a translucent outside; its cavities' walls before it in a style, None leaves them
+        out."""
         states, skin = self.states, self.states.skin
         moved = skin.points(states.moved(int(step)))
         everything = np.arange(len(skin.images))
@@ -552,7 +556,7 @@ class Look:
 
 
 def direction(azimuth: float, elevation: float, up: Array) -> Array:
-    """Unit vector at an azimuth and an elevation in degrees, above the plane across ``up``, an axis."""
+    """Return the unit vector at an azimuth and an elevation in degrees, above the plane across ``up``, an axis."""
     a, e = np.radians(azimuth), np.radians(elevation)
     turned = np.roll(
         np.eye(3), int(np.argmax(np.abs(up))) - 2, axis=1
@@ -561,7 +565,7 @@ def direction(azimuth: float, elevation: float, up: Array) -> Array:
 
 
 def look(states: States) -> Look:
-    """How a device is shown: a round one without a quarter, another one whole, from the side of its free end."""
+    """Return how a device is shown: a round one without a quarter, another one whole, from the side of its free end."""
     skin, up = states.skin, np.asarray(states.actuator.lift)
     whole = np.arange(len(skin.images))
     if not states.actuator.axial:
@@ -579,12 +583,12 @@ def look(states: States) -> Look:
 
 
 def towards_slice(states: States) -> Array:
-    """From where a slice is seen: across its first cut plane, a little from the side and from above."""
+    """Return the view of a slice: across its first cut plane, a little from the side and from above."""
     up = np.asarray(states.actuator.lift)
     planes = states.skin.planes
     if not len(planes):
         return look(states).direction
-    # A wide slice shows its second cut plane too, unless that is seen edge on.
+    # A wide slice shows its second cut plane too, unless the view is edge-on to it.
     side = np.cross(up, planes[0])
     turned = np.radians(28.0 if len(planes) > 1 and len(states.skin.images) >= 4 else 14.0)
     flat = np.cos(turned) * planes[0] + np.sin(turned) * side
@@ -592,22 +596,22 @@ def towards_slice(states: States) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where the silicone is stretched most: the hundredth of its surface with the largest stretch, bounded by an isoline.
+# Regions of largest stretch: 1 % of the surface, bounded by an isoline.
 #
-# The stretch is the nodal field, continuous over the cells; cells as a whole would make ragged patches of it.
+# The stretch is the nodal field, continuous over the cells; whole cells would give ragged patches.
 
 
 HOT = 1.0
-"""Share of the surface, outside and walls of cavities, in percent, that is shown as hot."""
+"""Percentage of the surface (outside and cavity walls) shown as hot."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HotSpots:
-    """What of a state is stretched most.
+    """The regions of largest stretch of a state.
 
     Attributes:
         limit: The largest stretch that `HOT` percent of the surface exceeds.
-        peak: Where the largest stretch is in the deformed slice, m, shape (3,); None if that is not known.
+        peak: Where the largest stretch is in the deformed slice, m, shape (3,); None if unknown.
         note: Its value and place in words.
     """
 
@@ -617,12 +621,12 @@ class HotSpots:
 
 
 def hot_spots_of(states: States, step: int) -> HotSpots:
-    """What of a state is stretched most."""
+    """Return the regions of largest stretch of a state."""
     return HotSpots(hot_limit(states, step), peak_place(states, step), peak_text(states, step))
 
 
 def hot_limit(states: States, step: int) -> float:
-    """The largest stretch that `HOT` percent of the device's surface (at rest) exceeds."""
+    """Return the largest stretch that `HOT` percent of the device's surface (at rest) exceeds."""
     skin = states.skin
     triangles = skin.triangles[skin.part != CUT]
     a, b, c = skin.points(states.points)[triangles].transpose(1, 0, 2)
@@ -634,7 +638,8 @@ def hot_limit(states: States, step: int) -> float:
 
 
 def hot_layers(states: States, step: int, limit: float, scale: Scale) -> list[Layer]:
-    """Walls of the cavities coloured by stretch, what of the outside is above a limit, and the isoline of the limit."""
+    """Return the walls of the cavities coloured by stretch, the outside above a limit, and the isoline of the
+    limit."""
     skin = states.skin
     stretch = states.field(step, scale.field)[skin.nodes]
     everything = np.arange(len(skin.images))
@@ -658,12 +663,12 @@ def hot_layers(states: States, step: int, limit: float, scale: Scale) -> list[La
 
 
 def hot_title(limit: float) -> str:
-    """What is shown as hot, in words."""
-    return f"The {HOT:g} % of the surface that is stretched most: by more than {limit:.3g}, inside the black line"
+    """Return the title of the picture."""
+    return f"The {HOT:g} % of the surface with the largest stretch: above {limit:.3g}, inside the black line"
 
 
 def peak_text(states: States, step: int) -> str:
-    """Value and place of the largest stretch of a state, from ``path.csv``."""
+    """Return the value and place of the largest stretch of a state, from ``path.csv``."""
     row, words = states.rows[step], states.words
     under = load(row, words) if "load_step" in row else words.under(row, f"{number(row['pressure_cm'])} cm")
     if "max_stretch" not in row:
@@ -672,11 +677,11 @@ def peak_text(states: States, step: int) -> str:
     if "max_stretch_x_mm" not in row:
         return text
     place = ", ".join(f"{axis} = {row[f'max_stretch_{axis}_mm']:.2f}" for axis in "xyz")
-    return f"{text}; at the ring, of the undeformed device at {place} mm"
+    return f"{text}; at the ring, undeformed position {place} mm"
 
 
 def peak_place(states: States, step: int) -> Array | None:
-    """Where the largest stretch of ``path.csv`` is in the deformed slice, m, shape (3,); None if that is not known."""
+    """Return where the largest stretch of ``path.csv`` is in the deformed slice, m, shape (3,); None if unknown."""
     row = states.rows[step]
     if "max_stretch_x_mm" not in row:
         return None

@@ -1,4 +1,4 @@
-"""``report.html``: one run on one page that needs no network and nothing installed.
+"""``report.html``: a run on a single self-contained page.
 
 Pictures, film, curves and the 3-D view are inside the file. Whatever columns ``path.csv`` has are shown.
 """
@@ -53,11 +53,11 @@ from softmodels.runs.stored import States
 
 
 Table = tuple[str, list[tuple[str, str, str]]]
-"""A heading, and for each parameter its name, its value and what it is."""
+"""A heading, and for each parameter its name, value and description."""
 
 
 def case_tables(states: States) -> list[Table]:
-    """All tables of a case."""
+    """Return all tables of a case."""
     return [_device(states), _material(states), _load(states)]
 
 
@@ -73,7 +73,7 @@ def _material(states: States) -> Table:
     material = states.case.material
     table = materials.to_table(material, readable)
     texts = {field.name: field.metadata["help"] for field in parameter_fields(material)}
-    texts["fitted_stretch"] = "range of stretch that the law was fitted over"
+    texts["fitted_stretch"] = "fitted range of stretch"
     rows = [(name, value, texts.get(name, "")) for name, value in table.items() if name != "law"]
     initial = f"{material.shear_modulus_0 / 1e3:.4g} kPa"
     return _parameters(
@@ -99,7 +99,7 @@ def _load(states: States) -> Table:
             if case.load.has_pressure
             else []
         ),
-        ("control", case.control, "what the path follows"),
+        ("control", case.control, "control of the continuation"),
         ("formulation", case.formulation, "unknowns of the equations"),
     ]
     for part in case.components:
@@ -122,15 +122,15 @@ def _text(value: object) -> str:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The interactive 3-D view of a report: the surface of all steps packed small, and the page's own program that draws it.
+# The interactive 3-D view of a report: the packed surface of all steps, and the WebGL program that draws it.
 #
-# A program of its own in WebGL, of 13 kB, in place of a library: Plotly's would add 4.8 MB to every report and hold each
+# A WebGL program of 13 kB instead of a library: Plotly's would add 4.8 MB to every report and hold each
 # step's whole device as numbers of 8 bytes; three.js and vtk.js come from servers or from another language's packages. This
 # one needs neither network nor installation, keeps one slice and its images, and 10 bytes per vertex and step before packing.
 
 
 VALUES = 2_500_000
-"""Vertices times steps that a view may hold; of more steps, some are left out."""
+"""Maximum vertices times steps of a view; with more, some steps are skipped."""
 FULL = 65535
 
 
@@ -153,7 +153,7 @@ class StepLabel(TypedDict):
 
 
 class Description(TypedDict):
-    """What the view's program reads beside the packed numbers; lengths in m."""
+    """Data of the view's program besides the packed numbers; lengths in m."""
 
     vertices: int
     triangles: int
@@ -174,7 +174,7 @@ class Description(TypedDict):
 
 
 def view(look: Look) -> dict[str, object]:
-    """What the template ``web_view.html`` shows: the controls' ranges, the data and their description."""
+    """Return the data of the template ``web_view.html``: the controls' ranges, the data and their description."""
     states = look.states
     steps = _steps(states)
     meta, data = packed(look, steps)
@@ -187,7 +187,7 @@ def view(look: Look) -> dict[str, object]:
 
 
 def _steps(states: States) -> list[int]:
-    """Steps of the view: all, or as many as it may hold with the requested ones among them first."""
+    """Return the steps of the view: all, or as many as possible, preferring the requested ones."""
     count = len(states.rows)
     most = max(VALUES // max(len(states.skin.nodes), 1), 2)
     if count <= most:
@@ -198,11 +198,11 @@ def _steps(states: States) -> list[int]:
 
 def _left_out(states: States, steps: list[int]) -> str:
     left = len(states.rows) - len(steps)
-    return f"{left} of {len(states.rows)} steps are left out here." if left else ""
+    return f"{left} of {len(states.rows)} steps are omitted here." if left else ""
 
 
 def packed(look: Look, steps: list[int]) -> tuple[Description, bytes]:
-    """What the view's program reads.
+    """Return the packed data of the view's program.
 
     Args:
         look: The device.
@@ -246,7 +246,7 @@ def packed(look: Look, steps: list[int]) -> tuple[Description, bytes]:
 
 
 def _scales(look: Look, name: str, steps: list[int]) -> tuple[Scale, Scale]:
-    """One colour scale of a field over all steps, for everything and for the outside alone."""
+    """Return one colour scale of a field over all steps, for everything and for only the outside."""
     spread = sorted({look.states.main, steps[-1], *look.states.shown(6)})
     everything = Scale(np.array([look.states.field(step, name) for step in spread]), name)
     outside = look.scale(spread, name)
@@ -262,31 +262,31 @@ def _colours(everything: Scale, outside: Scale) -> FieldColours:
 
 
 def _bytes(column: npt.NDArray[np.number]) -> bytes:
-    """Whole numbers modulo 65536, low bytes before high bytes: neighbours differ little, which packs well."""
+    """Return the whole numbers modulo 65536, low bytes before high bytes: neighbours differ little, which packs well."""
     return np.asarray(column).astype(np.int64).astype("<u2").view(np.uint8).reshape(-1, 2).T.tobytes()
 
 
 WIDEST = 1200
-"""Pictures are made smaller than this many pixels wide inside the page; the files keep their own size."""
+"""Maximum width in pixels of pictures inside the page; the files keep their size."""
 CAPTIONS = {
     "undeformed.png": "The device at rest",
-    "stress.png": "Von Mises stress on the deformed device: one camera, one colour scale",
-    "film.webp": "Film over the path; between the computed steps the shape goes straight from one to the next",
+    "stress.png": "Von Mises stress on the deformed device: same camera, same colour scale",
+    "film.webp": "Film over the path; shapes are interpolated linearly between computed steps",
     "cut.png": "Cut open; the cut is made in the undeformed material",
-    "hot-spots.png": "Where the silicone is stretched most",
+    "hot-spots.png": "Regions of largest stretch",
     "slice.png": "The modelled part; thin lines: undeformed",
-    "mode.png": "The mode at the first bifurcation: how the device can leave its shape there; its size is arbitrary",
+    "mode.png": "The buckling mode at the first bifurcation; its amplitude is arbitrary",
     "profile.png": "Outline from the side",
     "mesh.png": "The mesh",
 }
-"""Pictures in the order of the page, with what they show."""
+"""Pictures in the order of the report, with their captions."""
 ROUNDING = 1e-12
-"""What is smaller, in the columns' units, is nothing but rounding errors."""
+"""Values below this, in the columns' units, are rounding errors."""
 REPORT = "report.html"
 
 
 class Report:
-    """The report of a folder of results but for its pictures, which may still be in the making.
+    """The report of a results folder without its pictures, which may still be in progress.
 
     Args:
         look: The device.
@@ -315,7 +315,7 @@ class Report:
         }
 
     def write(self, ready: Mapping[str, str]) -> Path:
-        """Write it with the pictures that are there.
+        """Write the report with the available pictures.
 
         Args:
             ready: Some of them as `shrunk` makes them, by the names of their files.
@@ -331,7 +331,7 @@ class Report:
 
 
 def summary(folder: Path) -> dict[str, object]:
-    """What ``summary.json`` tells of how the run ended; nothing if it has not ended by itself."""
+    """Return ``summary.json``'s data on the end of the run; empty if it was interrupted."""
     try:
         found = json.loads(read_text(folder / "summary.json"))
     except (OSError, ValueError):
@@ -340,7 +340,7 @@ def summary(folder: Path) -> dict[str, object]:
 
 
 def ending(states: States, told: dict[str, object]) -> str:
-    """How the run ended, in a sentence or two; ``told`` is its `summary`."""
+    """Return how the run ended, in a sentence or two; ``told`` is its `summary`."""
     row, words = states.rows[states.main], states.words
     stroke = f"{row['stroke_ml']:.4g} ml of stroke and " if "stroke_ml" in row else ""
     reached = f"At {stroke}{load(row, words)} the {words.gauge} has risen {row[f'{words.gauge}_mm']:.4g} mm{_taken(row, words)}"
@@ -350,7 +350,7 @@ def ending(states: States, told: dict[str, object]) -> str:
         if name in row:
             reached += f"; the {term(name).name} is {row[name]:.4g} N"
     if not told:
-        return f"The run has not ended by itself; {len(states.rows)} states are stored. {reached}."
+        return f"The run was interrupted; {len(states.rows)} states are stored. {reached}."
     if told.get("status") == DONE:
         return f"All requested values were reached in {len(states.rows)} states. {reached}."
     start = "The run stopped at a limit point" if told.get("status") == NO_EQUILIBRIUM else "The run failed"
@@ -360,7 +360,7 @@ def ending(states: States, told: dict[str, object]) -> str:
 def _taken(row: Row, words: StateLabels) -> str:
     count = len(words.volumes(row))
     taker = "the cavities have together" if count > 1 else "the cavity has"
-    return f" and {taker} taken {row['added_volume_ml']:.4g} ml" if count else ""
+    return f" and {taker} gained {row['added_volume_ml']:.4g} ml" if count else ""
 
 
 def _curves(states: States) -> list[Markup]:
@@ -384,20 +384,20 @@ def _contact(states: States) -> str:
     obstacle = obstacle_of(states.case.components)
     if obstacle is None:
         return ""
-    text = f"The rigid plane {obstacle.plane} stops {obstacle.faces} without friction (red in the pictures)."
+    text = f"The rigid plane {obstacle.plane} is in frictionless contact with {obstacle.faces} (red in the pictures)."
     pressed = [row for row in states.rows if row.get("contact_force_N", 0.0) > ROUNDING]
     if not pressed:
-        return f"{text} Nothing reached it."
+        return f"{text} No contact occurred."
     first, row, words = pressed[0], states.rows[states.main], states.words
     text += (
-        f" The device pressed on it from the state at {load(first, words)} on; at {load(row, words)} with "
-        f"{row['contact_force_N']:.4g} N, sunk in by {row['contact_depth_mm']:.2g} mm."
+        f" Contact starts at {load(first, words)}; at {load(row, words)} the force is "
+        f"{row['contact_force_N']:.4g} N, the penetration {row['contact_depth_mm']:.2g} mm."
     )
     return text
 
 
 def _lines(rows: Sequence[Row], states: States) -> list[dict[str, object]]:
-    """Rows of ``path.csv`` side by side: one line per column of the file, with the exact and the shown values."""
+    """Return the rows of ``path.csv`` side by side: one line per column of the file, with exact and displayed values."""
     return [
         {
             "term": term(name, states.actuator, states.case.load.driver),
@@ -415,7 +415,7 @@ def _shown(value: Cell) -> str:
 
 
 def _source(path: Path) -> str:
-    """A picture's file as the page holds it."""
+    """Return a picture's file as embedded in the page."""
     if path.suffix == ".webp":
         return image_uri(path)
     check_file(path)
@@ -424,12 +424,12 @@ def _source(path: Path) -> str:
 
 
 def shrunk(image: Picture.Image) -> str:
-    """A picture as the page holds it, no wider than `WIDEST`."""
+    """Return a picture as embedded in the page, at most `WIDEST` wide."""
     small = image.convert("RGB")
     if small.width > WIDEST:
         small = small.resize((WIDEST, round(small.height * WIDEST / small.width)), Picture.Resampling.HAMMING)
     stream = io.BytesIO()
-    small.save(stream, "WEBP", quality=88, method=2)  # 4 takes three times as long for a twentieth
+    small.save(stream, "WEBP", quality=88, method=2)  # 4 takes three times as long and saves 5 %
     return data_uri(stream.getvalue(), "image/webp")
 
 
@@ -438,25 +438,26 @@ def _pressure(row: Row) -> str:
 
 
 def _notes(states: States) -> list[str]:
-    """What a reader has to know before trusting a number."""
+    """Return the warnings of the report."""
     actuator = states.actuator
     words = states.words
     kept = words.kept[0]
     notes = [stability_text(states.rows, actuator, words, states.branch)]
     notes += [
-        f"limit point of the {kept} at {words.under(limit, _pressure(limit))}: under {kept} alone the device jumps there"
+        f"limit point of the {kept} at {words.under(limit, _pressure(limit))}: under {kept} control the device snaps through "
+        f"there"
         for limit in curves.limits(states.rows)
     ]
     notes.append(
         f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
         + (
-            f"; one of {actuator.copies} equal parts was computed, the others are its images"
+            f"; one of {actuator.copies} equal parts was computed, the others are mirror images"
             if actuator.copies > 1
             else ""
         )
     )
     notes.append(
-        "the largest stress and stretch converge only at rounded corners; at sharp ones they grow with a finer mesh"
+        "the largest stress and stretch converge only at rounded corners; at sharp ones they grow with mesh refinement"
     )
     notes.append(left_out(states.case))
     return [note for note in notes if note]

@@ -1,4 +1,4 @@
-"""Pictures of an axisymmetric section, flat, in millimetres; they need no rendering."""
+"""Pictures of an axisymmetric section in millimetres; no rendering needed."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 def section_mesh(points: Array, cells: Cells) -> Figure:
-    """The half section with the edges of its cells; points in m, shape (n, 3) with y = 0."""
+    """Draw the half section with the edges of its cells; points in m, shape (n, 3) with y = 0."""
     flat = points[:, ::2] * 1e3
     figure, axes = _section(flat, 0.0)
     fine, triangles = fine_triangles(flat, cells)
@@ -54,7 +54,7 @@ def section_mesh(points: Array, cells: Cells) -> Figure:
 def section_stress(
     points: Array, moved: Array, cells: Cells, values: Array, row: Row, words: StateLabels, plate: float | None = None
 ) -> Figure:
-    """The deformed half section coloured by stress, over the outline of the undeformed one.
+    """Draw the deformed half section coloured by stress, over the undeformed outline.
 
     Args:
         points: Undeformed, in m, shape (n, 3) with y = 0.
@@ -81,7 +81,7 @@ def section_stress(
 
 
 def section_hot(points: Array, cells: Cells, values: Array, hot: HotSpots, row: Row) -> Figure:
-    """The deformed half section coloured by stretch, with the isoline around what is stretched most.
+    """Draw the deformed half section coloured by stretch, with the isoline around the largest stretch.
 
     Args:
         points: Deformed, in m, shape (n, 3) with y = 0.
@@ -112,7 +112,7 @@ def section_hot(points: Array, cells: Cells, values: Array, hot: HotSpots, row: 
 def section_mode(
     points: Array, moved: Array, mode: Array, cells: Cells, row: Row, words: StateLabels, amount: float = 0.15
 ) -> Figure:
-    """The half section at a bifurcation and the two shapes it can go on to.
+    """Draw the half section at a bifurcation and the two branches.
 
     Args:
         points: Undeformed, in m, shape (n, 3) with y = 0.
@@ -129,12 +129,12 @@ def section_mode(
     figure, axes = _section(np.concatenate([before, *(shape for shape, _ in shapes)]), 0.0)
     for shown, colour in ((before, FAINT), (after, INK), *shapes):
         axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
-    axes.set_title(f"Bifurcation at {headline(row, words)}: the mode, either way (size at will)")
+    axes.set_title(f"Bifurcation at {headline(row, words)}: the mode in both directions (arbitrary amplitude)")
     return figure
 
 
 def _section(points: Array, foot: float) -> tuple[Figure, Axes]:
-    """Axes in mm with equal scales around flat points, shape (n, 2), with ``foot`` inches free below them."""
+    """Return the axes in mm with equal scales around flat points, shape (n, 2), with ``foot`` inches free below them."""
     (left, low), (right, high) = points.min(axis=0), points.max(axis=0)
     margin = 0.04 * (right - left)
     wide, tall = right - left + 2 * margin, high - low + 2 * margin

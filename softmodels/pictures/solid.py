@@ -73,9 +73,9 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A flat cut through the undeformed device that shows the most of its channels, and what is left behind it.
+# A plane cut through the undeformed device that shows most of its channels, and the remaining part.
 #
-# The cut is made in the material: it moves along with the deformation, and is a curved surface then.
+# The cut is made in the material, so it deforms into a curved surface.
 
 
 SUBTETS = np.array(
@@ -84,13 +84,13 @@ SUBTETS = np.array(
 """A second-order tetrahedron as eight flat ones, in VTK's order of nodes."""
 TETRA = 10
 ASIDE = 1e-4
-"""How far a cut moves off vertices, over the device's size: not to be seen, and more than their rounding."""
+"""Offset of a cut from vertices, relative to the device's size: invisible, but above rounding."""
 Plane = tuple[Array, Array]
 """A unit normal and a point in m."""
 
 
 def best_plane(skin: Surface, points: Array, up: Array, axial: bool) -> Plane:
-    """The plane across a coordinate axis that meets the most cavities, and of such ones the most air.
+    """Return the plane normal to a coordinate axis that cuts the most cavities, and of these the most air.
 
     Args:
         skin: The surface.
@@ -116,13 +116,13 @@ def best_plane(skin: Surface, points: Array, up: Array, axial: bool) -> Plane:
 
 
 def _centre(corners: Array) -> Array:
-    """Middle of a surface; corners of its triangles, shape (t, 3, 3)."""
+    """Return the middle of a surface; corners of its triangles, shape (t, 3, 3)."""
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return np.asarray(np.average(corners.mean(axis=1), axis=0, weights=area))
 
 
 def _section_area(corners: Array, normal: Array, place: Array) -> float:
-    """Area that a plane cuts out of a closed surface; corners of its triangles, shape (t, 3, 3)."""
+    """Return the area that a plane cuts out of a closed surface; corners of its triangles, shape (t, 3, 3)."""
     height = (corners - place) @ normal + 1e-12
     above = height > 0
     met = corners[above.any(axis=1) & ~above.all(axis=1)]
@@ -139,7 +139,7 @@ def _section_area(corners: Array, normal: Array, place: Array) -> float:
 
 
 def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scale) -> list[Layer]:
-    """Layers of a state whose material before a plane of the undeformed device is taken away.
+    """Return the layers of a state whose material before a plane of the undeformed device is taken away.
 
     Args:
         states: The states.
@@ -178,7 +178,7 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
 
 
 def _aside(vertices: Array, normal: Array, place: Array) -> Array:
-    """A point a little deeper than a plane on which vertices lie, such as a symmetry plane of the device.
+    """Return a point a little deeper than a plane on which vertices lie, such as a symmetry plane of the device.
 
     There the plane would meet the faces of cells, some once and some twice, and the section would have cracks.
     """
@@ -194,7 +194,7 @@ def _warped(data: PolyData) -> PolyData:
 
 
 def _section(points: Array, cells: Cells, u: Array, values: Array, normal: Array, place: Array) -> PolyData:
-    """Where a plane meets the solid."""
+    """Return where a plane meets the solid."""
     import pyvista
 
     height = (points - place) @ normal
@@ -211,7 +211,7 @@ COLUMNS = {1: 1, 2: 2, 3: 3, 4: 2}
 
 
 def undeformed(look: Look) -> Figure:
-    """The device at rest, translucent, with the walls of its cavities inside (thesis, Fig. 8)."""
+    """Draw the undeformed device, translucent, with its cavity walls (thesis, Fig. 8)."""
     states = look.states
     whole = states.skin.device(states.skin.points(states.points))
     camera = ViewCamera.around([whole], look.direction, look.up)
@@ -227,7 +227,7 @@ def _size(points: Array) -> str:
 
 
 def mesh(look: Look) -> Figure:
-    """The undeformed slice with the edges of its cells."""
+    """Draw the undeformed slice with the edges of its cells."""
     states = look.states
     skin, points = states.skin, states.skin.points(states.points)
     faces = outer_faces(states.cells, states.cell_name)
@@ -248,7 +248,7 @@ def _slice_name(actuator: Actuator) -> str:
 
 
 def slice_stress(look: Look) -> Figure:
-    """The deformed slice seen on its cut, coloured by stress, with the edges of the undeformed one."""
+    """Draw the deformed slice seen on its cut, coloured by stress, with the undeformed edges."""
     states, step = look.states, look.states.main
     skin = states.skin
     scale = Scale(states.field(step, "von_mises"), rows=[states.rows[step]])
@@ -270,7 +270,7 @@ def slice_stress(look: Look) -> Figure:
 
 
 def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
-    """The slice at a bifurcation with some of its mode added, over the edges of the slice without it.
+    """Draw the slice at a bifurcation with its mode added, over the edges of the slice without it.
 
     Args:
         look: The device.
@@ -292,11 +292,11 @@ def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
                 (lines(before, edges), {"color": FAINT, "line_width": 1.5}),
             ]
         )
-    return page(image, f"Bifurcation at {headline(states.rows[step], states.words)}: the mode (size at will)")
+    return page(image, f"Bifurcation at {headline(states.rows[step], states.words)}: the mode (arbitrary amplitude)")
 
 
 def stress(look: Look) -> tuple[list[tuple[int, Image]], ViewCamera, Scale]:
-    """Von Mises stress on the deformed device at the shown states, seen by one camera in one colour scale.
+    """Draw the von Mises stress on the deformed device at the shown states, with the same camera and colour scale.
 
     Returns:
         Steps and images; the camera and the scale of them all.
@@ -310,7 +310,7 @@ def stress(look: Look) -> tuple[list[tuple[int, Image]], ViewCamera, Scale]:
 
 
 def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateLabels, scale: Scale) -> Figure:
-    """The images of `stress` side by side over one colour bar."""
+    """Return the images of `stress` side by side over one colour bar."""
     columns = COLUMNS[len(images)]
     rows_ = -(-len(images) // columns)
     wide = WIDTH / columns
@@ -330,7 +330,7 @@ def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateLabe
 
 
 def cut(look: Look) -> Figure:
-    """The device cut open through its channels, with the von Mises stress on the cut."""
+    """Draw the device cut open through its channels, with the von Mises stress on the cut."""
     states, step = look.states, look.states.main
     scale = Scale(states.field(step, "von_mises"), rows=[states.rows[step]])
     if look.opened:
@@ -351,7 +351,7 @@ def cut(look: Look) -> Figure:
 
 
 def hot_spots(look: Look) -> Figure:
-    """What is stretched most, inside the translucent deformed device, and where the peak is."""
+    """Draw the regions of largest stretch inside the translucent deformed device, and the peak."""
     states, step = look.states, look.states.main
     skin = states.skin
     limit = hot_limit(states, step)
@@ -360,7 +360,7 @@ def hot_spots(look: Look) -> Figure:
     whole = [skin.device(skin.points(states.moved(step)))]
     camera = ViewCamera.around(whole, look.direction, look.up)
     if (peak := peak_place(states, step)) is not None:
-        before = peak + 3 * camera.scale * look.direction  # nothing hides it, and in parallel projection nothing shifts
+        before = peak + 3 * camera.scale * look.direction  # in front of everything; parallel projection shifts nothing
         circle = ring(before, look.direction, 0.05 * camera.scale)
         layers += [(circle, {"color": colour, "line_width": wide}) for colour, wide in (("white", 7.0), ("black", 3.0))]
     with studio(camera) as shoot:
@@ -369,7 +369,7 @@ def hot_spots(look: Look) -> Figure:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Pictures of the undeformed device, which can be drawn while its path is still being solved.
+# Pictures of the undeformed device, drawn while its path is still being solved.
 
 
 class AtRest:
@@ -385,7 +385,7 @@ class AtRest:
         self._drawn: dict[str, bytes] = {}
 
     def draw_early(self, folder: Path, name: str) -> None:
-        """Draw them from the first states of results; what fails is reported when all is drawn.
+        """Draw them from the first states of results; errors are reported when everything is drawn.
 
         Args:
             folder: Results with their ``case.toml``.
@@ -395,7 +395,7 @@ class AtRest:
             self.pictures(look(States(folder, name)))
 
     def pictures(self, shown: Look) -> dict[str, bytes]:
-        """PNG files by their stems; drawn now, unless they have been drawn of this very device."""
+        """Return PNG files by their stems, drawn now unless already drawn of this device."""
         if self._of is None or not _same(self._of, shown):
             with matplotlib.rc_context(STYLE):
                 self._drawn = self._all(shown)
@@ -414,7 +414,7 @@ class AtRest:
 
 
 def _same(one: Look, other: Look) -> bool:
-    """Whether two looks show the same mesh in the same way."""
+    """Return whether two looks show the same mesh in the same way."""
     return (
         one.states.actuator == other.states.actuator
         and np.array_equal(one.states.points, other.states.points)

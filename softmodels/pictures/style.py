@@ -1,6 +1,6 @@
-"""What all pictures have in common: size, style and colours of lines, and a state's title in words and units.
+"""Common style of all pictures: size, line styles and colours, and titles of states.
 
-Figures are made without pyplot, so that nothing global is touched and no display is asked for.
+Figures are made without pyplot, so without global state or a display.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ CHARACTER = 0.62
 
 LINES = "viridis"
 SPAN = "#e4e7eb"
-"""Of what several laws span behind a curve."""
+"""Colour of a band of several laws."""
 SOLID = "#d9e2ec"
 STYLE: Any = {  # versions of matplotlib differ in the type of their parameters' names
     "font.size": 12,
@@ -57,12 +57,12 @@ CURVE, WARNING, BRANCH = "#2f6f9f", "#c0392b", "#b7791f"
 
 
 def number(value: float) -> str:
-    """A value for a label: at most one decimal, none if it is round."""
+    """Return a value for a label: at most one decimal, none if it is round."""
     return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")  # + 0.0: no minus before a zero
 
 
 def load(row: Row, words: StateLabels, kilopascals: bool = True) -> str:
-    """What a state is under, in words and units: its pressure, or where it is in a program and every cavity's pressure.
+    """Return the load of a state in words and units: its pressure, or its program step and every cavity's pressure.
 
     Args:
         row: The state's row of ``path.csv``.
@@ -78,33 +78,33 @@ def load(row: Row, words: StateLabels, kilopascals: bool = True) -> str:
 
 
 def title_colour(title: str) -> str:
-    """Colour of a state's title: that of warnings where it says that walls overlap."""
+    """Return the colour of a state's title: the warning colour if walls overlap."""
     return WARNING if OVERLAP_MARK in title else "black"
 
 
 def headline(row: Row, words: StateLabels) -> str:
-    """What a state is, in words and units."""
+    """Return the title of a state."""
     return f"{load(row, words)}, {words.gauge} rise {row[f'{words.gauge}_mm']:.2f} mm"
 
 
 def wrapped(text: str, width: float, size: float) -> str:
-    """A text of a size in points as lines that fit a width in inches."""
+    """Return a text of a size in points as lines that fit a width in inches."""
     return textwrap.fill(text, max(int(width * 72 / (CHARACTER * size)), 12), break_long_words=False)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The colours of a field and their bar, and a rendered image above them.
+# Colour scale and colour bar of a field, below a rendered image.
 
 
 COLOURS = "Spectral_r"
 FOOT = 1.15
-"""Inches below a picture for the bar of its colours and what is said of it."""
+"""Inches below a picture for its colour bar and text."""
 CLIPPED = 99.5
-"""Percentile of the nodal values at which the colours end."""
+"""Percentile of the nodal values at which the colour scale is clipped."""
 
 
 class Pixels(Artist):
-    """An image on a page, pixel for pixel: matplotlib's own would be resampled, which takes ten times as long.
+    """An image on a page, pixel by pixel, without matplotlib's resampling, which takes ten times as long.
 
     Args:
         image: Shape (height, width, 3).
@@ -125,7 +125,7 @@ class Pixels(Artist):
 
 
 def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, note: str = "") -> Figure:
-    """A rendered image under its title, with the colour bar below if it shows a field.
+    """Return a rendered image under its title, with the colour bar below if it shows a field.
 
     Title and note go on in further lines where they are wider than the page: a program names every cavity's pressure.
     """
@@ -144,11 +144,11 @@ def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, n
 
 
 class Scale:
-    """The colours of a field, from its least value at rest up to nearly its largest.
+    """The colour scale of a field, from its smallest value at rest up to nearly its largest.
 
-    Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore
-    ends where, in the state that has most, a two-hundredth of the nodes lies above it; the bar says so. The largest value
-    that it tells is the one of ``path.csv``, over the integration points of the whole device: nodal values scatter around it.
+    Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore ends
+    where, in the state that has most, a two-hundredth of the nodes lies above it, as the colour bar states. The largest value
+    on the bar is the one of ``path.csv``, over the integration points of the whole device: nodal values scatter around it.
 
     Args:
         values: Nodal values of the states that are shown, SI units, shape (n,) or (states, n).
@@ -173,17 +173,18 @@ class Scale:
 
     @property
     def norm(self) -> Normalize:
-        """From a value in the bar's unit to its place along the colours, 0 to 1."""
+        """Map from a value in the bar's unit to its position along the colours, 0 to 1."""
         return (
             PowerNorm(self.power, self.low, self.top, clip=True) if self.power != 1.0 else Normalize(self.low, self.top)
         )
 
     def share(self, values: Array) -> Array:
-        """Places along the colours, 0 to 1, of values in SI units; any shape."""
+        """Return the places along the colours, 0 to 1, of values in SI units; any shape."""
         return np.clip((values * self.factor - self.low) / (self.top - self.low), 0.0, 1.0) ** self.power
 
     def ticks(self) -> list[float]:
-        """Values of the bar's unit to write below colours that are not spread evenly: 1, 2 and 5 times powers of ten."""
+        """Return the tick values of a nonlinear colour bar: 1, 2 and 5 times powers
+        of ten."""
         high = math.floor(math.log10(self.top))
         series = [k * 10.0**n for n in range(high, high - 4, -1) for k in (5, 2, 1) if k * 10.0**n <= self.top]
         chosen, before = [], 1.15
@@ -201,7 +202,7 @@ class Scale:
         unit = (f" in {self.unit}" if self.unit else "") + (f", {self.where}" if self.where else "")
         largest = f"{self.largest:.4g} {self.unit}".strip()
         anywhere = " in the whole device" if self.where else ""
-        note = f"{CLIPPED:g} % of the nodes lie within the colours; largest{anywhere}, {self.defined}: {largest}"
+        note = f"colour scale clipped at the {CLIPPED:g}th percentile; largest{anywhere}, {self.defined}: {largest}"
         scale = ScalarMappable(self.norm, self.colours)
         extend = "max" if self.largest > self.top else "neither"
         bar = figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=f"{self.what}{unit}")
@@ -211,22 +212,22 @@ class Scale:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A folder that pictures are written into, and what has been written there.
+# A folder for pictures, and a record of the written files.
 
 
 COMPRESSION = 3
-"""Of a PNG: 5 takes a third longer and saves a sixth."""
+"""Compression level of a PNG: 5 takes a third longer and saves a sixth."""
 
 
 class DrawnFolder:
-    """Where pictures go; remembers what was written. As a context it ends with all of it on disk.
+    """A folder for pictures that records the written files; as a context manager it waits until all are on disk.
 
     Pictures are encoded beside what draws the next one: encoders are written in C and let Python run on.
 
     Args:
         path: The folder.
         shrink: Makes of a picture what a page holds of it, if there is to be a page.
-        each: Gets each file as it is drawn.
+        each: Is called with each file once it is drawn.
     """
 
     def __init__(
@@ -248,7 +249,7 @@ class DrawnFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._beside.shutdown()  # what was drawn before an error is written too
+        self._beside.shutdown()  # pictures drawn before an error are written too
         if error is None:
             self.pages()
 
@@ -273,12 +274,12 @@ class DrawnFolder:
         self.drew(path)
 
     def drew(self, path: Path) -> None:
-        """Count a file to what has been drawn."""
+        """Record a drawn file."""
         self.written.append(path)
         self._each(path)
 
     def pages(self) -> dict[str, str]:
-        """Wait for what is being written; what a page holds of each picture, by the names of their files.
+        """Wait for pending files; return the data of each picture for the report, by file name.
 
         Raises:
             OSError: One could not be written.
@@ -287,14 +288,15 @@ class DrawnFolder:
 
 
 def drawn(figure: Figure) -> Picture.Image:
-    """A figure's pixels, without transparency, which its pages do not have: it would double the time, and save nothing."""
+    """Return a figure's pixels, without transparency, which would double the
+    time."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     return Picture.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
 
 def encoded(image: Picture.Image, dpi: float, texts: Mapping[str, str] | None = None) -> bytes:
-    """A PNG.
+    """Return a PNG.
 
     Args:
         image: The picture.
@@ -310,5 +312,5 @@ def encoded(image: Picture.Image, dpi: float, texts: Mapping[str, str] | None = 
 
 
 def png(figure: Figure, texts: Mapping[str, str] | None = None) -> bytes:
-    """A figure as a PNG; ``texts`` stand in its header."""
+    """Return a figure as a PNG; ``texts`` stand in its header."""
     return encoded(drawn(figure), figure.dpi, texts)

@@ -1,13 +1,14 @@
-"""The 95 % band around a path that the errors of a fitted material make, to first order.
+"""The first-order 95 % band of a path due to the errors of a fitted material.
 
-A state moves with the material's parameters by the derivatives of its equilibrium (`mechanics.sensitivity`). How wide a band is
-depends on what stays the same:
+A state moves with the material's parameters by the derivatives of its equilibrium (`mechanics.sensitivity`). The width of a
+band depends on the quantity that stays fixed:
 
-- At the same pressure (or whatever else is requested) rises and volumes have a band: the state slides along the path by what
-  the pressure has changed. Near a limit point that grows without bound.
-- At the same added volume the pressure has one, which is regular at limit points too and there is that of the limit itself.
-- At the same rise the pressure has another: how far apart the curves of rise over pressure lie, sideways. Measured pressures at
-  which a height is reached belong to it. Where the silicone is stiffer the same height needs another volume too.
+- At the same pressure (or other requested value) rises and volumes have a band: the state slides along the path by
+  the change of pressure. It grows without bound near a limit point.
+- At the same added volume the pressure has a band. It stays regular at a limit point, where it is the band of the limit.
+- At the same rise the pressure has another band: the horizontal distance between the curves of rise over pressure. Pressures
+measured
+  at a given height compare with it. A stiffer silicone also needs another volume for the same height.
 """
 
 from __future__ import annotations
@@ -44,11 +45,11 @@ from softmodels.runs.row import (
 )
 
 DEVIATIONS = 1.959964
-"""Half the width of a 95 % interval in standard deviations."""
+"""Half width of a 95 % interval in standard deviations."""
 TOLERANCE = 1e-6
-"""Of the linear solver."""
+"""Tolerance of the linear solver."""
 SMALL = 1e-3
-"""Share of a standard deviation over which the device's own figures are differenced."""
+"""Finite-difference step for the device's own figures, in standard deviations."""
 
 
 class Band:
@@ -67,7 +68,7 @@ class Band:
         self._sensitivity = Sensitivity(fields.solver)
 
     def cells(self, point: Point) -> dict[str, float | None]:
-        """Half widths of the 95 % intervals at a point of the path, columns of ``path.csv``; None where there is none.
+        """Half widths of the 95 % intervals at a point of the path, by column of ``path.csv``; None if undefined.
 
         Called by all ranks.
         """
@@ -90,10 +91,10 @@ class Band:
         rises = [*(_named(f"{probe}_mm") for probe in actuator.probes), *map(_named, figures)]
         if self.kept == DeadForce.name:
             return rises
-        return ["pressure_95_cm", at_rise(actuator.gauge), "added_volume_95_ml", *rises]
+        return ["pressure_ci95_cm", at_rise(actuator.gauge), "added_volume_ci95_ml", *rises]
 
     def _move(self, point: Point, root: Array) -> dict[str, float]:
-        """What changes as the parameters do by ``root`` (SI units), by column."""
+        """Return the changes by column if the parameters change by ``root`` (SI units)."""
         eq, fields, state = self.fields.system, self.fields, point.state
         eq.load(state)
         force, dmu = np.zeros(eq.n), 0.0
@@ -102,7 +103,7 @@ class Band:
             force += change * own
             dmu += change * slope
         mu, forced = eq.stress_unit, self.kept == DeadForce.name
-        if forced:  # P is a dead load's, which keeps its newtons already; the cavities' pressures are kept beside it
+        if forced:  # P is a dead load, already fixed in newtons; the cavities' pressures are fixed too
             cavities = len(eq.volumes())
             force += dmu / mu * eq.pressures[:cavities] @ eq.pressure_loads()[:cavities]
         moved = fields.solver.aside(state, volume_control(state.V), -force, TOLERANCE)
@@ -115,21 +116,21 @@ class Band:
         if forced:
             return self._rises(state.w, w)
         gauge = fields.system.body.actuator.gauge
-        pressures = {"pressure_95_cm": dP / self.cm, at_rise(gauge): sideways / self.cm}
-        return {**pressures, "added_volume_95_ml": 1e6 * dV, **self._rises(state.w, w)}
+        pressures = {"pressure_ci95_cm": dP / self.cm, at_rise(gauge): sideways / self.cm}
+        return {**pressures, "added_volume_ci95_ml": 1e6 * dV, **self._rises(state.w, w)}
 
     def _slope(self, point: Point) -> float:
-        """Pa by which the pressure rises along the path for each m of the gauge's rise."""
+        """Return Return the pressure in Pa by which the pressure rises along the path for each m of the gauge's rise."""
         rise = self._gauge_rise(point.tangent.w)
         return point.tangent.P * self.fields.system.stress_unit / rise if rise else math.inf
 
     def _gauge_rise(self, change: Array) -> float:
-        """By how much the gauge rises, m, as the dofs change."""
+        """Return the gauge's rise in m for a change of the dofs."""
         actuator = self.fields.system.body.actuator
         return float(self.fields.probes_moved(change)[actuator.gauge] @ np.asarray(actuator.lift))
 
     def _rises(self, w: Array, change: Array) -> dict[str, float]:
-        """Changes of the probes' rises in mm and of the device's own figures, as the dofs change."""
+        """Return the changes of the probes' rises in mm and of the device's own figures for a change of the dofs."""
         fields, actuator = self.fields, self.fields.system.body.actuator
         shifts = fields.probes_moved(change)
         found = {_named(f"{name}_mm"): 1e3 * float(shift @ np.asarray(actuator.lift)) for name, shift in shifts.items()}
@@ -146,20 +147,20 @@ class Band:
 
 
 def _named(column: str) -> str:
-    """Column of the band of another: ``apex_95_mm`` of ``apex_mm``."""
+    """Return the column of another column's band: ``apex_ci95_mm`` of ``apex_mm``."""
     name = split(column)[0]
-    return f"{name}_95{column.removeprefix(name)}"
+    return f"{name}_ci95{column.removeprefix(name)}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The paths of a device under every source of its silicone: their file ``sources.csv``, and what they span in words.
+# The paths of a device for every source of its silicone: the file ``sources.csv`` and a summary.
 
 
 type SourceRows = Mapping[str, Sequence[Row]]
 """Rows of ``path.csv`` of each source by its name, from the softest to the stiffest."""
 
 FILE = "sources.csv"
-WORDS = ("following",)
+WORDS = ("control",)
 """Columns of words."""
 
 
@@ -175,7 +176,7 @@ def write_sources(folder: Path, sources: SourceRows) -> None:
 
 
 def read_sources(folder: Path) -> dict[str, list[Row]]:
-    """The table's rows by source; empty where there is none, or none that can be read."""
+    """Return the table's rows by source; empty where there is none, or none that can be read."""
     found: dict[str, list[Row]] = {}
     try:
         with (folder / FILE).open(newline="", encoding="utf-8") as file:
@@ -191,7 +192,7 @@ def _cell(column: str, text: str) -> Cell:
 
 
 def in_order(case: Case, rows: Sequence[Row], others: SourceRows) -> dict[str, Sequence[Row]]:
-    """All sources from the softest to the stiffest, the run's own path among them; empty where there are no others."""
+    """Return all sources from the softest to the stiffest, the run's own path among them; empty where there are no others."""
     own = named(case.material)
     if own is None or not others:
         return {}
@@ -200,7 +201,7 @@ def in_order(case: Case, rows: Sequence[Row], others: SourceRows) -> dict[str, S
 
 
 def span_sentence(case: Case, sources: SourceRows) -> str:
-    """Between which figures the sources of a silicone lie at the last value that all of them reach, and at their limits."""
+    """Return the range over the sources of a silicone at the last value that all reach, and at their limits."""
     words, own = state_labels(case), named(case.material)
     common = _common(case, sources)
     parts = []
@@ -224,7 +225,7 @@ def span_sentence(case: Case, sources: SourceRows) -> str:
 
 
 def _common(case: Case, sources: SourceRows) -> dict[str, int]:
-    """The row of each source at the last requested value that all of them reach; empty if they share none under load."""
+    """Return the row of each source at the last requested value that all of them reach; empty if they share none under load."""
     for value in sorted(case.values, key=abs, reverse=True):
         found: dict[str, int] = {}
         for name, rows in sources.items():
@@ -243,6 +244,6 @@ def _ends(rows: Mapping[str, Row], column: str, unit: str) -> str:
 
 
 def key_of(name: str) -> str:
-    """The short name of a source, of a product's plain name too."""
+    """Return the short name of a source, of a product's plain name too."""
     found = silicone_called(name)
     return found.origin.key if found else name

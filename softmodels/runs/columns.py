@@ -1,7 +1,7 @@
-"""The columns of ``path.csv``, each listed once: its name with the unit, what it is in words, and how it is computed.
+"""The columns of ``path.csv``: name with unit, description, and computation, each in one place.
 
-A column of your own is one more entry, also from outside: ``COLUMNS.append(Column(...))``, or one that comes with an output
-field (`OutputField.extremes`) or with a figure that all ranks compute together (`Measure`).
+Add a column by one more entry, also from other modules: ``COLUMNS.append(Column(...))``, by an output field
+(`OutputField.extremes`), or by a figure computed on all ranks (`Measure`).
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a column of ``path.csv`` is made of: its name, its words, and how it is computed from a state.
+# Columns of ``path.csv``: name, description, and how each is computed from a state.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Solved:
-    """A state of a path with all that its row is made of, on rank 0.
+    """A state of a path with all data of its row, on rank 0.
 
     Attributes:
         case: What is run.
@@ -74,7 +74,7 @@ class Solved:
 
     @property
     def pressure(self) -> float:
-        """In Pa; of a program's pressures the highest stands for all."""
+        """Pressure in Pa; for a program the highest of the pressures."""
         return max(self.figures.cavity_pressures, default=0.0) if self.case.program else self.figures.pressure
 
     @functools.cached_property
@@ -122,7 +122,7 @@ class Columns:
 
 
 def row_of(solved: Solved) -> Row:
-    """The row of a state, on rank 0."""
+    """Return the row of a state, on rank 0."""
     cells: dict[str, Cell] = {}
     for entry in every_column():
         cells |= entry.cells(solved)
@@ -130,7 +130,7 @@ def row_of(solved: Solved) -> Row:
 
 
 def every_column() -> Iterator[PathColumn | Columns]:
-    """All entries: `COLUMNS`, then those that output fields bring along."""
+    """Yield all entries: `COLUMNS`, then those of the output fields."""
     yield from COLUMNS
     listed = {entry.name for entry in COLUMNS if isinstance(entry, PathColumn)}
     for field in FIELDS:
@@ -138,7 +138,7 @@ def every_column() -> Iterator[PathColumn | Columns]:
 
 
 def term(column: str, device: Actuator | None = None, supply: str = "supply") -> ColumnText:
-    """What a column of ``path.csv`` is. One that nobody knows of here is still shown, under its own name.
+    """Return the description of a column of ``path.csv``; an unknown column is described by its own name.
 
     Args:
         column: Its name.
@@ -151,16 +151,17 @@ def term(column: str, device: Actuator | None = None, supply: str = "supply") ->
 
 
 def cavity_columns(row: Row, what: str, unit: str) -> list[str]:
-    """The columns that tell of each cavity, such as ``pressure_1_cm`` and ``pressure_2_cm``; of one alone ``pressure_cm``.
+    """Return the columns of each cavity, such as ``pressure_1_cm`` and ``pressure_2_cm``; for a single cavity
+    ``pressure_cm``.
 
-    They are counted from 1 on: ``pressure_95_cm`` is half the 95 % band of the pressure, and of no cavity.
+    Numbers start at 1. ``pressure_ci95_cm`` is no cavity's: it is half the 95 % band of the pressure.
     """
     numbered = (f"{what}_{k}_{unit}" for k in itertools.count(1))
     return list(itertools.takewhile(row.__contains__, numbered)) or [f"{what}_{unit}"]
 
 
 def loads_words(row: Row) -> list[str]:
-    """The weights, forces and moments of a state in words, such as ``"force tip 2 N"``."""
+    """Return the weights, forces and moments of a state in words, such as ``"force tip 2 N"``."""
     found = []
     for name in load_columns(row):
         words, unit = split(name)
@@ -169,26 +170,26 @@ def loads_words(row: Row) -> list[str]:
 
 
 def load_columns(row: Row) -> list[str]:
-    """The columns with weights, forces and moments."""
+    """Return the columns with weights, forces and moments."""
     return [name for name in row if re.fullmatch(r"weight_N|force(_\w+)?_N|moment(_\w+)?_Nmm", name)]
 
 
 def _height(solved: Solved) -> float:
-    """Of the water column in cm."""
+    """Return the height of the water column in cm."""
     height = solved.pressure / solved.case.cm
     asked = solved.case.pressures_cm if solved.point.requested else ()
-    # As it was typed, without the rounding of two conversions.
+    # as typed, without the rounding of two conversions
     return next((typed for typed in asked if math.isclose(typed, height, rel_tol=1e-9)), height)
 
 
 def _stroke(solved: Solved) -> float:
-    """Of the supply in m3."""
+    """Return the stroke of the supply in m3."""
     V, P, curve = _on_supply(solved)
     return float(curve.value(V, P) * solved.fields.system.volume_unit)
 
 
 def _on_supply(solved: Solved) -> tuple[float, float, Supply]:
-    """Dimensionless volume and pressure of a state, and the supply's curves."""
+    """Return the dimensionless volume and pressure of a state, and the supply's curves."""
     eq, supply = solved.fields.system, solved.case.supply
     assert supply is not None
     cavity = solved.fields.rest_volume * eq.volume_unit
@@ -209,7 +210,7 @@ def _held(solved: Solved) -> int:
 
 
 def _cavity_cells(solved: Solved) -> dict[str, Cell]:
-    """Pressure and added volume of each cavity, where there are several."""
+    """Return the pressure and added volume of each cavity, where there are several."""
     figures = solved.figures
     if len(figures.cavity_volumes) < 2:
         return {}
@@ -222,7 +223,7 @@ def _cavity_term(column: str, device: Actuator | None) -> ColumnText | None:
     if not found or found[2] == "95":  # the 95 % band's, see `cavity_columns`
         return None
     words = found[1].replace("_", " ")
-    return described(column, (f"{words} of cavity{found[2]}", f"of the device's cavity{found[2]} alone"))
+    return described(column, (f"{words} of cavity{found[2]}", f"of the device's cavity{found[2]} only"))
 
 
 def _rise_term(column: str, device: Actuator | None) -> ColumnText | None:
@@ -247,37 +248,38 @@ def _device_term(column: str, device: Actuator | None) -> ColumnText | None:
 
 
 def _named_term(column: str, device: Actuator | None) -> ColumnText | None:
-    """Of a point, an angle or a rigid part that the user has named."""
+    """Return the description of a point, an angle or a rigid part named by the user."""
     name, unit = split(column)
     if unit == "mm" and (found := re.fullmatch(r"(\w+)_([xyz])", name)):
-        text = "of a named point its place in this state, of a rigid part how far its centre has moved"
+        text = "for a named point its position in this state, for a rigid part the displacement of its centre"
         return described(column, (f"{found[1].replace('_', ' ')}, {found[2]}", text))
     if unit == "mm" and name.endswith("_off"):
-        text = "how far from where that point was named the place on the surface lies that is followed, undeformed"
+        text = "distance of the tracked surface point from the named point, undeformed"
         return described(column, (f"{name.removesuffix('_off').replace('_', ' ')}, off the surface", text))
     if unit == "°":
         return described(
-            column, (name.replace("_", " "), "named angle: by how much its line has turned, or between its two lines")
+            column,
+            (name.replace("_", " "), "named angle: the rotation of its line, or the angle between its two lines"),
         )
     return None
 
 
 def _band_term(column: str, device: Actuator | None) -> ColumnText | None:
     name, unit = split(column)
-    if not name.endswith("_95") or not unit:
+    if not name.endswith("_ci95") or not unit:
         return None
     if device is not None and column == at_rise(device.gauge):
-        text = f"half the 95 % interval that the material's errors make, at the same rise of the {device.gauge}"
+        text = f"half the 95 % confidence interval from the material's errors, at the same rise of the {device.gauge}"
         return described(column, ("band of the pressure at equal rise", text))
-    whole = term(f"{name.removesuffix('_95')}{column.removeprefix(name)}", device)
-    kept = "at the same added volume" if name == "pressure_95" else "at the same requested value"
+    whole = term(f"{name.removesuffix('_ci95')}{column.removeprefix(name)}", device)
+    kept = "at the same added volume" if name == "pressure_ci95" else "at the same requested value"
     return described(
-        column, (f"band of the {whole.name}", f"half the 95 % interval that the material's errors make, {kept}")
+        column, (f"band of the {whole.name}", f"half the 95 % confidence interval from the material's errors, {kept}")
     )
 
 
 def _extremes(name: str) -> list[PathColumn]:
-    """The columns of an output field's least and largest values."""
+    """Return the columns of an output field's least and largest values."""
     field = next(field for field in FIELDS if field.name == name)
     return [_extreme(field, one) for one in field.extremes]
 
@@ -305,7 +307,7 @@ def _break_margin(solved: Solved) -> float | None:
 
 
 def _eigenvalue(solved: Solved) -> float | None:
-    """In Pa/mm2; nothing where it was not found to within its tolerance."""
+    """Return the lowest eigenvalue in Pa/mm2; None if it did not converge."""
     eq, lowest = solved.fields.system, solved.point.signature.lowest
     return None if math.isnan(lowest) else float(lowest * eq.stress_unit / (eq.length_unit * 1e3) ** 2)
 
@@ -320,7 +322,7 @@ def _gas(case: Case) -> bool:
 
 DEVICE = Columns(lambda s: s.figures.device, _device_term)
 NAMED = Columns(lambda s: {}, _named_term)
-"""Named points and angles: their values are among the device's."""
+"""Named points and angles, whose values are among the device's."""
 
 BAND = Columns(lambda s: s.band, _band_term)
 """Last in the file."""
@@ -329,18 +331,18 @@ COLUMNS: list[PathColumn | Columns] = [
     PathColumn("step", "step", "number of the state along the path, from rest", lambda s: s.number),
     PathColumn("pressure_cm", "pressure",
            "of the air in the cavity, as the height of the water column that balances it", _height),
-    PathColumn("pressure_Pa", "pressure", "the same in pascal, above the pressure around", lambda s: s.pressure),
-    PathColumn("added_volume_ml", "added volume", "volume of the whole device's cavities less that at rest; with pressure "
-           "ratios, what the common pressure works on", lambda s: s.figures.added_volume * 1e6),
+    PathColumn("pressure_Pa", "pressure", "the same in pascal, above ambient pressure", lambda s: s.pressure),
+    PathColumn("added_volume_ml", "added volume", "volume of the whole device's cavities minus that at rest; with pressure "
+           "ratios, the work-conjugate of the common pressure", lambda s: s.figures.added_volume * 1e6),
     PathColumn("stroke_ml", "stroke", "volume that the {supply} has displaced or let in",
            lambda s: _stroke(s) * 1e6, _supplied),
     PathColumn("gas_energy_mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy, _gas),
     PathColumn("stroke_limit", "stroke limit",
-           "1 where the stroke has a limit point of its own: beyond it the device jumps",
+           "1 where the stroke has a limit point: beyond it the device snaps through",
            lambda s: int(s.point.turn), _supplied),
     PathColumn("stable_under_supply", "stable under the {supply}",
-           "1 if the gas behind this state holds it, 0 if the device jumps", _held, _supplied),
-    PathColumn("load_step", "load step", "how many steps a program of several cavities has come",
+           "1 if this state is stable with the gas of the supply, 0 if the device snaps through", _held, _supplied),
+    PathColumn("load_step", "load step", "number of the step in a program of several cavities",
            lambda s: s.load_step, lambda case: bool(case.program)),
     Columns(_cavity_cells, _cavity_term),
     Columns(lambda s: {f"{name}_mm": rise * 1e3 for name, rise in s.figures.rises.items()}, _rise_term),
@@ -349,40 +351,40 @@ COLUMNS: list[PathColumn | Columns] = [
            lambda s: s.figures.max_displacement * 1e3),
     *_extremes("largest_stretch"),
     PathColumn("break_margin", "break margin",
-           "stretch at which the silicone broke when pulled over the largest one; below 1 it tears",
+           "stretch at break of the silicone in tension over the largest stretch; below 1 it tears",
            _break_margin, lambda case: stretch_at_break(case.material) is not None),
     *(_place_of_largest(axis) for axis in "xyz"),
     *_extremes("von_mises"),
     *_extremes("J"),
-    PathColumn("newton_iterations", "Newton iterations", "that the equilibrium of this state took",
+    PathColumn("newton_iterations", "Newton iterations", "that this state took to converge",
            lambda s: s.point.state.iterations),
     PathColumn("stored_energy_mJ", "stored energy", "elastic energy of the whole device",
            lambda s: s.figures.stored_energy * 1e3),
     PathColumn("least_gap_mm", "least gap",
-           "smallest distance between walls that face each other across air, below zero where they overlap; where none are "
-           "near, the distance up to which it is looked for",
+           "smallest distance between facing walls, negative if they overlap; the "
+           "search distance if no walls are near",
            lambda s: (s.fields.walls.reach if s.gap is None else s.gap.value) * 1e3),
     PathColumn("walls_touch", "walls overlap",
-           f"1 where walls pass through each other by more than {OVERLAP:.0%} of their thickness: the state is not real",
+           f"1 where walls overlap by more than {OVERLAP:.0%} of their thickness: the state is invalid",
            lambda s: int(s.gap is not None and s.gap.overlaps)),
-    PathColumn("requested", "requested", "1 for a state that was asked for", lambda s: int(s.point.requested)),
+    PathColumn("requested", "requested", "1 for a requested state", lambda s: int(s.point.requested)),
     PathColumn("limit", "limit point",
-           "1 where the pressure has a maximum or minimum: under a pressure alone the device jumps",
+           "1 at a limit point of the pressure: under pressure control the device snaps through",
            lambda s: int(s.point.limit)),
-    PathColumn("jump", "jump", "1 for the state of rest in which a jump landed", lambda s: int(s.point.jump)),
-    PathColumn("bifurcation", "bifurcation", "1 where another branch of equilibria leaves the path, for another shape",
+    PathColumn("jump", "jump", "1 for the equilibrium after a snap-through", lambda s: int(s.point.jump)),
+    PathColumn("bifurcation", "bifurcation", "1 at a bifurcation, where another branch of equilibria starts",
            lambda s: int(s.point.bifurcation)),
-    PathColumn("stable_under_pressure", "stable under a pressure", "1 if the state stands while the pressure is kept",
+    PathColumn("stable_under_pressure", "stable under a pressure", "1 if the state is stable at constant pressure",
            lambda s: int(s.point.stable_under_pressure)),
     PathColumn("stable_under_volume", "stable under a volume",
-           "1 if the state stands while the amount of liquid in the cavity is kept",
+           "1 if the state is stable at constant cavity volume",
            lambda s: int(s.point.stable_under_volume)),
     PathColumn("negative_eigenvalues", "negative eigenvalues",
-           "in how many independent directions the energy at this pressure falls: 0 is stable, each more is one way out",
+           "number of independent directions in which the energy falls at this pressure; 0 is stable",
            lambda s: s.point.signature.negative_eigenvalues),
     PathColumn("lowest_eigenvalue_Pa_per_mm2", "lowest eigenvalue",
            "of the tangent at this pressure; zero where stability is lost", _eigenvalue),
-    PathColumn("following", "following", "what the step followed: pressure, volume, a supply's line or the arc length",
+    PathColumn("control", "control", "control of the step: pressure, volume, a supply's line or the arc length",
            lambda s: s.point.line),
     BAND,
 ]  # fmt: skip
@@ -390,35 +392,35 @@ COLUMNS: list[PathColumn | Columns] = [
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Which figures of a state a run has to show, and its load in words: messages, pictures and reports take them from here.
+# Labels of a run's states: which figures to show, and the load in words, for messages, pictures and reports.
 #
-# A device without a cavity has neither a pressure nor a volume. Where weights and forces alone load one with a cavity, its
-# pressure stays zero and is not shown; the volume that its cavity gains is.
+# A device without a cavity has neither a pressure nor a volume. If only weights and forces load a device with a
+# cavity, the zero pressure is hidden and the added volume shown.
 
 
 PRESSURE_AND_VOLUME = ("pressure_Pa", "added_volume_ml")
-OF_PRESSURE = re.compile(r"pressure(_\d+|_95|_at_\w+_95)*_(cm|Pa)")
-OF_VOLUME = re.compile(r"added_volume(_\d+|_95)*_ml")
+OF_PRESSURE = re.compile(r"pressure(_\d+|_ci95|_at_\w+_ci95)*_(cm|Pa)")
+OF_VOLUME = re.compile(r"added_volume(_\d+|_ci95)*_ml")
 
 
 OVERLAP_MARK = "WALLS OVERLAP"
 
 
 def overlap_text(row: Row) -> str:
-    """That walls pass through each other in a state, for its line, its title and its picture; empty where they do not."""
-    return f"{OVERLAP_MARK} by {-row['least_gap_mm']:.3g} mm, not a real state" if row.get("walls_touch") else ""
+    """Return a warning that walls overlap in a state, for its line, title and picture; else ""."""
+    return f"{OVERLAP_MARK} by {-row['least_gap_mm']:.3g} mm: invalid state" if row.get("walls_touch") else ""
 
 
 @dataclasses.dataclass(frozen=True)
 class StateLabels:
-    """What a run shows of its states.
+    """Labels of a run's states.
 
     Attributes:
         gauge: The probe whose rise stands for the device's motion.
-        pressure: Whether air presses in it.
+        pressure: Whether it is pressurised.
         volume: Whether it has a cavity.
-        driver: What drives the air, in a word.
-        along: Columns of what the path raises and of what that works on, which place a state on it.
+        driver: The air supply, in a word.
+        along: Columns of the load and its conjugate, which locate a state on the path.
     """
 
     gauge: str
@@ -428,27 +430,27 @@ class StateLabels:
     along: tuple[str, str] = PRESSURE_AND_VOLUME
 
     def under(self, row: Row, pressure: str) -> str:
-        """What a state is under: the words of its pressure where air presses, then its weights, forces and moments."""
+        """Return the loads of a state: the given words for its pressure, then its weights, forces and moments."""
         return ", ".join([*([pressure] if self.pressure else []), *loads_words(row)]) or "no load"
 
     def place(self, row: Row) -> str:
-        """What a state is under, short: ``"34.81 cm"``, ``"12 cm, force tip 2 N"``."""
+        """Return the loads of a state, short: ``"34.81 cm"``, ``"12 cm, force tip 2 N"``."""
         return self.under(row, f"{row['pressure_cm']:.4g} cm" if self.pressure else "")
 
     def loaded(self, row: Row) -> bool:
-        """Whether anything acts on a state."""
+        """Return whether anything acts on a state."""
         return any(row.get(column) for column in (*self.along, *PRESSURE_AND_VOLUME, *load_columns(row)))
 
     def pressures(self, row: Row) -> list[str]:
-        """The columns with pressures that are shown: one for each cavity, or none."""
+        """Return the columns with pressures that are shown: one for each cavity, or none."""
         return cavity_columns(row, "pressure", "cm") if self.pressure else []
 
     def volumes(self, row: Row) -> list[str]:
-        """The columns with added volumes that are shown: one for each cavity, or none."""
+        """Return the columns with added volumes that are shown: one for each cavity, or none."""
         return cavity_columns(row, "added_volume", "ml") if self.volume else []
 
     def hides(self, column: str) -> bool:
-        """Whether a column of ``path.csv`` tells of air that is not there."""
+        """Return whether to hide a column of ``path.csv``, because the device has no air in it."""
         no_pressure, no_volume = (
             not self.pressure and OF_PRESSURE.fullmatch(column),
             not self.volume and OF_VOLUME.fullmatch(column),
@@ -457,13 +459,13 @@ class StateLabels:
 
     @property
     def kept(self) -> tuple[str, str]:
-        """What a state is stable or unstable under: a given load, and a given measure of what it moves."""
+        """The two controls for which stability is reported: the load, and its conjugate."""
         raised = self.pressure and self.along == PRESSURE_AND_VOLUME
         return ("pressure", "volume") if raised else ("load", "travel")
 
 
 def state_labels(case: Case) -> StateLabels:
-    """What the states of a case have to show."""
+    """Return the labels of a case's states."""
     words = StateLabels(case.actuator.gauge, case.load.has_pressure, bool(case.actuator.ratios), case.load.driver)
     if case.driven is None:
         return words

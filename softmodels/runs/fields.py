@@ -1,4 +1,4 @@
-"""Nodal fields and key figures of an equilibrium's states: what is worth looking at in them."""
+"""Nodal fields and key figures of equilibrium states."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Figures:
 
     @property
     def max_von_mises(self) -> float:
-        """In Pa."""
+        """Pressure in Pa."""
         return self.extremes["von_mises"][1]
 
     @property
@@ -87,13 +87,13 @@ class Figures:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The places of the surface that named points are followed at, and the faces whose rotation is, on any number of ranks.
+# Tracked surface points and tracked face rotations, on any number of ranks.
 
 
 Nodes = npt.NDArray[np.int64]
 
 SAME = 1e-9
-"""Lengths below this share of the device's size are none."""
+"""Lengths below this fraction of the device's size count as zero."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ class TrackedPoint:
 
 
 def tracked_points(system: System, grid: Grid, gauges: Probes) -> dict[str, TrackedPoint]:
-    """The places of the surface, the cavities' walls too, that are nearest to the named points.
+    """Return the surface points, cavity walls included, nearest to the named points.
 
     Raises:
         ProbeError: One is farther from the surface than a cell is large.
@@ -129,7 +129,7 @@ def tracked_points(system: System, grid: Grid, gauges: Probes) -> dict[str, Trac
 
 
 class TurningFace:
-    """A face whose mean rotation is followed: the rotation that fits its motion best, facets weighed by their area.
+    """A face whose mean rotation is tracked: the best-fitting rotation of its motion, facets weighted by area.
 
     Args:
         system: The device.
@@ -152,7 +152,8 @@ class TurningFace:
             self.normal = -self.normal
 
     def _moments(self, now: Array) -> tuple[float, Array, Array]:
-        """Area of the face and its images, its centre at places ``now``, and the moments of these with the undeformed ones."""
+        """Return the area of the face and its images, its centre at places ``now``, and the moments of these with the
+        undeformed ones."""
         weighed = self._areas[:, None] * self._places
         sums = summed(
             self._comm,
@@ -165,7 +166,8 @@ class TurningFace:
         return float(area), there / area, both / area - np.outer(rest, there) / area**2
 
     def turned(self, moved: Array) -> Array:
-        """The normal turned by the mean rotation, from displacements of the corners in device coordinates, shape (m, 3, 3).
+        """Return the normal turned by the mean rotation, from displacements of the corners in device coordinates, shape (m, 3,
+        3).
 
         The rotation is that of Kabsch 1976 (doi 10.1107/S0567739476001873).
         """
@@ -177,7 +179,7 @@ class TurningFace:
 
 
 def turning_faces(system: System, grid: Grid, gauges: Probes) -> dict[str, TurningFace]:
-    """The faces whose mean rotation is an angle.
+    """Return the faces whose mean rotation is an angle.
 
     Raises:
         ProbeError: The device has no such face.
@@ -203,7 +205,7 @@ def turning_faces(system: System, grid: Grid, gauges: Probes) -> dict[str, Turni
 
 
 def _surface(system: System, grid: Grid) -> Nodes:
-    """Local nodes of the facets that bound the silicone but for cut planes, shape (m, 6), or (m, 3) of a section.
+    """Return the local nodes of the facets that bound the silicone, cut planes excluded, shape (m, 6), or (m, 3) of a section.
 
     The corners come first, then the middles of the edges, each opposite to its corner.
     """
@@ -217,7 +219,7 @@ def _surface(system: System, grid: Grid) -> Nodes:
     planes = {plane.name for plane in body.actuator.cut_planes}
     cut = [facets for role, (_, facets) in body.entities.items() if role in planes]
     outer = np.setdiff1d(exterior_facet_indices(topology), np.concatenate(cut) if cut else np.empty(0, dtype=np.int32))
-    if dim == 2:  # a section's axis is no surface
+    if dim == 2:  # a section's axis is not a surface
         outer = outer[compute_midpoints(body.mesh, 1, outer.astype(np.int32))[:, 0] > SAME]
     cells_of, facets_of = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
     layout = grid.space.dofmap.dof_layout
@@ -230,34 +232,34 @@ def _surface(system: System, grid: Grid) -> Nodes:
 
 
 def _nearest(system: System, name: str, wanted: Array, facets: Nodes, places: Array) -> TrackedPoint:
-    """The nearest place of facets whose nodes are at places (m, k, 3)."""
+    """Return the nearest place of facets whose nodes are at places (m, k, 3)."""
     comm, unit = system.comm, system.length_unit
     share = _weights(_barycentric(places, wanted)) if len(places) else np.empty((0, 1))
     found = np.einsum("mk,mki->mi", share, places)
     distance = np.linalg.norm(found - wanted, axis=1)
     away = -largest(comm, -float(distance.min()) if len(distance) else -math.inf)
-    # Of equally near ones the first in order of x, y, z: no rank decides.
+    # Among equally near places the first in order of x, y, z, so that the rank does not decide.
     near = np.flatnonzero(distance <= away + SAME * unit)
     place = []
     for axis in range(3):
         least = -largest(comm, -float(found[near, axis].min()) if len(near) else -math.inf)
         near = near[found[near, axis] <= least + SAME * unit]
         place.append(least if abs(least) > SAME * unit else 0.0)
-    holders = total(comm, float(bool(len(near))))  # a place on an edge between ranks is known to several
+    holders = total(comm, float(bool(len(near))))  # several ranks know a place on an edge between them
     edge = places[near, 0] - places[near, 1] if len(near) else np.zeros((0, 3))
     size = largest(comm, float(np.linalg.norm(edge, axis=1).max()) if len(near) else -math.inf)
     if away > size:
         told = ", ".join(f"{1e3 * value:.5g}" for value in place)
         raise ProbeError(
-            f"point {name} lies {away * 1e3:.4g} mm off the surface, whose nearest place is {told} mm, and cells are "
-            f"{size * 1e3:.3g} mm large there; name a place on the surface of the part as it is modelled"
+            f"point {name} is {away * 1e3:.4g} mm off the surface; the nearest surface point is {told} mm, "
+            f"and the cell size there {size * 1e3:.3g} mm. Name a point on the surface of the modelled part"
         )
     first = near[:1]
     return TrackedPoint(facets[first].ravel(), share[first].ravel() / holders, (place[0], place[1], place[2]), away)
 
 
 def _weights(barycentric: Array) -> Array:
-    """Second-order shape functions at barycentric coordinates (m, c): corners, then the edges opposite to them."""
+    """Return the second-order shape functions at barycentric coordinates (m, c): corners, then the edges opposite to them."""
     corners = barycentric * (2 * barycentric - 1)
     if barycentric.shape[1] == 2:
         return np.column_stack([corners, 4 * barycentric.prod(axis=1)])
@@ -266,7 +268,7 @@ def _weights(barycentric: Array) -> Array:
 
 
 def _barycentric(places: Array, wanted: Array) -> Array:
-    """Barycentric coordinates (m, c) of the places in straight facets that are nearest to a point.
+    """Return the barycentric coordinates (m, c) of the places in straight facets that are nearest to a point.
 
     Args:
         places: Nodes of the facets, corners first, shape (m, 6, 3) or (m, 3, 3).
@@ -290,28 +292,28 @@ def _barycentric(places: Array, wanted: Array) -> Array:
 
 
 def _closer(places: Array, one: Array, two: Array, wanted: Array) -> npt.NDArray[np.bool_]:
-    """Whether the first barycentric coordinates are inside and nearer than the second, or those are outside."""
+    """Return whether the first barycentric coordinates are inside and nearer than the second, or those are outside."""
     away = [np.linalg.norm(np.einsum("mi,mij->mj", at, places[:, :3]) - wanted, axis=1) for at in (one, two)]
     return (two.min(axis=1) < 0.0) | (away[0] < away[1])
 
 
 def _on_edge(a: Array, b: Array, wanted: Array) -> Array:
-    """Barycentric coordinates (m, 2) of the places on straight edges that are nearest to a point."""
+    """Return the barycentric coordinates (m, 2) of the places on straight edges that are nearest to a point."""
     along = b - a
     t = np.clip(((wanted - a) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
     return np.column_stack([1 - t, t])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A state's dofs over the grid's nodes and back, to the last bit: what a restart needs.
+# Exact conversion of a state's dofs to nodal arrays and back, for restarts.
 
 
 RAW = (("restart_state_u", "restart_state_p"), ("restart_rate_u", "restart_rate_p"))
-"""Names of a state's dofs, and of the path's direction there, among a step's fields: dimensionless, for a restart alone."""
+"""Field names of a state's dofs and of the path's direction there: dimensionless, for restarts only."""
 
 
 class StateDofs:
-    """Takes a state's dofs apart over the grid's nodes, and makes states of such arrays again.
+    """Converts a state's dofs to nodal arrays, and such arrays back to states.
 
     Args:
         sampling: The mesh and the numbering of its nodes.
@@ -321,7 +323,7 @@ class StateDofs:
         self._sampling, self._grid, self._eq = sampling, sampling.grid, sampling.system
 
     def raw(self, state: State, tangent: Tangent) -> dict[str, Array] | None:
-        """Dofs of a state and of the path's direction there over the grid's nodes; on rank 0, None elsewhere.
+        """Return the dofs of a state and of the path's direction there over the grid's nodes; on rank 0, None elsewhere.
 
         A path magnifies what its states differ by, three to five times in a step, as far as Newton's tolerance lets it: at a
         sharp corner a rounded last digit of a state would be 1e-6 of the largest stress after 15 steps.
@@ -334,14 +336,14 @@ class StateDofs:
         return whole if len(whole) == len(found) else None
 
     def dofs(self, u: Array | None, p: Array | None) -> Array:
-        """The dofs that `raw` took apart, from its two arrays on rank 0, None elsewhere."""
+        """Return the dofs from the two arrays of `raw` on rank 0, None elsewhere."""
         if self._sampling.pressures is None:
             return self._filled(self._grid.distribute(u), None)
         here = self._grid.distribute(p)
         return self._filled(self._grid.distribute(u), here if here.ndim == 2 else here[:, None])
 
     def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
-        """The state that nodal fields were made of.
+        """Return the state of nodal fields.
 
         Args:
             nodal: At least ``displacement`` and ``p`` on rank 0; None elsewhere.
@@ -355,7 +357,8 @@ class StateDofs:
         return State(self._filled(u @ eq.body.skew.T, p), P, V)
 
     def _filled(self, skew: Array, p: Array | None) -> Array:
-        """Dofs from skew components and p at owned nodes, where one value of p may stand for those of all regions."""
+        """Return the dofs from skew components and p at owned nodes, where one value of p may stand for those of all
+        regions."""
         from dolfinx import fem
 
         function = fem.Function(self._eq.space)
@@ -367,7 +370,7 @@ class StateDofs:
         return function.x.array.copy()
 
     def _vertex_values(self, w: Array) -> Array:
-        """The unknown p at owned nodes that have one, 0 elsewhere; one for each region where there are several."""
+        """Return the unknown p at owned nodes that have one, 0 elsewhere; one for each region where there are several."""
         if self._sampling.pressures is None:
             return np.zeros(self._grid.owned)
         at = self._sampling.pressures[: self._grid.owned]
@@ -376,14 +379,14 @@ class StateDofs:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The fields that every step is written with: each is listed here once, and files, columns and pictures follow.
+# The output fields of every step: files, columns and pictures are generated from this list.
 #
-# A field of your own is one more entry, also from outside: ``FIELDS.append(OutputField(...))`` before the run.
+# Add a field by one more entry, also from other modules: ``FIELDS.append(OutputField(...))`` before the run.
 
 
 @dataclasses.dataclass(frozen=True)
 class Colours:
-    """How pictures colour a field.
+    """Colouring of a field in pictures.
 
     Attributes:
         unit: Of the colour bar.
@@ -455,23 +458,25 @@ FIELDS: list[OutputField] = [
     OutputField(
         "von_mises", "Pa", "von Mises stress", lambda at: at.at_nodes(at.von_mises, positive=True),
         lambda at: at.von_mises,
-        (Extreme("max_von_mises_kPa", "largest von Mises stress", f"Cauchy stress that changes the shape; {AT_POINTS}", 1e3),
-         Extreme("peak_von_mises_kPa", "peak von Mises stress", f"{WORDS}; what designs are judged by", 1e3, peak=True)),
+        (Extreme("max_von_mises_kPa", "largest von Mises stress", f"von Mises norm of the deviatoric Cauchy stress; "
+                                                                  f"{AT_POINTS}", 1e3),
+         Extreme("peak_von_mises_kPa", "peak von Mises stress", f"{WORDS}; used as the objective and limit of "
+                                                                f"designs", 1e3, peak=True)),
         Colours("kPa", 1e-3, 0.0, 0.5),
     ),
     OutputField(
         "largest_stretch", "", "largest stretch", lambda at: at.at_nodes(at.stretches[..., -1], positive=True),
         lambda at: at.stretches[..., -1],
         (Extreme("max_stretch", "largest stretch",
-                 f"length over length at rest, in the direction where it is most; {AT_POINTS}, so at sharp corners and clamped "
-                 "edges it grows with every refinement of the mesh"),
-         Extreme("peak_stretch", "peak stretch", f"of the largest stretch the {WORDS}, which does not depend on the mesh; what "
-                 "designs are judged by", peak=True)),
+                 f"largest principal stretch; {AT_POINTS}, so at sharp corners and clamped "
+                 f"edges it grows with every refinement of the mesh"),
+         Extreme("peak_stretch", "peak stretch", f"of the largest stretch the {WORDS}, which converges with the mesh; used "
+                 "as the objective and limit of designs", peak=True)),
         Colours("", 1.0, 1.0),
     ),
     OutputField(
         "J", "", "volume ratio", lambda at: at.from_corners(at.J), lambda at: at.J,
-        (Extreme("J_min", "smallest J", "J is the silicone's own volume over that at rest; rubber keeps it at 1; over the "
+        (Extreme("J_min", "smallest J", "J, the silicone's volume over that at rest, 1 for an incompressible rubber; over the "
                  "cells' vertices", least=True),
          Extreme("J_max", "largest J", "of the same, over the cells' vertices")),
     ),
@@ -480,16 +485,16 @@ FIELDS: list[OutputField] = [
 
 
 def coloured() -> dict[str, tuple[OutputField, Colours]]:
-    """The fields that pictures show, by name."""
+    """Return the fields that pictures show, by name."""
     return {field.name: (field, field.colours) for field in FIELDS if field.colours is not None}
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What rigid parts tell of a state: how they have moved, and what the device pushes on them with.
+# Figures of rigid parts: their motion, and the forces of the device on them.
 
 
 def rigid_parts(sampling: Sampling, state: State) -> dict[str, float]:
-    """Columns of the rigid parts in the state that is loaded, of the whole device, on all ranks."""
+    """Return the columns of the rigid parts in the state that is loaded, of the whole device, on all ranks."""
     eq = sampling.system
     moving = eq.unknowns.moving
     if not moving:
@@ -498,14 +503,14 @@ def rigid_parts(sampling: Sampling, state: State) -> dict[str, float]:
     drives = eq.drives_at(state)[len(eq.body.actuator.ratios) :]
     found: dict[str, float] = {}
     for name, motion in moving.items():
-        # All that acts on the part's nodes pushes on it, the silicone's weight there too, but what the part itself bears.
+        # All forces on the part's nodes act on it, the silicone's weight there included, except its own loads.
         forces = -surplus - eq.dead.borne(motion.dofs.ravel(), drives)
         found |= {f"{name}_{key}": value for key, value in _figures(eq, motion, forces)}
     return found
 
 
 def _figures(eq: System, motion: RigidMotion, forces: Array) -> Iterator[tuple[str, float]]:
-    """Columns of one part, without its name, and their values."""
+    """Yield the columns of one part, without its name, and their values."""
     actuator, free = eq.body.actuator, motion.freedom
     length, unit = eq.length_unit, eq.stress_unit * eq.length_unit**2 * actuator.copies
     directions, axes = symmetric_motions(actuator)
@@ -525,14 +530,14 @@ def _figures(eq: System, motion: RigidMotion, forces: Array) -> Iterator[tuple[s
 
 
 def _axes(vectors: Array) -> list[int]:
-    """The device's axes along which vectors have a part."""
+    """Return the device's axes along which vectors have a component."""
     return [axis for axis in range(3) if np.abs(vectors[:, axis]).max(initial=0.0) > 1e-9]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Forces and stiffness of the whole device: figures that all ranks compute together, with the columns they fill.
+# Forces and stiffness of the whole device, computed on all ranks, with their columns.
 #
-# One more is a `Measure` in `MEASURES`, also from outside.
+# Add one as a `Measure` in `MEASURES`, also from other modules.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -540,7 +545,7 @@ class ForceMeasure:
     """A figure of a state that needs all ranks.
 
     Attributes:
-        compute: Columns of ``path.csv`` and their values, on all ranks, while the state is loaded; none where it says nothing
+        compute: Columns of ``path.csv`` and their values, on all ranks, while the state is loaded; none if not available
             of a device.
         texts: Short name and meaning by column; a pattern of `re` may stand for several columns, whose group ``{0}`` is then.
     """
@@ -550,12 +555,12 @@ class ForceMeasure:
 
 
 def _force_unit(eq: System) -> float:
-    """N of the whole device for a dimensionless force on the modelled slice."""
+    """Return N of the whole device for a dimensionless force on the modelled slice."""
     return eq.stress_unit * eq.length_unit**2 * eq.body.actuator.copies
 
 
 def blocked_force(sampling: Sampling, state: State) -> dict[str, float]:
-    """Force in N of the whole device on what blocks it, if something does."""
+    """Return the blocked force in N of the whole device, if it is blocked."""
     eq = sampling.system
     role = eq.body.actuator.blocked
     if role is None:
@@ -567,19 +572,19 @@ def blocked_force(sampling: Sampling, state: State) -> dict[str, float]:
 
 
 def part_figures(sampling: Sampling, state: State) -> dict[str, float]:
-    """What the parts added to the device tell of a state."""
+    """Return the figures of the parts added to the device."""
     eq = sampling.system
     return {name: value for term in eq.potential.terms.values() for name, value in term.figures(eq).items()}
 
 
 def dead_loads(sampling: Sampling, state: State) -> dict[str, float]:
-    """Weights, forces and moments on the device, and what they move."""
+    """Return the weights, forces and moments on the device, and what they move."""
     eq = sampling.system
     return eq.dead.figures(eq.drives_at(state)[len(eq.body.actuator.ratios) :])
 
 
 def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
-    """Stiffness in N/m of the whole device along the lift at a state, if it tells of one: a tangent, no difference.
+    """Return the tangent stiffness in N/m of the whole device along the lift, if the device defines one.
 
     The load is spread over the `Actuator.pushed` face, and the motion is that face's mean; the pressure is kept.
     """
@@ -593,12 +598,12 @@ def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
 
 
 MEASURES: list[ForceMeasure] = [
-    ForceMeasure(part_figures, {}),  # their texts stand on the kinds of parts
+    ForceMeasure(part_figures, {}),  # their texts are in the classes of parts
     ForceMeasure(dead_loads, {}),
     ForceMeasure(rigid_parts, {}),
     ForceMeasure(
         blocked_force,
-        {"blocked_force_N": ("blocked force", "with which the whole device pushes along its lift on what holds its tip")},
+        {"blocked_force_N": ("blocked force", "blocked force of the whole device along its lift")},
     ),
     ForceMeasure(
         stiffness,
@@ -649,39 +654,40 @@ class Fields:
 
     @property
     def followed(self) -> list[str]:
-        """Where the named points are followed: a sentence on each."""
+        """A sentence on each named point: where it is tracked."""
         return [followed_text(name, one.away, one.place) for name, one in self._followed.items()]
 
     def values(self, state: State) -> StateValues:
-        """A state's values; the state is loaded into the equations."""
+        """Return a state's values; the state is loaded into the equations."""
         self.system.load(state)
         return StateValues(self.sampling, state)
 
     def shape(self, w: Array) -> Array | None:
-        """Displacement of dofs such as a mode's over the grid's nodes in device coordinates, (n, 3) in m, on rank 0."""
+        """Return the displacement of dofs such as a mode's over the grid's nodes in device coordinates, (n, 3) in m, on rank
+        0."""
         return self.grid.collect(self.sampling.displacement(w))
 
     def nodal(self, state: State) -> dict[str, Array] | None:
-        """All of `FIELDS` over the grid's nodes by name, SI units, shape (n,) or (n, 3), on rank 0; None elsewhere."""
+        """Return all of `FIELDS` over the grid's nodes by name, SI units, shape (n,) or (n, 3), on rank 0; None elsewhere."""
         values = self.values(state)
         found = {field.name: self.grid.collect(field.nodal(values)) for field in FIELDS}
         whole = {name: field for name, field in found.items() if field is not None}
         return whole if len(whole) == len(found) else None
 
     def raw(self, state: State, tangent: Tangent) -> dict[str, Array] | None:
-        """What a restart needs of a state and of the path's direction there; see `StateDofs.raw`."""
+        """Return the restart data of a state and of the path's direction there; see `StateDofs.raw`."""
         return self._dofs.raw(state, tangent)
 
     def dofs(self, u: Array | None, p: Array | None) -> Array:
-        """The dofs that `raw` took apart; see `StateDofs.dofs`."""
+        """Return the dofs that `raw` took apart; see `StateDofs.dofs`."""
         return self._dofs.dofs(u, p)
 
     def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
-        """The state that `nodal` was made of; see `StateDofs.state`."""
+        """Return the state that `nodal` was made of; see `StateDofs.state`."""
         return self._dofs.state(nodal, P, V)
 
     def figures(self, state: State) -> Figures:
-        """Key figures of a state."""
+        """Return the key figures of a state."""
         eq, values = self.system, self.values(state)
         actuator, u = eq.body.actuator, values.displacement
         lift = np.asarray(actuator.lift)
@@ -715,13 +721,13 @@ class Fields:
         )
 
     def _extremes(self, values: Array) -> tuple[float, float]:
-        """The least and the largest value over all ranks."""
+        """Return the least and the largest value over all ranks."""
         comm = self.system.comm
         least = -largest(comm, float((-values).max()) if values.size else -math.inf)
         return least, largest(comm, float(values.max()) if values.size else -math.inf)
 
     def _owner(self, point: Vector) -> int:
-        """Local owned node at a device point, or -1 on the ranks that do not own it."""
+        """Return the local owned node at a device point, or -1 on the ranks that do not own it."""
         eq = self.system
         here = self.grid.space.tabulate_dof_coordinates()[: self.grid.owned] * eq.length_unit
         distance = np.linalg.norm(eq.body.actuator.device_points(here) - np.asarray(point), axis=1)
@@ -731,16 +737,17 @@ class Fields:
         return node if near == closest and closest < 1e-6 * eq.length_unit else -1
 
     def probes_moved(self, w: Array) -> dict[str, Array]:
-        """Displacement (3,) in m of each probe in device coordinates, of dofs or of a change of them, on all ranks."""
+        """Return the displacement (3,) in m of each probe in device coordinates, of dofs or of a change of them, on all
+        ranks."""
         u = self.sampling.displacement(w)
         return {name: self._at(u, node) for name, node in self._probes.items()}
 
     def _at(self, u: Array, node: int) -> Array:
-        """Displacement (3,) of a node that one rank owns, on all ranks; ``node`` is -1 on the others."""
+        """Return the displacement (3,) of a node that one rank owns, on all ranks; ``node`` is -1 on the others."""
         return np.array([total(self.system.comm, float(u[node, i]) if node >= 0 else 0.0) for i in range(3)])
 
     def _normals(self, w: Array) -> dict[str, tuple[Array, Array]]:
-        """Normals of the faces whose rotation is followed, undeformed and turned."""
+        """Return the normals of the faces whose rotation is tracked, undeformed and rotated."""
         eq, skew = self.system, self.sampling.skew
         found = {}
         for name, face in self._turning.items():
@@ -749,14 +756,14 @@ class Fields:
         return found
 
     def _moved(self, state: State, one: TrackedPoint) -> Array:
-        """Displacement (3,) in m of a followed place, on all ranks."""
+        """Return the displacement (3,) in m of a tracked place, on all ranks."""
         eq = self.system
         u = one.weights @ state.w[self.sampling.skew[one.nodes]] @ eq.body.skew_inverse.T * eq.length_unit
         u = u if self.grid.dimension == 3 else np.array([u[0], 0.0, u[1]])
         return np.array([total(eq.comm, float(value)) for value in u])
 
     def _place_of(self, values: Array, peak: float) -> tuple[float, float, float]:
-        """Where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""
+        """Return where a value at the integration points, shape (cells, points), reaches its peak over all ranks."""
         eq = self.system
         found = np.empty((0, 3))
         near = values >= peak * (1 - 1e-9)
@@ -766,7 +773,7 @@ class Fields:
             places = places.reshape(*near[cells].shape, -1)[near[cells]]
             flat = np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))]) * eq.length_unit
             found = eq.body.actuator.device_points(flat)
-        # Of equal ones, as at rest, the first in order of x, y, z: no rounding and no rank decides.
+        # Among equal values, as at rest, the first in order of x, y, z, so that neither rounding nor the rank decides.
         place = []
         for axis in range(3):
             least = -largest(eq.comm, -float(found[:, axis].min()) if len(found) else -math.inf)
@@ -776,7 +783,7 @@ class Fields:
 
 
 def together(*groups: Mapping[str, float]) -> dict[str, float]:
-    """Columns of ``path.csv`` in one.
+    """Merge columns of ``path.csv``.
 
     Raises:
         ComponentError: Two of them bear one name, as a rigid part ``tip`` and a device whose tip has a column of its own.
@@ -785,8 +792,8 @@ def together(*groups: Mapping[str, float]) -> dict[str, float]:
     for group in groups:
         if twice := sorted(found.keys() & group.keys()):
             raise ComponentError(
-                f"two figures of this device and its parts would be the column {twice[0]} of path.csv; give the part, point or "
-                "angle that is named in it another name"
+                f"two figures of this device and its parts share the column {twice[0]} of path.csv; "
+                f"rename the part, point or angle in it"
             )
         found |= group
     return found

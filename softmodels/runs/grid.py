@@ -1,4 +1,4 @@
-"""The nodes and cells that results are written on: the second-order grid, whole, on rank 0.
+"""The second-order grid on which results are written, whole on rank 0.
 
 Nodes are sorted by position and cells by their number in the mesh file, so that files do not depend on the number of ranks.
 """
@@ -59,7 +59,7 @@ class Grid:
                 np.empty(0, dtype=int),
             )
             return
-        # Rounded, so that two ranks' last digits cannot swap neighbours; off the round numbers that meshes like.
+        # Rounded so that the last digits of two ranks cannot swap neighbours; shifted off the round numbers common in meshes.
         rounded = np.floor(everywhere / system.length_unit * 1e8 + 0.4142)
         self.order = np.lexsort(rounded.T[::-1])
         self.points = everywhere[self.order]
@@ -68,12 +68,13 @@ class Grid:
         self.cells = rank_of[cells][np.argsort(numbers)]
 
     def collect(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
-        """Nodal values of owned nodes, shape (owned, ...), as one array in the grid's order on rank 0; None elsewhere."""
+        """Return the nodal values of owned nodes, shape (owned, ...), as one array in the grid's order on rank 0; None
+        elsewhere."""
         everywhere = gathered(self.comm, values)
         return None if everywhere is None else everywhere[self.order]
 
     def distribute(self, values: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
-        """The reverse of `collect`: owned nodes' values from the whole array on rank 0."""
+        """Return the reverse of `collect`: owned nodes' values from the whole array on rank 0."""
         from softmodels.mechanics.mpi import scattered
 
         back = None
@@ -84,7 +85,7 @@ class Grid:
 
 
 def displacement_maps(system: System, grid: Grid) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32] | None]:
-    """Where a state's entries sit on the grid.
+    """Return the grid positions of a state's entries.
 
     Returns:
         Indices into ``State.w`` of the skew components at each local node, shape (local nodes, d); and indices of p at
@@ -123,7 +124,7 @@ def _matched(grid: Grid, space: fem.FunctionSpace) -> npt.NDArray[np.int64]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Second-order triangles and the faces of second-order tetrahedra, as curves and small flat triangles to draw.
+# Split second-order triangles and tetrahedron faces into curves and small flat triangles to draw.
 
 
 Cells = npt.NDArray[np.int64]
@@ -139,14 +140,14 @@ FACES = {
 
 
 def outer_faces(cells: Cells, cell_name: str) -> Cells:
-    """Faces that belong to one cell alone, shape (f, 6); of a flat mesh, all its triangles."""
+    """Return the faces that belong to a single cell, shape (f, 6); of a flat mesh, all its triangles."""
     faces = cells[:, np.array(FACES[cell_name])].reshape(-1, 6)
     _, first, count = np.unique(np.sort(faces[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
     return faces[np.sort(first[count == 1])]
 
 
 def edge_curves(points: Array, faces: Cells, parts: int = 8) -> Array:
-    """Curves along the edges of six-node triangles, each once.
+    """Return the curves along the edges of six-node triangles, each once.
 
     Args:
         points: Shape (n, d).
@@ -162,14 +163,14 @@ def edge_curves(points: Array, faces: Cells, parts: int = 8) -> Array:
 
 
 def parabolas(nodes: Array, parts: int) -> Array:
-    """Parabolas through (begin, end, middle) nodes, shape (n, 3, d) to (n, parts + 1, d)."""
+    """Return the parabolas through (begin, end, middle) nodes, shape (n, 3, d) to (n, parts + 1, d)."""
     s = np.linspace(0.0, 1.0, parts + 1)
     weights = np.column_stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
     return np.einsum("sk,nkd->nsd", weights, nodes)
 
 
 def small_triangles(parts: int) -> tuple[Array, Cells]:
-    """How a six-node triangle is cut into small flat ones.
+    """Return the subdivision of a six-node triangle into small flat ones.
 
     Args:
         parts: Pieces per edge.
@@ -188,7 +189,7 @@ def small_triangles(parts: int) -> tuple[Array, Cells]:
 
 
 def fine_triangles(values: Array, faces: Cells, parts: int = 4) -> tuple[Array, Cells]:
-    """Six-node triangles as small flat ones.
+    """Return the six-node triangles as small flat ones.
 
     Args:
         values: Nodal values such as points, shape (n, k).
@@ -204,19 +205,19 @@ def fine_triangles(values: Array, faces: Cells, parts: int = 4) -> tuple[Array, 
 
 
 def outline(points: Array, cells: Cells) -> Array:
-    """Curves along the edges that belong to one triangle alone, shape (n, d) to (edges, 9, d)."""
+    """Return the curves along the edges that belong to a single triangle, shape (n, d) to (edges, 9, d)."""
     return parabolas(points[border(cells)], 8)
 
 
 def border(cells: Cells) -> Cells:
-    """Edges that belong to one triangle alone, turned as in it: begin, end and middle nodes, shape (edges, 3)."""
+    """Return the edges that belong to a single triangle, turned as in it: begin, end and middle nodes, shape (edges, 3)."""
     edges = cells[:, EDGES].reshape(-1, 3)
     _, first, count = np.unique(edges[:, 2], return_index=True, return_counts=True)
     return edges[first[count == 1]]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A curve of quadratic pieces, as second-order elements have on their edges: its signed distance from points.
+# Signed distance of points from a curve of quadratic pieces, as on the edges of second-order elements.
 #
 # The closest point of a piece is found by Newton's method on the piece itself, so that the distance is that of the curve and
 # not of a polygon. Its derivative needs no derivative of the closest point: the distance moves with the curve along the line
@@ -225,7 +226,7 @@ def border(cells: Cells) -> Cells:
 
 Indices = npt.NDArray[np.int64]
 
-SAMPLES = 9  # places per piece from which the closest point is looked for
+SAMPLES = 9  # samples per piece from which the closest point is searched
 NEAREST = 8  # samples whose pieces are tried for each point
 ITERATIONS = 30
 
@@ -247,7 +248,7 @@ class Closest:
     normal: Array
 
     def moved(self, rate: Array) -> Array:
-        """Derivative of the distance as the curve's nodes move, shape (k,).
+        """Return the derivative of the distance as the curve's nodes move, shape (k,).
 
         Args:
             rate: Derivative of the nodes, shape (n, 3, 2).
@@ -284,7 +285,7 @@ class QuadraticCurve:
         return KDTree(self.at(piece, at)[0]), piece, at
 
     def closest(self, points: Array) -> Closest:
-        """The closest point of the curve to each of the points, shape (k, 2)."""
+        """Return the closest point of the curve to each of the points, shape (k, 2)."""
         tree, pieces, places = self._samples
         points = np.asarray(points, dtype=float)
         _, near = tree.query(points, k=min(NEAREST, len(pieces)))
@@ -295,7 +296,7 @@ class QuadraticCurve:
             gap = place - target
             square = (slope * slope).sum(-1)
             curvature = square + (gap * bend).sum(-1)
-            # Where the distance has no minimum near, the step of a straight piece still leads towards it.
+            # Without a minimum nearby, the step of a straight piece still leads towards it.
             step = -(gap * slope).sum(-1) / np.where(curvature > 0.1 * square, curvature, square)
             moved = np.clip(s + step, -1.0, 1.0)
             done = np.abs(moved - s).max() < 1e-15
@@ -313,7 +314,7 @@ class QuadraticCurve:
         gap = points - place
         inside = np.abs(s) < 1.0
         along = (gap * left).sum(-1)
-        # At a joint the nearest line is no normal of the piece; the side is that of both pieces' mean direction.
+        # At a joint the nearest line is not normal to the piece; use the side of both pieces' mean direction.
         size = np.linalg.norm(gap, axis=1)
         side = np.where(self._sides(piece, s, left, gap) < 0.0, -1.0, 1.0)
         joint = ~inside & (size > 1e-9 * np.linalg.norm(np.ptp(self.nodes.reshape(-1, 2), axis=0)))
@@ -330,24 +331,24 @@ class QuadraticCurve:
 
 
 def shapes(s: Array | float) -> Array:
-    """Shape functions of a piece's nodes at parameters s, shape (..., 3)."""
+    """Return the shape functions of a piece's nodes at parameters s, shape (..., 3)."""
     s = np.asarray(s, dtype=float)
     return np.stack([s * (s - 1) / 2, s * (s + 1) / 2, 1 - s * s], axis=-1)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The surface of a device in small triangles: the modelled slice once, and the images of it that make the whole.
+# The surface of a device in small triangles: the modelled slice and its mirror images.
 #
-# Nothing is known of the mesh's roles: what bounds the slice on a symmetry plane is a cut; the largest of the connected rest
-# is the outside, and the others are the walls of cavities. Made once for a mesh; a state only moves its vertices.
+# The mesh's roles are not used: boundary on a symmetry plane is a cut; the largest connected remainder
+# is the outside, the others are cavity walls. It is made once per mesh; a state only moves its vertices.
 
 
 SHARP = 40.0
-"""Angle in degrees from which on a bend of the surface is an edge."""
+"""Dihedral angle in degrees above which a bend of the surface is an edge."""
 SECTOR = 6.0
 """Angle in degrees of the wedge that an axisymmetric section is drawn as; divides the circle."""
 CUT, OUTSIDE = -1, 0
-"""What a triangle belongs to, beside 1, 2, ... for the walls of cavities."""
+"""Labels of triangles, besides 1, 2, ... for cavity walls."""
 QUARTERS = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
 """A six-node triangle as four flat ones."""
 
@@ -380,37 +381,38 @@ class Surface:
 
     @property
     def cavities(self) -> int:
-        """How many cavities were found."""
+        """Number of cavities."""
         return int(self.part.max(initial=0))
 
     def points(self, nodal: Array) -> Array:
-        """Vectors at the vertices, shape (v, 3), from vectors at the nodes, shape (n, 3)."""
+        """Return the vectors at the vertices, shape (v, 3), from vectors at the nodes, shape (n, 3)."""
         found = nodal[self.nodes]
         found[self.turned] = found[self.turned] @ turn(SECTOR).T
         return found
 
     def normals(self, points: Array) -> Array:
-        """Unit normals at the vertices of a state, shapes (v, 3); smooth over symmetry planes too."""
+        """Return the unit normals at the vertices of a state, shapes (v, 3); smooth over symmetry planes too."""
         a, b, c = (points[self.triangles[:, k]] for k in range(3))
         faces = np.cross(b - a, c - a)
         corners = self.triangles.T.ravel()
         found = np.column_stack([np.bincount(corners, np.tile(faces[:, i], 3), len(points)) for i in range(3)])
         which = 2 ** np.arange(len(self.planes)) @ self.on_plane
-        for these in np.unique(which[which > 0]):  # an edge between two planes that are not square lies in both at once
+        for these in np.unique(which[which > 0]):  # an edge between two planes that are not perpendicular lies in both
             here = which == these
             across = self.planes[self.on_plane[:, np.argmax(here)]]
             found[here] -= found[here] @ np.linalg.pinv(across) @ across
         return found / np.maximum(np.linalg.norm(found, axis=1), 1e-300)[:, None]
 
     def device(self, vectors: Array, kept: npt.NDArray[np.intp] | None = None) -> Array:
-        """Vectors at the vertices of the images, one image after the other: (v, 3) to (m v, 3)."""
+        """Return the vectors at the vertices of the images, one image after the other: (v, 3) to (m v, 3)."""
         images = self.images if kept is None else self.images[kept]
         return np.einsum("mij,vj->mvi", images, vectors).reshape(-1, 3)
 
     def device_triangles(
         self, chosen: npt.NDArray[np.bool_] | None = None, kept: npt.NDArray[np.intp] | None = None
     ) -> Cells:
-        """Triangles over the vertices of `device`; those of mirrored images turned over, so that all point outwards."""
+        """Return the triangles over the vertices of `device`; those of mirrored images turned over, so that all point
+        outwards."""
         images = self.images if kept is None else self.images[kept]
         triangles = self.triangles if chosen is None else self.triangles[chosen]
         mirrored = np.linalg.det(images) < 0
@@ -418,19 +420,19 @@ class Surface:
         return (sides + len(self.nodes) * np.arange(len(images))[:, None, None]).reshape(-1, 3)
 
     def device_lines(self, lines: Cells, kept: npt.NDArray[np.intp] | None = None) -> Cells:
-        """Lines, shape (e, 2), over the vertices of `device`."""
+        """Return the lines, shape (e, 2), over the vertices of `device`."""
         count = len(self.images if kept is None else kept)
         return (lines + len(self.nodes) * np.arange(count)[:, None, None]).reshape(-1, 2)
 
 
 def turn(degrees: float) -> Array:
-    """Matrix of a turn around z."""
+    """Return the matrix of a turn around z."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) -> Surface:
-    """The surface of a mesh.
+    """Return the surface of a mesh.
 
     Args:
         points: Undeformed nodes in device coordinates, m, shape (n, 3).
@@ -452,7 +454,7 @@ def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) 
         part = np.repeat(_parts(points, whole[:, :3]), len(QUARTERS))
         shell, cut = (found[:, QUARTERS].reshape(-1, 3) for found in (whole, faces[sliced]))
         count = actuator.copies
-    both = np.concatenate([points, points @ turn(SECTOR).T])  # the numbers that `_swept` counts with
+    both = np.concatenate([points, points @ turn(SECTOR).T])  # the numbering that `_swept` uses
     nodes, triangles, edges = _creased(both, shell)
     cut_nodes, cut_triangles, rims = _creased(both, cut, border_only=True)
     every = np.concatenate([nodes, cut_nodes])
@@ -472,7 +474,7 @@ def surface_of(points: Array, cells: Cells, cell_name: str, actuator: Actuator) 
 
 
 def _parts(points: Array, corners: Cells) -> Cells:
-    """`OUTSIDE` or the number of the cavity for each face, from what hangs together; shape (f, corners) to (f,)."""
+    """Return `OUTSIDE` or the number of the cavity for each face, by connectivity; shape (f, corners) to (f,)."""
     pairs = np.concatenate([corners[:, [0, k]] for k in range(1, corners.shape[1])])
     label = joined(pairs, len(points))[corners[:, 0]]
     names = np.unique(label)
@@ -482,13 +484,13 @@ def _parts(points: Array, corners: Cells) -> Cells:
 
 
 def _swept(points: Array, cells: Cells) -> tuple[Cells, Cells, Cells]:
-    """Triangles of the wedge that a half section sweeps, what they belong to, and its two cuts.
+    """Return the triangles of the wedge that a half section sweeps, what they belong to, and its two cuts.
 
     Node k of the section is k where the wedge begins and n + k where it ends.
     """
     cells = _turned_alike(points, cells)
     n, edges = len(points), border(cells)
-    edges = edges[points[edges[:, :2], 0].max(axis=1) > 1e-9 * points[:, 0].max()]  # those on the axis sweep nothing
+    edges = edges[points[edges[:, :2], 0].max(axis=1) > 1e-9 * points[:, 0].max()]  # edges on the axis sweep no area
     part = np.repeat(_parts(points, edges[:, :2]), 4)
     # The silicone lies left of its border, y pointing away.
     begin, end = np.stack([edges[:, [0, 2]], edges[:, [2, 1]]], axis=1).reshape(-1, 2).T
@@ -501,19 +503,19 @@ def _swept(points: Array, cells: Cells) -> tuple[Cells, Cells, Cells]:
 
 
 def _turned_alike(points: Array, cells: Cells) -> Cells:
-    """The six-node triangles of a section, all in one sense: those of a part that is bonded on may be in the other."""
+    """Return the six-node triangles of a section, all in one sense: those of a part that is bonded on may be in the other."""
     a, b, c = points[cells[:, :3]].transpose(1, 0, 2)
     against = np.cross(b - a, c - a)[:, 1] > 0.0
     return np.where(against[:, None], cells[:, [0, 2, 1, 5, 4, 3]], cells)
 
 
 def _creased(points: Array, triangles: Cells, border_only: bool = False) -> tuple[Cells, Cells, Cells]:
-    """Vertices that are shared where the surface is smooth and doubled along its sharp edges.
+    """Return the vertices that are shared where the surface is smooth and doubled along its sharp edges.
 
     Args:
         points: Shape (n, 3).
         triangles: Nodes, shape (t, 3).
-        border_only: Give the surface's border as its edges, in place of the sharp ones inside.
+        border_only: Give the surface's border as its edges, instead of the sharp ones inside.
 
     Returns:
         The node of each vertex, shape (v,); the triangles' vertices, shape (t, 3); vertices along the edges, shape (e, 2).

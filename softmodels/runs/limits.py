@@ -1,6 +1,6 @@
-"""The limit of a design: the first pressure at which it loses its stability, and where it is strained most there.
+"""The limit of a design: the first pressure at which it loses stability, and the place of the largest stretch there.
 
-Asked of many designs at once, for a list of materials or for the scatter of a workshop, so nothing is written on the way.
+It is computed for many designs at once (several materials, fabrication tolerances), so no states are written.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ if TYPE_CHECKING:
 
 
 LONGEST_TEXT = 300
-"""Characters of the longest tolerance: patterns take long over texts without end."""
+"""Maximum number of characters of a tolerance: patterns are slow on very long texts."""
 LARGEST_STRETCH = 5.0
-"""Stretch at which the search ends if nothing is met: silicones fail at 3 to 10, and their laws are mostly fitted to less."""
+"""Stretch at which the search ends if it finds no limit: silicones fail at 3 to 10, and laws are mostly fitted to less."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Limit:
-    """How far a design can be inflated; SI units.
+    """Inflation limits of a design; SI units.
 
     Attributes:
         kind: ``"limit"`` (the pressure has a maximum, or the device another end, see ``why``), ``"bifurcation"`` (it leaves its
@@ -76,7 +76,7 @@ class Limit:
         rises: Rise of the probes in m.
         stretch: Largest principal stretch.
         place: Undeformed device coordinates in m of the integration point with the largest stretch.
-        why: What ended a lost path, or a limit that is no maximum of the pressure alone; else empty.
+        why: What ended a lost path, or a limit that is not a maximum of only the pressure; else empty.
     """
 
     kind: str
@@ -93,7 +93,7 @@ class Limit:
 
 
 def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm) -> list[Limit]:
-    """Limits of one device in several materials; it is meshed once.
+    """Find the limits of one device in several materials, on one mesh.
 
     Args:
         case: The device, what is around it, and how its equations are solved; its load and material are not looked at.
@@ -153,7 +153,7 @@ def _search(solver: Solver, fields: Fields) -> Limit:
         kind, why = "lost", str(end)
         if isinstance(end, PathEnd) and end.cause:
             kind, why = "lost" if end.cause.of_mesh else "limit", end.cause.clause
-    assert last is not None  # the state at rest is always there
+    assert last is not None  # the state at rest always exists
     figures = fields.figures(last.state)
     return Limit(
         kind, figures.pressure, figures.added_volume, dict(figures.rises), figures.max_stretch,
@@ -162,7 +162,7 @@ def _search(solver: Solver, fields: Fields) -> Limit:
 
 
 def _hanging(solver: Solver) -> State | None:
-    """The state in which a device hangs under its dead loads, all of which are kept; None without any.
+    """Return the state preloaded by all dead loads, which are kept; None without any.
 
     Raises:
         ComponentError: There is none.
@@ -177,14 +177,14 @@ def _hanging(solver: Solver) -> State | None:
         hung = hang(solver, [("its dead loads", np.concatenate([cavities, system.dead.amounts / system.dead.units]))])
     except HangingEnd as end:
         raise ComponentError(
-            f"the device does not bear {end.what} ({end}): they could be applied to {end.share:.3g} of themselves"
+            f"the device has no equilibrium under {end.what} ({end}): converged up to {end.share:.3g} of the full load"
         ) from end
     return inflate_from(solver, hung)
 
 
 def _stretched(path: Continuation, fields: Fields, before: Point, after: Point) -> Point:
-    """The point between two where the largest stretch is `LARGEST_STRETCH`, to a part in a thousand or so."""
-    for _ in range(2):  # each time from the end that is nearer
+    """Return the point between two where the largest stretch is `LARGEST_STRETCH`, to about 0.1 %."""
+    for _ in range(2):  # from the nearer end
         low, high = (fields.figures(point.state).max_stretch for point in (before, after))
         between = path.corrector.on_the_way(before, after, (LARGEST_STRETCH - low) / (high - low))
         before, after = (
@@ -193,18 +193,18 @@ def _stretched(path: Continuation, fields: Fields, before: Point, after: Point) 
     return between
 
 
-# -- the scatter of a workshop ----------------------------------------------------------------------------------------
+# -- fabrication tolerances ---------------------------------------------------------------------------------------------
 
 
 @dataclasses.dataclass(frozen=True)
 class Tolerance:
-    """A parameter or deviation of the device and how far it may be off: ``middle`` plus or minus ``half``.
+    """A parameter or deviation of the device and its tolerance: ``middle`` plus or minus ``half``.
 
     Attributes:
         name: A field of the device, or one of its `Actuator.deviations`.
         middle, half: In ``unit``.
         unit: ``"m"``, ``"degree"`` or ``""``.
-        signed: Whether it may be zero or below, so that its effect is told per half width and not per percent.
+        signed: Whether it may be zero or below, so that its effect is given per half width and not per percent.
     """
 
     name: str
@@ -249,7 +249,8 @@ class Tolerance:
 
 
 def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -> npt.NDArray[np.float64]:
-    """Quasi-random values of the parameters: Halton's sequence, scrambled with a fixed seed, so that a run repeats itself.
+    """Return quasi-random values of the parameters: Halton's sequence, scrambled with a fixed seed for
+    repeatability.
 
     Args:
         tolerances: The parameters.
@@ -269,7 +270,7 @@ def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -
 def scatter(
     case: Case, material: Material, tolerances: Sequence[Tolerance], values: npt.NDArray[np.float64], comm: MPI.Comm
 ) -> list[tuple[Mapping[str, float], Limit]]:
-    """The limit of each sampled device, with its parameters.
+    """Find the limit of each sampled device, with its parameters.
 
     Args:
         case: See `find_limit`; the device as drawn.
@@ -287,20 +288,20 @@ def scatter(
         try:
             device = case.actuator.made(changes)
         except GeometryError as error:
-            raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
+            raise CaseError(f"the tolerances include a device that cannot be built: {error}") from None
         found.append((changes, find_limit(dataclasses.replace(case, actuator=device), [material], comm)[0]))
     return found
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The limit of a named silicone over all its sources.
+# Limit pressures of a named silicone over all its sources.
 
 
 def with_sources(materials: Mapping[str, Material]) -> tuple[dict[str, Material], dict[str, tuple[str, ...]]]:
-    """Materials with every source in tension of each silicone that stands for its product.
+    """Return the materials, with every tension source of each silicone that is given by its product name.
 
     Args:
-        materials: By name as asked for; silicones that are named with their source stay alone.
+        materials: By name as asked for; silicones named with their source stay single.
 
     Returns:
         All materials by name, and by product the names that its band is made of; empty for a product of one source.
@@ -321,13 +322,13 @@ def with_sources(materials: Mapping[str, Material]) -> tuple[dict[str, Material]
 
 
 def _like(source: Material, asked: Material) -> Material:
-    """A source with the Poisson's ratio that was asked for."""
+    """Return a source with the requested Poisson's ratio."""
     return dataclasses.replace(source, poisson=asked.poisson)  # type: ignore[call-arg]
 
 
 def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit], cm: float) -> list[str]:
-    """Between which pressures the limits of each silicone's sources lie, as sentences; how far other products scatter, where it
-    has one source."""
+    """Return the range of the limits over each silicone's sources, as sentences; for a single source the scatter
+    of other products."""
     texts = []
     for product, names in bands.items():
         if not names:
@@ -343,15 +344,15 @@ def band_texts(bands: Mapping[str, tuple[str, ...]], limits: Mapping[str, Limit]
 
 
 def _what(found: Limit, name: str) -> str:
-    return name if found.found else f"{name}, no limit met up to there"
+    return name if found.found else f"{name}, no limit found up to there"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Whether a parameter that is varied changes anything of a device: one that does not would scatter nothing, in silence.
+# Check that a varied parameter changes the device; otherwise the scatter would silently be zero.
 
 
 def check_varied(actuator: Actuator, tolerances: Sequence[Tolerance], comm: MPI.Comm) -> None:
-    """Refuse a tolerance within which the device stays the same, before anything is solved.
+    """Reject a tolerance that does not change the device, before anything is solved.
 
     Args:
         actuator: The device as drawn.
@@ -360,23 +361,23 @@ def check_varied(actuator: Actuator, tolerances: Sequence[Tolerance], comm: MPI.
 
     Raises:
         CaseError: The first such tolerance, or one that makes no device.
-        MeshingError, OSError: Only the mesh tells, and it cannot be made.
+        MeshingError, OSError: The mesh is needed and cannot be made.
     """
     for one in tolerances:
         try:
             devices = [actuator.made({one.name: one.middle + way * one.half}) for way in (-1, 1, 0)]
         except GeometryError as error:
-            raise CaseError(f"within the tolerances there is a device that cannot be built: {error}") from None
+            raise CaseError(f"the tolerances include a device that cannot be built: {error}") from None
         if len({_figures(device) for device in devices}) == 1 and _of_one_mesh(devices, comm):
             low, high = (shown(one.middle + way * one.half, one.unit) for way in (-1, 1))
             raise CaseError(
                 f"--vary {one.name.replace('_', '-')}: this {type(actuator).__name__} is the same at {low} and at {high}"
-                f"{_because(actuator, one.name)}, so that nothing scatters; leave it out"
+                f"{_because(actuator, one.name)}, so the limit does not scatter; leave it out"
             )
 
 
 def _figures(device: Actuator) -> str:
-    """What a device tells of itself without a mesh; not equal where it has changed, and mostly only there."""
+    """Return a device's figures without a mesh, to tell whether it has changed."""
     told = (
         device.cavity_volume, device.solid_volume, device.chamber_volume, device.ratios, dict(device.probes),
         device.cut_planes, device.holds, device.copies, device.size,
@@ -385,7 +386,7 @@ def _figures(device: Actuator) -> str:
 
 
 def _of_one_mesh(devices: Sequence[Actuator], comm: MPI.Comm) -> bool:
-    """Whether the meshes of all devices are the same to the last digit, on all ranks."""
+    """Return whether the meshes of all devices are the same to the last digit, on all ranks."""
 
     def on_rank_0() -> bool:
         with tempfile.TemporaryDirectory() as folder:
@@ -397,7 +398,7 @@ def _of_one_mesh(devices: Sequence[Actuator], comm: MPI.Comm) -> bool:
 
 
 def _because(actuator: Actuator, name: str) -> str:
-    """The parameter with which this one means nothing, as far as the device tells; a clause begun with a blank."""
+    """Return the parameter that makes this one ineffective, if known, as a clause with a leading blank."""
     field = about(actuator).get(name)
     other = field.idle(actuator) if field else ""
-    return f" ({flag(name)} means nothing with {flag(other)} {getattr(actuator, other)})" if other else ""
+    return f" ({flag(name)} has no effect with {flag(other)} {getattr(actuator, other)})" if other else ""

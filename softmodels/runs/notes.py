@@ -1,4 +1,4 @@
-"""What a reader must know of a run before trusting its numbers: sentences, the same in the closing message and the report."""
+"""Warnings of a run, the same in the closing message and the report."""
 
 from __future__ import annotations
 
@@ -57,17 +57,17 @@ if TYPE_CHECKING:
 
 
 DEEPEST = 0.01
-"""Depth of a contact in sizes of the device above which the user is warned."""
+"""Penetration of a contact, relative to the device's size, above which the user is warned."""
 FOLLOWED_DISTANCE = 1e-3
-"""Distance in sizes of the device from which a point's place on the surface is told."""
+"""Distance of a named point from the surface, relative to the device's size, above which it is reported."""
 LOCAL = 0.1
-"""Share of that depth below which the force, spread over the device, would sink in: then it is an edge that has sunk."""
+"""Fraction of that penetration which the force, spread over the device, would cause; below it only an edge penetrates."""
 VOLUME_CHANGE = 0.05
-"""Change of the silicone's volume (J at a vertex less 1) above which the user is warned."""
+"""Change of the silicone's volume (J - 1 at a vertex) above which the user is warned."""
 
 
 def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxyType({})) -> list[str]:
-    """Warnings that a run's states call for: sentences, none if all is well.
+    """Return the warnings for a run's states, as sentences.
 
     Args:
         case: What was run.
@@ -90,41 +90,43 @@ def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxy
 
 
 def typed_notes(case: Case) -> list[str]:
-    """What was requested by a text that may have meant something else: a sentence, or none."""
+    """Return a sentence on an ambiguous text of requested values, or none."""
     asked = (case.pressures_cm, case.volumes_ml, case.strokes_ml)
     return [doubt for values in asked if (doubt := getattr(values, "doubt", ""))]
 
 
 def law_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """A sentence where a run stretches its silicone beyond what its law bears by Drucker's check; none if it does not."""
+    """Return a sentence if a run stretches its silicone beyond the stability of its law by Drucker's
+    criterion."""
     most = max((float(row.get("max_stretch", 1.0)) for row in rows), default=1.0)
     # Of all deformations with this largest stretch, uniaxial tension has the least I1: the others reach it earlier. In the
-    # other modes of tension the stretch itself tells, for a membrane is pulled in both directions.
+    # other modes of tension the stretch itself is compared, because a membrane is pulled in both directions.
     strain = most**2 + 2 / most - 3
     weak = [str(one) for one in instabilities(case.material) if one.strain <= strain or 1 < one.stretch <= most]
     if not weak:
         return []
     return [
-        f"by Drucker's check the law {case.material.name} is not stable in {'; '.join(weak)}, and the run's largest stretch is "
-        f"{most:.3g}: what is unstable there may be the law and not the device; see softmodels curve, and take a law that "
-        "passes within this range"
+        f"by Drucker's criterion the law {case.material.name} is unstable in {'; '.join(weak)}, and the run's largest stretch "
+        f"is {most:.3g}: an instability there may come from the law, not the device; see softmodels curve, and use a "
+        "law that is stable in this range"
     ]
 
 
 def band_notes(rows: Sequence[Row]) -> list[str]:
-    """Between which pressures a limit point lies by the material's errors: a sentence, none where they are not known."""
+    """Return the 95 % interval of the limit pressure from the material's errors, as a sentence; none if unknown."""
     for row in rows:
-        half = row.get("pressure_95_cm", math.nan)
+        half = row.get("pressure_ci95_cm", math.nan)
         if row.get("limit") and not math.isnan(half):
             low, high = row["pressure_cm"] - half, row["pressure_cm"] + half
             return [
-                f"by the errors of the fitted material the limit point lies between {low:.4g} and {high:.4g} cm (95 %)"
+                f"limit pressure between {low:.4g} and {high:.4g} cm (95 % confidence interval from the fitted material's "
+                f"errors)"
             ]
     return []
 
 
 def bonded_notes(case: Case) -> list[str]:
-    """A sentence where plates or rings of a device are nothing but its silicone, which a plate on a bench is not."""
+    """Return a sentence if plates or rings of a device are modelled as silicone, unlike real plates."""
     meshed = {part.name for part in case.components if isinstance(part, Region)}
     rigid = {
         name for part in case.components if isinstance(part, Rigid) for name in (*names_in(part.face), part.region)
@@ -137,13 +139,13 @@ def bonded_notes(case: Case) -> list[str]:
     does = "bends and stretches" if len(soft) == 1 else "bend and stretch"
     region = ", or a region of another material" if first in case.actuator.regions else ""
     return [
-        f"{named} {does} with the silicone here; a stiff one is a rigid part of a case file ([rigid.{first}] with "
-        f"face = '{first}'){region}"
+        f"{named} {does} like the silicone in this model; for a stiff one add a rigid part to the case file ([rigid.{first}] "
+        f"with face = '{first}'){region}"
     ]
 
 
 def stretch_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """What the largest stretches of a run mean for the silicone: sentences, none if it is not known or bears them."""
+    """Return sentences on stretches beyond the silicone's range or its stretch at break; none if unknown or below."""
     if "max_stretch" not in rows[0]:
         return []
     source, breaks = broken(case.material), stretch_at_break(case.material)
@@ -151,111 +153,112 @@ def stretch_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
     if torn is not None and source is not None:
         return [
-            f"at {state_labels(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at "
-            f"which {named(case.material)} broke when pulled ({source.source}): the device tears there, and no state from "
-            "there on is real"
+            f"at {state_labels(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, exceeds {breaks:.3g}, "
+            f"the stretch at break of {named(case.material)} ({source.source}): the device tears there, and later "
+            f"states are invalid"
         ]
     return list(filter(None, [extrapolated(case.material, float(most["max_stretch"]))]))
 
 
 def source_notes(case: Case, sources: SourceRows = MappingProxyType({})) -> list[str]:
-    """How far the sources of a named silicone lie apart, and this device's states by them where they were solved; none for a
-    material that is not of the library."""
+    """Return the spread of a named silicone's sources, and of this device's states if solved
+    for them; none for other materials."""
     texts = [material_spread(case.material), span_sentence(case, sources) if sources else ""]
     return [text for text in texts if text]
 
 
 def weight_notes(case: Case) -> list[str]:
-    """What the silicone's own weight was taken from, where gravity acts and no density was given: a sentence, or none."""
+    """Return the assumed density if gravity acts and none was given, as a sentence, or
+    none."""
     if not any(isinstance(part, Gravity) and part.density is None for part in case.components):
         return []
     sheet = sheet_of(case.material)
-    source = f"by the {sheet.source}" if sheet else "as most silicones do, for no density was given"
+    source = f"by the {sheet.source}" if sheet else "assumed, as for most silicones, because no density was given"
     return [
         f"the silicone weighs {density_of(case.material):g} kg/m^3, {source} ([gravity] density, --gravity-density)"
     ]
 
 
 def volume_notes(rows: Sequence[Row]) -> list[str]:
-    """A sentence where the silicone's own volume changed more than rubber's can; none if it nearly kept it."""
+    """Return a sentence if the silicone's own volume changed more than that of rubber can."""
     told = [row for row in rows if "J_min" in row]
     least, most = min((row["J_min"] for row in told), default=1.0), max((row["J_max"] for row in told), default=1.0)
     if least >= 1 - VOLUME_CHANGE and most <= 1 + VOLUME_CHANGE:
         return []
     return [
-        f"the silicone's own volume changed to {least:.3f} to {most:.3f} of what it was (J); rubber keeps it, so take "
-        "--poisson nearer to 0.5"
+        f"the silicone's volume ratio J is {least:.3f} to {most:.3f}; rubber is nearly incompressible, so "
+        f"use a --poisson closer to 0.5"
     ]
 
 
 def contact_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """A sentence on walls that overlap; none if they do not."""
+    """Return a sentence on walls that overlap; none if they do not."""
     overlapping = [row for row in rows if row.get("walls_touch")]
     if not overlapping:
         return []
     where, deepest = state_labels(case), min(overlapping, key=lambda row: row["least_gap_mm"])
     count = f"{len(overlapping)} of {len(rows)} states" if len(overlapping) > 1 else "one state"
     found = (
-        f"WALLS OVERLAP: from {where.place(overlapping[0])} on, in {count}, walls pass through each other, by up to "
-        f"{-deepest['least_gap_mm']:.3g} mm at {where.place(deepest)}: these states are not real (least_gap_mm and "
-        "walls_touch in path.csv)"
+        f"WALLS OVERLAP: from {where.place(overlapping[0])} on, in {count}, walls overlap by up to "
+        f"{-deepest['least_gap_mm']:.3g} mm at {where.place(deepest)}: these states are invalid (least_gap_mm "
+        f"and walls_touch in path.csv)"
     )
     walls = [part for part in case.components if isinstance(part, Walls) and not part.off]
     if not walls:
         auto = "" if case.actuator.meeting == () else " (--walls auto)"
-        return [f"{found}; let them press on each other{auto}, or name them in a [walls] table of a case file"]
+        return [f"{found}; enable self-contact{auto}, or name the faces in a [walls] table of a case file"]
     return [
-        f"{found}; {', '.join(part.words for part in walls)} press on each other; take smaller cells (--cell-size), a larger "
-        "stiffness, or name the faces there too ([walls])"
+        f"{found}; {', '.join(part.words for part in walls)} are in contact; use smaller cells (--cell-size), a "
+        "larger stiffness, or add the faces there ([walls])"
     ]
 
 
 def depth_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """A sentence where faces have sunk deep into the plane that stops them."""
+    """Return a sentence if faces penetrate deep into the contact plane."""
     deepest = max((row.get("contact_depth_mm", 0.0) for row in rows), default=0.0)
     plane = obstacle_of(case.components)
     if plane is None or deepest <= DEEPEST * case.actuator.size * 1e3:
         return []
     size = case.actuator.size
     force = max((abs(row.get("contact_force_N", 0.0)) for row in rows), default=0.0)
-    # The depth that this force has when it is spread over the device; an edge that curls into the plane carries little of it.
+    # The penetration of this force if spread over the device; an edge that curls into the plane carries little of it.
     spread = force / (plane.stiffness * case.material.shear_modulus_0 * size**2)
     if spread < LOCAL * DEEPEST:
         return [
-            f"an edge of the faces has sunk {deepest:.3g} mm into the contact's plane, under a force of {force:.3g} N in all: "
-            "spread over the faces it would be far less, so a larger --contact-stiffness changes little but there; look at "
-            "that edge (smaller cells, --cell-size), and take its place with care"
+            f"an edge of the faces penetrates the contact plane by {deepest:.3g} mm under a total "
+            f"force of {force:.3g} N; the faces as a whole penetrate far less, so a larger --contact-stiffness "
+            f"changes only that edge. Check it with smaller cells (--cell-size)"
         ]
     return [
-        f"faces have sunk {deepest:.3g} mm into the contact's plane, more than {DEEPEST:.0%} of the device's size; take a "
-        f"larger --contact-stiffness than {plane.stiffness:g}"
+        f"faces penetrate the contact plane by {deepest:.3g} mm, more than {DEEPEST:.0%} of the device's size; use a "
+        f"--contact-stiffness above {plane.stiffness:g}"
     ]
 
 
 def place_notes(case: Case, rows: Sequence[Row]) -> list[str]:
-    """A sentence on each named point that is followed somewhere else than where it was named."""
+    """Return a sentence on each named point that is tracked away from its named position."""
     away = {name: 1e-3 * rows[0].get(column) for name, column in case.gauges.off_columns.items()} if rows else {}
     return [followed_text(name, far) for name, far in away.items() if far > FOLLOWED_DISTANCE * case.actuator.size]
 
 
 def left_out(case: Case) -> str:
-    """What is not in the model of a case: a sentence."""
+    """Return what the model of a case leaves out, as a sentence."""
     stopped = "".join(part.in_model for part in case.components)
     pressing = [part.words for part in case.components if isinstance(part, Walls) and not part.off]
-    meeting = f"{'; '.join(pressing)} press on each other without friction, others" if pressing else "walls that meet"
+    meeting = f"{'; '.join(pressing)} are in frictionless contact, others" if pressing else "other walls"
     heavy = any(isinstance(part, Gravity) for part in case.components)
     weight = "viscosity is" if heavy else "weight and viscosity are"
-    return f"the silicone is elastic; {weight} not in the model, and {meeting} pass through{stopped}"
+    return f"the silicone is elastic; {weight} not modelled; {meeting} may overlap{stopped}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What the user is told about stability: sentences for the end of a run, and a table for ``summary.json``.
+# Report stability: sentences for the end of a run, and a table for ``summary.json``.
 
 
 def events(rows: Sequence[Row], words: StateLabels) -> list[dict[str, float | str]]:
-    """Limit points, bifurcations and jumps of a path, in order, as ``summary.json`` lists them.
+    """Return the limit points, bifurcations and snap-throughs of a path in order, as in ``summary.json``.
 
-    A jump tells from where it starts too: volume and the gauge's rise before, and whether the device inflates or collapses.
+    A jump includes its starting point: volume and the gauge's rise before, and whether the device inflates or collapses.
     """
     kinds = ("limit", "bifurcation", "stroke_limit", "jump")
     from_keys = ("pressure_cm", "added_volume_ml", f"{words.gauge}_mm")
@@ -271,7 +274,7 @@ def events(rows: Sequence[Row], words: StateLabels) -> list[dict[str, float | st
 
 
 def jumps(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
-    """The jumps of a path: the last state that held before, and the one where the device lands."""
+    """Return the snap-throughs of a path: the last state before and the first one after each."""
     over, found = set(jumped_over(rows)), []
     for k, row in enumerate(rows):
         if row.get("jump"):
@@ -287,7 +290,7 @@ def _way(before: Row, after: Row, words: StateLabels) -> str:
 
 
 def jumps_text(rows: Sequence[Row], words: StateLabels) -> str:
-    """Load, way and heights of a path's jumps, in a sentence without its stop; empty if there is none."""
+    """Return the load, direction and heights of a path's snap-throughs in a sentence without full stop; "" if none."""
     gauge, column = words.gauge, f"{words.gauge}_mm"
     components = []
     for before, after in jumps(rows):
@@ -297,11 +300,11 @@ def jumps_text(rows: Sequence[Row], words: StateLabels) -> str:
             f"at {words.place(before)}{'' if same else f' to {words.place(after)}'} it {_way(before, after, words)}, {gauge} "
             f"rise {before[column]:.4g} to {after[column]:.4g} mm{volume if words.volume else ''}"
         )
-    return f"the device jumps: {'; '.join(components)}" if components else ""
+    return f"snap-through: {'; '.join(components)}" if components else ""
 
 
 def jumped_over(rows: Sequence[Row]) -> list[int]:
-    """Which states of a path a supply jumps over: those that its gas does not hold, and all up to where it lands."""
+    """Return which states of a path a supply skips by snap-through: the unstable ones, and all up to the next stable one."""
     found, falling = [], False
     for k, row in enumerate(rows):
         falling = falling and not row["jump"]
@@ -312,19 +315,19 @@ def jumped_over(rows: Sequence[Row]) -> list[int]:
 
 
 def unseen(actuator: Actuator) -> str:
-    """What a symmetric slice cannot show, and how to see it; empty for a whole device."""
+    """Return which modes a symmetric slice cannot detect, and how to detect them; empty for a whole device."""
     if actuator.dimension == 2:
-        return f"a section shows no mode that varies around the axis; {actuator.fuller} shows those too"
+        return f"an axisymmetric section detects no mode that varies around the axis; use {actuator.fuller} to detect those"
     if actuator.copies > 1:
-        components = f"a slice of which {actuator.copies} make the device"
-        return f"{components} shows only modes with its symmetry; {actuator.fuller} shows all"
+        components = f"a 1/{actuator.copies} model"
+        return f"{components} detects only modes with that symmetry; {actuator.fuller} detects all"
     return ""
 
 
 def unlocated(rows: Sequence[Row], words: StateLabels) -> str:
-    """That a bifurcation was passed and not located; empty if none was.
+    """Return that a bifurcation was passed but not located; empty if none was.
 
-    The number of negative eigenvalues changes at limit points and bifurcations alone, whose own rows still have the old one;
+    The number of negative eigenvalues changes only at limit points and bifurcations, whose own rows still have the old one;
     a cycle comes to some of them from the other side.
     """
     cyclic = any(row.get("jump") for row in rows)
@@ -332,8 +335,8 @@ def unlocated(rows: Sequence[Row], words: StateLabels) -> str:
         told = before.get("limit") or before.get("bifurcation") or (cyclic and after.get("limit"))
         if before["negative_eigenvalues"] != after["negative_eigenvalues"] and not told:
             return (
-                f"a bifurcation between {_between(before, after, words)} could not be located; "
-                "more requested values around it, or a finer mesh, may show it"
+                f"a bifurcation between {_between(before, after, words)} could not be "
+                "located; request more values around it, or refine the mesh"
             )
     return ""
 
@@ -345,12 +348,12 @@ def _between(before: Row, after: Row, words: StateLabels) -> str:
 
 
 def _state(row: Row, words: StateLabels) -> str:
-    """Where a state lies: its load, and in brackets the volume that its cavity has taken."""
+    """Return the load of a state, and in brackets its added volume."""
     return f"{words.place(row)} ({row['added_volume_ml']:.4g} ml)" if words.volume else words.place(row)
 
 
 def stability_text(rows: Sequence[Row], actuator: Actuator, words: StateLabels, branch: Sequence[Row] = ()) -> str:
-    """One or two sentences on how the last state stands and where it changed; for the closing message.
+    """Return one or two sentences on the stability of the last state and its changes, for the closing message.
 
     Args:
         rows: The path's rows of ``path.csv``.
@@ -375,14 +378,14 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, words: StateLabels, 
         text += f"; {told}"
     if lost:
         text += (
-            f"; at {lost[0]['stroke_ml']:.4g} ml of stroke ({lost[0]['pressure_cm']:.4g} cm) the gas of this {words.driver} no "
-            f"longer holds the device, which jumps over {len(lost)} of the states (stroke_limit and jump in path.csv)"
+            f"; at {lost[0]['stroke_ml']:.4g} ml of stroke ({lost[0]['pressure_cm']:.4g} cm) the device snaps through with "
+            f"the gas of this {words.driver}, skipping {len(lost)} of the states (stroke_limit and jump in path.csv)"
         )
     if found:
         at = ", ".join(_state(row, words) for row in found)
         text += (
-            f"; bifurcation{'s' if len(found) > 1 else ''} at {at}, beyond which the device leaves this shape "
-            f"(mode.png; {'branch/ has where it goes' if branch else '--branch follows where it goes'})"
+            f"; bifurcation{'s' if len(found) > 1 else ''} at {at}, beyond which the device leaves "
+            f"this shape (mode.png; {'the new branch is in branch/' if branch else 'use --branch to follow the new branch'})"
         )
     elif passed := unlocated(rows, words):
         text += f"; {passed}"
@@ -398,31 +401,31 @@ def stability_text(rows: Sequence[Row], actuator: Actuator, words: StateLabels, 
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Why a path could be followed no further, as far as it is known: sentences that name the cause and what mends it.
+# Messages on why a continuation failed: the known causes and their fixes.
 
 
 NEAR_STRETCH_LIMIT = 0.95
-"""Share of the stretch where a law loses its stability, or its chains are taut, from which that is what ended the path."""
+"""Fraction of the stretch at loss of stability, or at locking of the chains, above which that counts as the cause."""
 SQUEEZED = 100.0
-"""Shear moduli of pressure from which it is the silicone's volume that gives way, and no longer the device's shape."""
+"""Pressure in shear moduli above which the silicone's own volume is compressed rather than the device's shape changed."""
 FOLDED = 0.3
-"""Volume ratio at a vertex below which cells have all but folded."""
+"""Volume ratio at a vertex below which cells are nearly inverted."""
 
 
 def unstable_law(case: Case, stretch: float) -> str:
-    """A sentence without its full stop if the law has lost its stability at a stretch; else empty."""
+    """Return a sentence without full stop if the law is unstable at a stretch, else ""."""
     weak = weakest(case.material)
     if weak is None or stretch < NEAR_STRETCH_LIMIT * weak.stretch:
         return ""
     return (
-        f"{weakness(case.material)}, and the last state has stretch {stretch:.3g}: there the silicone itself has no "
-        "stable state, which no mesh and no step mends. Take a law that is stable over the stretches of this run "
-        "(softmodels curve shows them; a fit over a wider range, or neo-hookean), or stay below"
+        f"{weakness(case.material)}, and the last state has stretch {stretch:.3g}: the material itself is "
+        f"unstable there, so a finer mesh or smaller steps do not help. Use a law that is stable over the stretches "
+        f"of this run (see softmodels curve; fit a wider range, or use neo-hookean), or stay below"
     )
 
 
 def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = False) -> list[str]:
-    """What may have ended a path, the surest first; empty if nothing is conspicuous.
+    """Return possible causes of the end of a path, the most certain first; empty if none is found.
 
     Args:
         case: The case.
@@ -433,24 +436,24 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
     stretch = float(figures["max_stretch"])
     found = []
     if petsc:
-        found.append("PETSc was given options of its own: leave them out first (what follows --)")
+        found.append("PETSc options were given: first try without them (what follows --)")
     if weak := unstable_law(case, stretch):
         found.append(weak)
     if stretch >= NEAR_STRETCH_LIMIT * last_stretch(case.material, "equibiaxial"):
         ends = ", ".join(f"{last_stretch(case.material, mode):.3g} ({mode})" for mode in ("uniaxial", "equibiaxial"))
         found.append(
-            f"the chains of the law {described(case.material)} are taut at stretch {ends}, and the last state has "
-            f"{stretch:.3g}: it can be deformed no further. Take a larger limit, or stay below"
+            f"the chains of the law {described(case.material)} lock at stretch {ends}, and the last state "
+            f"has {stretch:.3g}: it cannot deform further. Use a larger limit, or stay below"
         )
     modulus = case.material.shear_modulus_0
     if (pressure := float(figures.get("pressure_Pa") or 0.0)) > SQUEEZED * modulus:
         found.append(
-            f"the pressure is {pressure / modulus:.3g} times the silicone's shear modulus: what holds or stiffens the device "
-            "leaves it hardly any way to give, so that the silicone itself is squeezed. Hold less of it, or stay below"
+            f"the pressure is {pressure / modulus:.3g} times the silicone's shear modulus: the supports or stiffeners "
+            "leave the device almost no freedom, so the silicone itself is compressed. Support less of it, or stay below"
         )
     if float(figures["J_min"]) < FOLDED:
         found.append(
-            f"the smallest volume ratio (J) is {figures['J_min']:.3g}, so cells have all but folded: refine the mesh "
+            f"the smallest volume ratio (J) is {figures['J_min']:.3g}, so cells are nearly inverted: refine the mesh "
             "(--cell-size) or round its corners (--fillet)"
         )
     components = (
@@ -461,31 +464,29 @@ def known_causes(case: Case, figures: Row | Mapping[str, float], petsc: bool = F
 
 
 def mended(case: Case, cause: PathFailure, stretch: float) -> str:
-    """What to do about a known end: its own advice, but where the law and not the device has become unstable."""
+    """Return the fix for a known cause: its own advice, unless the law is unstable rather than the device."""
     weak = unstable_law(case, stretch)
     return weak[0].upper() + weak[1:] if weak else cause.advice
 
 
 def advice(case: Case, figures: Row | Mapping[str, float], petsc: bool = False) -> str:
-    """What is known of a lost path and what to do about it: sentences, the last without its full stop."""
+    """Return the known causes of a failed continuation and their fixes, as sentences, the last without full stop."""
     stretch, J = float(figures["max_stretch"]), float(figures["J_min"])
     if causes := known_causes(case, figures, petsc):
         return ". ".join(cause[0].upper() + cause[1:] for cause in causes)
-    checked = (
-        f"the law is stable at stretch {stretch:.3g} by Drucker's check and no cell has folded (smallest J {J:.3g})"
-    )
+    checked = f"the law is stable at stretch {stretch:.3g} by Drucker's criterion and no cell is inverted (smallest J {J:.3g})"
     return (
-        f"Nothing conspicuous was found: {checked}. If the curve was flattening, use --control auto or arc-length, which pass "
+        f"No cause was found: {checked}. If the curve was flattening, use --control auto or arc-length, which pass "
         "limit points; otherwise refine the mesh (--cell-size)"
     )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Why a path ended, where, and what can be done about it: sentences for the user.
+# Messages on why and where a path ended, and how to fix it.
 
 
 def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc: bool = False) -> str:
-    """Why the path ended, where, and what can be done about it; ``petsc`` is whether PETSc had options of its own."""
+    """Return why and where the path ended and how to fix it; ``petsc`` is whether the user gave PETSc options."""
     asked = f"{case.values[-1]:g} {case.unit}"
     device, last = case.actuator, fields.figures(path.last.state)
     pressure = f"{last.pressure / case.cm:.4g} cm ({last.pressure:.4g} Pa)"
@@ -507,8 +508,8 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         most = at.device[load.column]
         return (
             f"no equilibrium at {asked} on this path: the {load.table} has a limit point at {most:.5g} "
-            f"{split(load.column)[1]}, where {_risen(device, at.rises)}; beyond it the device gives way. Stay below, take "
-            f"{device.stiffer} or a stiffer silicone{_or_its_travel(load.table)}"
+            f"{split(load.column)[1]}, where {_risen(device, at.rises)}; beyond it the device collapses. Stay below, "
+            f"or use {device.stiffer} or a stiffer silicone{_or_its_travel(load.table)}"
         )
     if case.supply is not None:
         stroke = path.value(end.limit.state) * fields.system.volume_unit * 1e6
@@ -516,21 +517,21 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
         gas = supply.its_gas or f"the gas of the {supply.name}"
         return (
             f"a stroke of {asked} was not reached: {end}. The stroke has a limit point at {stroke:.4g} ml "
-            f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has taken "
-            f"{at.added_volume * 1e6:.4g} ml; beyond it {gas} expands by itself and the device jumps. "
-            f"Stay below{f', or take {supply.gentler}' if supply.gentler else ''}"
+            f"({at.pressure / case.cm:.4g} cm), where {_risen(device, at.rises)} and the cavity has "
+            f"gained {at.added_volume * 1e6:.4g} ml; beyond it {gas} expands and the device snaps "
+            f"through. Stay below{f', or use {supply.gentler}' if supply.gentler else ''}"
         )
     return (
         f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "
-        f"({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has taken "
-        f"{at.added_volume * 1e6:.4g} ml; beyond it the device balloons. Stay below (with 25 % margin: "
-        f"{0.8 * at.pressure / case.cm:.4g} cm), take {device.stiffer} or a stiffer silicone, or drive it by volume past "
-        "the limit (--volume-ml, or --control volume)"
+        f"({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
+        f"gained {at.added_volume * 1e6:.4g} ml; beyond it the device balloons. Stay below (with 25 % margin: "
+        f"{0.8 * at.pressure / case.cm:.4g} cm), use {device.stiffer} or a stiffer silicone, or drive it by volume "
+        f"past the limit (--volume-ml, or --control volume)"
     )
 
 
 def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, petsc: bool = False) -> str:
-    """The same of a program's step."""
+    """Return the same for a program's step."""
     number = math.floor(come) + 1
     at = next((row for row in reversed(rows) if row["limit"]), rows[-1]) if end.limit else rows[-1]
     words = state_labels(case)
@@ -551,38 +552,38 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
         )
     if end.limit is None:
         return f"{asked} was not reached: {end}. The last state has {place}, and {moved}. {advice(case, at, petsc)}"
-    beyond, instead = "a cavity balloons", "that cavity's added volume (volume_ml) in place of its pressure"
+    beyond, instead = "a cavity balloons", "that cavity's added volume (volume_ml) instead of its pressure"
     if any(series.target for series in case.program):
         beyond, instead = (
-            "the device gives way",
-            "volumes and travels (volume_ml, travel_mm) in place of pressures and forces",
+            "the device collapses",
+            "volumes and travels (volume_ml, travel_mm) instead of pressures and forces",
         )
     return (
         f"no equilibrium at {asked} on this path: its loads have a limit point with {place}, where {moved}; beyond it {beyond}."
-        f" Stay below, take {case.actuator.stiffer} or a stiffer silicone, or give {instead}"
+        f" Stay below, use {case.actuator.stiffer} or a stiffer silicone, or request {instead}"
     )
 
 
 def _not_met(asked: str, cause: PathFailure) -> str:
-    """That what was asked for was not met: there is none, or the mesh does not lead there."""
+    """Return that the requested value was not reached: no equilibrium exists, or the mesh fails first."""
     return f"{asked} was not reached" if cause.of_mesh else f"no equilibrium at {asked} on this path"
 
 
 def _or_its_travel(table: str) -> str:
-    """What passes a load's limit point: how far it moves what it acts on, if a case can request that."""
+    """Return the request that passes a load's limit point: its travel, if a case can request that."""
     options = (f"--{key.replace('_', '-')}" for key, given in LOAD_KEYS[table].items() if given.held)
     option = next(options, None)
-    return f", or ask for how far it moves ({option}), which passes the limit" if option else ""
+    return f", or request its travel ({option}), which passes the limit" if option else ""
 
 
 def _risen(device: Actuator, rises: dict[str, float]) -> str:
-    """How far the device has moved: its gauge, and the other probes in brackets."""
+    """Return how far the device has moved: its gauge, and the other probes in brackets."""
     others = ", ".join(f"{name} {rise * 1e3:.4g} mm" for name, rise in rises.items() if name != device.gauge)
     return f"the {device.gauge} has risen {rises[device.gauge] * 1e3:.4g} mm" + (f" ({others})" if others else "")
 
 
 def explain_failure(case: Case, failure: Exception, last: Row | None, petsc: bool = False) -> str:
-    """The same where no state was found at the beginning or at a limit point, where there is no step to shorten.
+    """Return the same if no state was found at the start or at a limit point, where no step can be shortened.
 
     Args:
         case: The case.
@@ -596,24 +597,24 @@ def explain_failure(case: Case, failure: Exception, last: Row | None, petsc: boo
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Failures of the libraries below, and of the disk, as the sentences that a user reads.
+# Turn errors of libraries and of the disk into messages for the user.
 
 
 def unwritten(error: OSError) -> str:
-    """Why results cannot be written, and what to do."""
+    """Return why results cannot be written, and the fix."""
     place = f" into {Path(error.filename).parent}" if isinstance(error.filename, str) else ""
-    advice = "make room for them" if error.errno in FULL else "see that they can"
-    return f"the results cannot be written{place} ({error.strerror or error}); {advice} and go on with --resume"
+    advice = "free some disk space" if error.errno in FULL else "check the permissions"
+    return f"the results cannot be written{place} ({error.strerror or error}); {advice} and continue with --resume"
 
 
 def no_mesh(error: OSError) -> str:
-    """Why a mesh cannot be written."""
+    """Return why a mesh cannot be written."""
     return f"the mesh cannot be written ({error.strerror or error})"
 
 
 @contextlib.contextmanager
 def sentences(of_the_disk: Callable[[OSError], str] = no_mesh) -> Iterator[None]:
-    """Raise a `RunError` with a sentence for what PETSc, the memory or the disk raises in here.
+    """Turn errors of PETSc, the memory or the disk raised in this context into a `RunError`.
 
     Args:
         of_the_disk: Makes the sentence of what could not be written.

@@ -1,4 +1,4 @@
-"""How a run can end: exit statuses, and the error that carries one."""
+"""Exit statuses of a run, and the error that carries one."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from softmodels.mechanics.mpi import TooLargeError
 
 DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130
 
-NO_MEMORY = "the machine's memory is full; use a larger --cell-size, or a smaller slice of the device"
+NO_MEMORY = "out of memory; use a larger --cell-size, or a smaller slice of the device"
 
 
 def no_memory(error: MemoryError) -> str:
-    """The sentence of a memory that is full, or would be."""
+    """Return the message for a memory that is or would be full."""
     return str(error) if isinstance(error, TooLargeError) else NO_MEMORY
 
 
 class RunError(Spoken, RuntimeError):
-    """A run that cannot go on; ``status`` is the exit status, the message a sentence for the user."""
+    """A run failed; ``status`` is the exit status, the message is for the user."""
 
     def __init__(self, message: str, status: int = FAILED):
         super().__init__(message)

@@ -1,4 +1,4 @@
-"""A simulation written into a folder of results as it goes on."""
+"""Write a simulation into a results folder while it runs."""
 
 from __future__ import annotations
 
@@ -52,11 +52,11 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The end of a run's folder: its steps in one file, and a summary of it.
+# Finalise a run's folder: merge its steps into one file and write a summary.
 
 
 def gather(case: Case, results: Results, status: int, message: str, notes: Sequence[str]) -> None:
-    """Bring all steps into one file and write ``summary.json``, with the notes of `notes_of`.
+    """Merge all steps into one file and write ``summary.json``, with the notes of `notes_of`.
 
     Raises:
         OSError: There is no room; the steps stay where they are.
@@ -73,7 +73,7 @@ def gather(case: Case, results: Results, status: int, message: str, notes: Seque
 
 
 def branch_rows(results: Results) -> list[Row]:
-    """The rows of the branch that was followed; none if none was."""
+    """Return the rows of the followed branch; empty if there is none."""
     branch = results.branch()
     if branch.heavy.exists():
         branch.load()
@@ -81,15 +81,15 @@ def branch_rows(results: Results) -> list[Row]:
 
 
 def not_gathered(error: Exception) -> str:
-    """Why the steps stay in files of their own, and what to do."""
+    """Return why the steps stay in separate files, and the fix."""
     return (
-        f"the steps could not be gathered in one file ({getattr(error, 'strerror', None) or error}); "
-        "make room and run again with --resume"
+        f"the steps could not be merged into one file ({getattr(error, 'strerror', None) or error}); "
+        "free some disk space and run again with --resume"
     )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A case solved with every other source of its silicone: the rows of their paths, on the mesh of the run.
+# Solve a case with every other source of its silicone, on the mesh of the run.
 
 
 def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
@@ -112,7 +112,7 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
     found: dict[str, list[Row]] = {}
     others = band.others(case.material)
     for number, (name, material) in enumerate(others.items(), 1):
-        simulation.listener.say(f"solving with {name}, source {number} of {len(others)} beside the run's own")
+        simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
         aside = Simulation(
             dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped
         )
@@ -126,7 +126,7 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
         except RunError as error:
             if error.status == STOPPED:
                 raise
-            simulation.listener.say(f"  {name} was followed no further: {error}")
+            simulation.listener.say(f"  the path of {name} ends here: {error}")
         finally:
             aside.release()
     return {name: rows for name, rows in found.items() if rows}
@@ -143,7 +143,7 @@ def record(
 
     Args:
         simulation: The case.
-        results: Its folder, prepared by `softmodels.runs.resume.begin`; rank 0 alone writes there.
+        results: Its folder, prepared by `softmodels.runs.resume.begin`; only rank 0 writes there.
         resumed: Go on from the states that are there.
         branch: Follow the branch at the first bifurcation too, into a folder of its own.
         begun: Called on rank 0 as soon as the folder holds a state of this run.
@@ -174,7 +174,7 @@ def record(
         ended = end
     if branch:
         _record_branch(simulation, results)
-    sources = solve_sources(simulation, results.own.path / mesh.name)  # where it is since the first state
+    sources = solve_sources(simulation, results.own.path / mesh.name)  # stored since the first state
     on_root(comm, lambda: results.write_sources(sources))
     if ended is not None:
         raise ended
@@ -200,25 +200,25 @@ def _store(
 
 
 def _begun(simulation: Simulation, results: Results) -> Begun:
-    """What the stored states are gone on with from."""
+    """Return the state from which a resumed run continues."""
     case, fields, comm = simulation.case, simulation.fields, simulation.comm
     rows = on_root(comm, lambda: results.rows)
-    if case.cycle:
+    if case.load_unload:
         return Begun(rows)
     solved = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if not row["bifurcation"]])
     again = functools.partial(recall, results, fields, comm, solved)
     if case.program:
         stop = last_stop(case, results, fields, comm)
-        simulation.listener.say(f"going on from step {stop.number} of the program")
+        simulation.listener.say(f"resuming from step {stop.number} of the program")
         return Begun(rows, stop=stop, recall=again)
     left = on_root(comm, lambda: [not stopped_at(results, case.column, value) for value in case.values])
     points = stored_points(results, fields, comm)
-    simulation.listener.say(f"going on from step {len(rows) - 1}")
+    simulation.listener.say(f"resuming from step {len(rows) - 1}")
     return Begun(rows, left, points, recall=again)
 
 
 def _record_branch(simulation: Simulation, results: Results) -> None:
-    """Follow the branch at the first bifurcation into a folder of its own."""
+    """Follow the branch at the first bifurcation, into its own folder."""
     case, comm = simulation.case, simulation.comm
     if not simulation.bifurcates:
         simulation.listener.say(on_root(comm, lambda: no_branch(case, results.rows)))
@@ -231,7 +231,7 @@ def _record_branch(simulation: Simulation, results: Results) -> None:
 
 
 def begin_branch(results: Results, case: Case) -> Results:
-    """Make the folder of a branch beside its path, without the states of an earlier one; on rank 0."""
+    """Create the folder of a branch beside its path, and remove an earlier branch; on rank 0."""
     aside = results.branch()
     results.own.claim([BRANCH])
     aside.clear()
@@ -242,9 +242,9 @@ def begin_branch(results: Results, case: Case) -> Results:
 
 
 def no_branch(case: Case, rows: Sequence[Row]) -> str:
-    """Why a run has no branch to follow."""
+    """Return why a run has no branch to follow."""
     if any(row.get("bifurcation") for row in rows):
-        return "the bifurcation was met before the run was gone on with; run it without --resume to follow the branch"
+        return "the bifurcation was passed before the run was resumed; run without --resume to follow the branch"
     if text := unlocated(rows, state_labels(case)):
         return text
     hidden = unseen(case.actuator)
@@ -252,11 +252,11 @@ def no_branch(case: Case, rows: Sequence[Row]) -> str:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a run says while it works: a bar on a terminal, a line per step in a log, nothing when quiet.
+# Progress reports of a run: a bar on a terminal, a line per step in a log, nothing if quiet.
 
 
 class Progress:
-    """Progress of one path towards its last requested value.
+    """Reports the progress of a path towards its last requested value.
 
     Args:
         last: Last requested value.
@@ -275,7 +275,7 @@ class Progress:
     def __enter__(self) -> Progress:
         width = columns("stderr")
         if self.quiet or sys.stderr is None or width is None:
-            return self  # a log has no bar, and need not wait for rich
+            return self  # a log has no bar, so rich need not be imported
         from rich.console import Console
         from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
         from rich.progress import Progress as Bar
@@ -303,7 +303,7 @@ class Progress:
             self._bar.stop()
 
     def say(self, text: str) -> None:
-        """One line about what is going on."""
+        """Report a line on the current step."""
         if self.quiet:
             return
         try:
@@ -311,17 +311,17 @@ class Progress:
                 self._console.print(wrapped(spoken(text), self._console.width))
             else:
                 print(spoken(text), file=sys.stderr, flush=True)
-        except (OSError, ValueError):  # a stream that was closed is a ValueError
+        except (OSError, ValueError):  # writing to a closed stream raises ValueError
             self._hush()
 
     def _hush(self) -> None:
-        """Nobody reads any more, or a log's disk is full: a run outlives its log, where rich would end the program."""
+        """Stop reporting if the stream is closed or its disk is full: the run goes on, where rich would end the program."""
         self.quiet = True
         if self._console is not None:
             self._console.quiet = True
 
     def step(self, row: Row, value: float) -> None:
-        """One step done: its row of the table, and how far it is towards the last requested value."""
+        """Report a step: its row of the table, and the progress towards the last requested value."""
         gauge = self.words.gauge
         volume = f"{row['added_volume_ml']:+8.3f} ml  " if self.words.volume else ""
         text = (
@@ -338,7 +338,7 @@ class Progress:
             return
         now = time.monotonic()
         if self._first is None:
-            self._first = (now, value)  # meshing and compiling come before, and say nothing about the steps' pace
+            self._first = (now, value)  # the time of meshing and compiling does not predict that of the steps
         since, first = self._first
         left = (now - since) * (self.last - value) / (value - first) if value > first else None
         rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"

@@ -1,4 +1,4 @@
-"""Going on from an interrupted run: may this case continue those results, and from which states."""
+"""Resume an interrupted run: check that the case matches the stored results, and load the states to continue from."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ if TYPE_CHECKING:
 
 
 def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[str, str], folder: Path) -> None:
-    """Refuse to go on from a run whose numbers would not be this case's.
+    """Refuse to resume a run whose results would differ from this case's.
 
     Args:
         case: What is run.
-        old: What the folder's case file says.
+        old: Case of the folder's case file.
         known: `identity` of the case that the stored states are of.
         wanted: `identity` of this case.
         folder: For the message.
@@ -64,26 +64,30 @@ def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[
             f"{wanted.get(name, 'not given')} here); resume with its options, or run without --resume",
             BAD_INPUT,
         )
-    if case.cycle and case.values != old.values:
-        raise RunError(f"{folder} holds a run with --cycle through other pressures; resume with those", BAD_INPUT)
+    if case.load_unload and case.values != old.values:
+        raise RunError(
+            f"{folder} holds a --load-unload run through other pressures; resume with the same pressures", BAD_INPUT
+        )
     if not goes_on(case.program, old.program):
         raise RunError(
-            f"{folder} holds a run of other steps; resume with those, more after them if need be, or run without --resume",
+            f"{folder} holds a run of other steps; resume with the same steps (further ones may follow), or run without "
+            f"--resume",
             BAD_INPUT,
         )
     if old.quantity != case.quantity:
         raise RunError(
-            f"{folder} holds a run to requested {old.quantity}s; resume with those, or run without --resume", BAD_INPUT
+            f"{folder} holds a run with requested {old.quantity}s; resume with the same, or run without --resume",
+            BAD_INPUT,
         )
 
 
 def drop_between(case: Case, results: Results) -> None:
-    """Forget the last states if they were solved for between two steps of which the second is missing.
+    """Drop the last states if they lie between two steps of which the second is missing.
 
     They are found again, with that step. Going on from one of them would cut the path into other steps.
     """
     quantity = case.quantity
-    if case.program:  # a step of a program is gone on with from its beginning
+    if case.program:  # a step of a program is resumed from its start
         while results.stored and not results.stored[-1].row["requested"]:
             results.stored.pop()
         return
@@ -94,27 +98,27 @@ def drop_between(case: Case, results: Results) -> None:
             or row["bifurcation"]
             or row.get("stroke_limit")
             or row["jump"]
-            or (row["requested"] and row["step"] and row["following"] != quantity)
+            or (row["requested"] and row["step"] and row["control"] != quantity)
         ):
             return
         results.stored.pop()
 
 
 def check_values(case: Case, results: Results) -> None:
-    """Refuse requested values that the stored states have passed without stopping there."""
+    """Reject requested values that the stored states have passed without stopping."""
     key, unit = case.column, case.unit
     reached = max((row[key] for row in results.rows), default=0.0)
     for value in case.values:
         if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(results, key, value):
             raise RunError(
-                f"{results.folder} holds a run that has passed {value:g} {unit} without stopping there; "
-                "resume with its values, or run without --resume",
+                f"{results.folder} holds a run that passed {value:g} {unit} without stopping there; "
+                f"resume with the run's own values, or run without --resume",
                 BAD_INPUT,
             )
 
 
 def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> StageEnd:
-    """The end of a program's step that the stored states end with."""
+    """Return the end of a program's step that the stored states end with."""
     row, record = on_root(comm, lambda: (results.rows[-1], results.stored[-1].restart))
     last = on_root(comm, lambda: len(results.stored) - 1)
     state, _ = stored_state(results, fields, comm, last, record["P"], record["V"])
@@ -127,14 +131,15 @@ def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> S
 
 
 def stopped_at(results: Results, key: str, value: float) -> bool:
-    """Whether a requested value, by its column of ``path.csv``, is among the stored states."""
+    """Return whether a requested value, by its column of ``path.csv``, is among the stored states."""
     return any(row["requested"] and math.isclose(row[key], value, rel_tol=1e-6) for row in results.rows)
 
 
 def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Point]:
-    """The points a trace goes on from: bifurcations, the first limit point, the last one factorised at, and the last two."""
+    """Return the points from which a trace continues: bifurcations, the first limit point, the last factorised one, the
+    last two."""
     records = on_root(comm, lambda: [stored.restart for stored in results.stored])
-    # A bifurcation is interpolated: the path did not go on from it.
+    # A bifurcation is interpolated: the path did not continue from it.
     branching = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if row["bifurcation"]])
     solved = [i for i in range(len(records)) if i not in branching]
     factorised = max(i for i in solved if records[i]["factorised"])
@@ -145,14 +150,14 @@ def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Poin
 
 
 def recall(results: StoredRun, fields: Fields, comm: MPI.Comm, steps: Sequence[int]) -> None:
-    """Let what parts remember, such as where friction holds their faces, be as after stored steps, through which it goes."""
+    """Restore the history of parts, such as the anchor points of friction, by going through the stored steps."""
     potential = fields.system.potential
     for step in steps if fields.system.assembled.remembers else ():
         potential.keep(stored_state(results, fields, comm, step, 0.0, 0.0)[0].w)
 
 
 class StoredRun(Protocol):
-    """Where the fields of stored steps are, such as a `Results`."""
+    """Access to the fields of stored steps, such as a `Results`."""
 
     def has(self, step: int, names: Sequence[str]) -> bool: ...
     def fields(self, step: int, names: tuple[str, ...]) -> Mapping[str, Array]: ...
@@ -161,7 +166,7 @@ class StoredRun(Protocol):
 def stored_point(
     results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, restart: Restart, branching: bool
 ) -> Point:
-    """The point of a stored step; its tangent is zero where none was stored, and none is needed at a bifurcation."""
+    """Return the point of a stored step; its tangent is zero where none was stored, and none is needed at a bifurcation."""
     from softmodels.mechanics.controls import Tangent
     from softmodels.path.points import Point
     from softmodels.path.stability import Signature
@@ -186,7 +191,7 @@ def stored_point(
 def stored_state(
     results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float
 ) -> tuple[State, Array]:
-    """A stored step's state, and the dofs of the path's direction there; zeros where they were not stored."""
+    """Return a stored step's state, and the dofs of the path's direction there; zeros where they were not stored."""
     from softmodels.mechanics.system import State
     from softmodels.runs.fields import RAW
 
@@ -201,17 +206,17 @@ def stored_state(
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where a run's results go, and whether it begins anew or goes on: all that is checked before anything is solved.
+# The results folder of a run: choose it, check it, and start or resume the run, before anything is solved.
 
 
 MOST_GAPS = 20
-"""Numbered folders that may be missing in a row where an earlier run is looked for."""
+"""Number of consecutive missing numbered folders after which the search for an earlier run stops."""
 
 
 def begin(
     case: Case, output: Path | None, resume: bool, draw: bool, inputs: Sequence[Path] = ()
 ) -> tuple[Results, bool]:
-    """Take a folder for a run and prepare it.
+    """Open a folder for a run and prepare it.
 
     Args:
         case: What is run.
@@ -237,7 +242,7 @@ def begin(
 def begin_together(
     case: Case, output: Path | None, resume: bool, comm: MPI.Comm, *, draw: bool, inputs: Sequence[Path] = ()
 ) -> tuple[Results, bool]:
-    """The same on all ranks, where rank 0 alone takes the folder and writes there; see `begin`."""
+    """Open the folder on all ranks, of which only rank 0 locks it and writes there; see `begin`."""
     begun: list[Results] = []
 
     def on_rank_0() -> tuple[Path, Path, bool]:
@@ -276,7 +281,7 @@ def _begin(case: Case, output: Path | None, resume: bool, draw: bool, inputs: Se
 
 
 def _found(base: Path, case: Case, wanted: Mapping[str, str]) -> Path:
-    """The numbered folder that holds a run which this case can go on from.
+    """Return the numbered folder with a run that this case can resume.
 
     Raises:
         RunError: There is none, or several.
@@ -293,21 +298,21 @@ def _found(base: Path, case: Case, wanted: Mapping[str, str]) -> Path:
     chosen = exact if len(exact) == 1 else fitting
     if len(chosen) > 1:
         raise RunError(
-            f"{' and '.join(map(str, chosen))} hold runs that this case fits; say which to go on with (--output)",
+            f"{' and '.join(map(str, chosen))} hold runs that this case can resume; choose one with --output",
             BAD_INPUT,
         )
     if not chosen:
-        first = f"; {base} holds another one" if base.exists() else ""
+        first = f"; {base} holds another case" if base.exists() else ""
         raise RunError(
-            f"no folder {base}, {base.name}-2 and so on holds a run of this case to go on with{first}; name its folder "
-            "(--output), or run without --resume",
+            f"none of the folders {base}, {base.name}-2 and so on holds a run of this case to resume{first}; give "
+            f"its folder (--output), or run without --resume",
             BAD_INPUT,
         )
     return chosen[0]
 
 
 def _check_earlier(folder: Path) -> None:
-    """Name the results of a version that kept no record of its files.
+    """Reject results of a version without a record of its files.
 
     Raises:
         RunError: The folder holds such results.
@@ -316,17 +321,17 @@ def _check_earlier(folder: Path) -> None:
         return
     if (folder / "path.csv").is_file() and any(folder.glob("*.h5")):
         raise RunError(
-            f"{folder} holds results of an earlier version of softmodels, which kept no record of its files: they can be drawn "
-            f"(softmodels draw {folder}), but not be gone on with or replaced; take another folder (--output), or move it away",
+            f"{folder} holds results of an earlier version of softmodels, without a record of its files: they can "
+            f"be drawn (softmodels draw {folder}), but not resumed or replaced; use another folder (--output), or move it away",
             BAD_INPUT,
         )
 
 
 def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
-    """Take up the states of an earlier run; returns whether there are any.
+    """Load the states of an earlier run; return whether there are any.
 
     Raises:
-        RunError, ResultsError: They are of another case, or cannot be gone on with.
+        RunError, ResultsError: They are of another case, or cannot be resumed.
     """
     folder, about = results.own.path, results.own.about
     stored = [file for file in results.own.files if file.endswith(".h5") and (folder / file).exists()]
@@ -335,16 +340,16 @@ def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
     file = folder / "case.toml"
     if not file.exists():
         raise RunError(
-            f"{folder} holds states of an earlier run but no case.toml that says what they are of; put it back, or run "
-            "without --resume, which replaces them",
+            f"{folder} holds states of an earlier run but its case.toml is missing; restore it, or run "
+            "without --resume, which replaces the states",
             BAD_INPUT,
         )
     if not isinstance(about.get("inputs"), dict):
-        raise ResultsError(f"{folder} does not record which case its states are of; run without --resume")
+        raise ResultsError(f"{folder} does not record the case of its states; run without --resume")
     _check_unchanged(results)
     check_same(case, Case.from_file(file), about["inputs"], wanted, folder)
     results.load(go_on=True)
-    if not case.cycle:
+    if not case.load_unload:
         drop_between(case, results)
         check_values(case, results)
     there = {file: name for file, name in results.inputs_of(case.files).items() if (folder / name).is_file()}
@@ -354,14 +359,14 @@ def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
 
 
 def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs: Sequence[Path]) -> None:
-    """Prepare a folder aside of the earlier results."""
+    """Prepare new results beside the earlier ones."""
     copies = results.inputs_of(case.files)
     text, folder = case.to_toml(copies), results.own.path
     for name, file in itertools.product(results.own.files, inputs):
-        # A case file that lies among its own run's results may repeat it: what is written then is what is there.
+        # A case file among its own run's results may be run again: it is written unchanged.
         if is_same(folder / name, file) and not (name == "case.toml" and read_text(file) == text):
             raise RunError(
-                f"{file} is read, and would be replaced by the results of this run; take another folder (--output)",
+                f"{file} is an input of this run and would be replaced by its results; use another folder (--output)",
                 BAD_INPUT,
             )
     _check_unchanged(results)
@@ -381,8 +386,8 @@ def _check_unchanged(results: Results) -> None:
     file, known = results.own.path / "case.toml", results.own.about.get("case_file")
     if known is not None and file.exists() and file_digest(file) != known:
         raise RunError(
-            f"{file} was changed since its run wrote it; move it out of its results and run it from there, or take another "
-            "folder (--output)",
+            f"{file} has changed since its run wrote it; move it out of the results folder and run it from there, or "
+            f"use another folder (--output)",
             BAD_INPUT,
         )
 
@@ -392,6 +397,6 @@ def _digest(text: str) -> str:
 
 
 def mesh_is_known(results: Results, mesh: Path) -> bool:
-    """Whether a mesh file is the one that the run has written: it may have been changed or damaged since."""
+    """Return whether a mesh file is still the one that the run wrote."""
     known = results.own.about.get("mesh")
     return mesh.is_file() and known == file_digest(mesh)

@@ -1,4 +1,4 @@
-"""The gap between walls that face each other across air, of a deformed device; below zero where they overlap.
+"""The gap between facing walls of a deformed device; negative where they overlap.
 
 A place x on the surface with outward normal n faces a facet if air lies between the two at rest and the facet's normal m is
 opposed to n once deformed. Its gap is the signed distance to the closest point y of the deformed facet, which is a quadratic
@@ -6,8 +6,8 @@ patch, as the solution is:
 
     gap = (x - y) . m        d gap = m . (du(x) - du(y)),
 
-the latter because m is square to the facet at y and x - y is along m. So the gap is a function of the deformed surface alone,
-whatever the mesh. It is taken at a lattice of places on each facet; the least of them is the gap of the device. It is
+the latter because m is square to the facet at y and x - y is along m. So the gap depends only on the deformed surface,
+not on the mesh. It is taken at a lattice of places on each facet; the least of them is the gap of the device. It is
 differentiable by the displacement, and alike by the shape at rest (it depends on their sum), while the closest place stays the
 same. A wall that meets its mirror image in a cut plane has a gap of twice its distance from the plane.
 """
@@ -30,15 +30,15 @@ AIR = 1e-6
 PIECES = 4
 """Parts of a facet's edge between the places that the gap is taken at."""
 BESIDE = 1e-3
-"""How far beside a facet, in its own coordinates, a closest point may lie."""
+"""Tolerance in a facet's own coordinates within which a closest point counts as on it."""
 CURVED = 0.3
-"""How far beside the plane triangle of a facet's corners, and off it in edges, a closest point on the facet is looked for."""
+"""Search range of a closest point beside the plane triangle of a facet's corners, and off it in edge lengths."""
 REACH, LAST_REACH = 0.02, 0.3
-"""Distances, in sizes of the mesh, up to which gaps are looked for, and up to which overlaps are once there are some."""
+"""Search distances in mesh sizes, for gaps and, once walls overlap, for overlaps."""
 PROJECTIONS = 5
-"""Iterations for a closest point; each gains some digits where the distance is small against the radius of curvature."""
+"""Iterations for a closest point; each gains digits if the distance is small against the radius of curvature."""
 OVERLAP = 0.01
-"""Overlap, over the thickness of a wall, from which walls count as passing through each other."""
+"""Overlap, relative to the wall thickness, above which walls count as overlapping."""
 CHUNK = 200_000
 
 
@@ -63,13 +63,13 @@ class Gap:
 
     @property
     def overlaps(self) -> bool:
-        """Whether walls pass through each other by more than `OVERLAP` of their thickness."""
+        """Whether walls overlap by more than `OVERLAP` of their thickness."""
         return self.share > OVERLAP
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Gaps:
-    """Gaps of the places that are near another wall; each place has that to the closest facet that it faces.
+    """Gaps of the points near another wall, each to the closest facing facet.
 
     Attributes:
         values: In m, shape (p,).
@@ -97,7 +97,7 @@ class Gaps:
 
 
 class FacingWalls:
-    """The surface of a mesh but for its cut planes.
+    """The surface of a mesh without its cut planes.
 
     Args:
         points: Nodes in m, shape (n, 3); of a section, radius and height in the first and last column.
@@ -145,7 +145,7 @@ class FacingWalls:
         self.thickness = _through(points, cells, parts[:, :corners], beyond, owner[chosen], self._rest)
 
     def _middles(self, at: Array) -> tuple[Array, Array]:
-        """Middles and outward unit normals of the facets of a shape, (f, 3) each."""
+        """Return the middles and outward unit normals of the facets of a shape, (f, 3) each."""
         nodes = at[self.facets]
         place, tangents = _patch(nodes, np.tile(self._middle, (len(nodes), 1)))
         return place, self._normal(tangents, np.arange(len(nodes)))
@@ -160,7 +160,7 @@ class FacingWalls:
         return np.asarray(across / length[:, None] * self._turn[facets, None])
 
     def least(self, displacement: Array, reach: float | None = None) -> Gap | None:
-        """The least gap of a shape; None where no walls are near each other.
+        """Return the smallest gap of a shape; None if no walls are near each other.
 
         Args:
             displacement: Of the nodes in m, shape (n, 3).
@@ -180,7 +180,7 @@ class FacingWalls:
         return Gap(float(gaps.values[at]), gaps.places[at], nodes, rates, gaps.share)
 
     def gaps(self, displacement: Array, reach: float | None = None) -> Gaps:
-        """Gaps of the places near other walls; where some overlap, all that overlap.
+        """Return the gaps of the places near other walls; where some overlap, all that overlap.
 
         Args:
             displacement: Of the nodes in m, shape (n, 3).
@@ -191,25 +191,23 @@ class FacingWalls:
         while True:
             seen = self._within(at, reach)
             least = float(np.min(seen.values, initial=np.inf))
-            # What overlaps deeply is as far from the wall that it has gone through.
+            # A deep overlap is as far from the wall it has passed through.
             if least >= 0.0 or least >= before or reach >= LAST_REACH * self.size:
                 return seen
             before, reach = least, 2.0 * reach
 
     def shapes(self, points: npt.NDArray[np.int64]) -> Array:
-        """Shape functions of a facet's nodes at some of the places that gaps are taken at, shape (p, 3 or 6)."""
+        """Return the shape functions of a facet's nodes at some of the places that gaps are taken at, shape (p, 3 or 6)."""
         return _weights(self._lattice, self.flat)[points]
 
     def _within(self, at: Array, reach: float) -> Gaps:
-        """Gaps up to a distance."""
+        """Return the gaps up to a distance."""
         found = [
             *(self._of_plane(at, number, reach) for number in range(len(self.planes))),
             *self._of_facets(at, reach),
         ]
         values, facets, points, others, weights, normals = (np.concatenate(side) for side in zip(*found, strict=True))
-        far = np.where(
-            (others < 0) & (values < 0.0), 0.0, np.abs(values)
-        )  # nothing is in front of a plane's other side
+        far = np.where((others < 0) & (values < 0.0), 0.0, np.abs(values))  # a cut plane has only one side
         order = np.lexsort((far, points, facets))
         place = facets[order] * len(self._lattice) + points[order]
         order = order[np.flatnonzero(np.diff(place, prepend=-1))]  # of each place the closest one
@@ -222,7 +220,7 @@ class FacingWalls:
         return Gaps(values[order], places, thickness, facets, points, others, weights[order], normals[order])
 
     def _of_plane(self, at: Array, number: int, reach: float) -> tuple[Array, ...]:
-        """Places that face a cut plane."""
+        """Return the places that face a cut plane."""
         plane, k = self.planes[number], self.facets.shape[1]
         nodes = np.flatnonzero(~self._at_plane[number])
         corners = at[self.facets[nodes]]
@@ -230,14 +228,14 @@ class FacingWalls:
         facet, point = (grid.ravel() for grid in np.meshgrid(nodes, np.arange(len(self._lattice)), indexing="ij"))
         place, tangents = _patch(at[self.facets[facet]], self._lattice[point])
         beyond = place @ plane
-        # In front of the plane a place has to face it; behind it there is no other way to be.
+        # In front of the plane a point has to face it; behind it every point counts.
         faces = ((self._normal(tangents, facet) @ plane > -OPPOSED) & (beyond > -reach / 2)) | (beyond > 0.0)
         facet, point, beyond = facet[faces], point[faces], beyond[faces]
         normals = np.tile(-plane, (len(facet), 1))
         return -2.0 * beyond, facet, point, np.full(len(facet), -1 - number), np.zeros((len(facet), k)), normals
 
     def _of_facets(self, at: Array, reach: float) -> list[tuple[Array, ...]]:
-        """Places that face a facet."""
+        """Return the places that face a facet."""
         middle, normal = self._middles(at)
         corners = at[self.facets]
         radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
@@ -269,7 +267,7 @@ class FacingWalls:
     def _projected(
         self, nodes: Array, places: Array, i: npt.NDArray[np.int64], j: npt.NDArray[np.int64], reach: float
     ) -> tuple[Array, ...]:
-        """The places of facets ``i`` on facets ``j``, those that have a closest point there.
+        """Return the places of facets ``i`` on facets ``j``, those that have a closest point there.
 
         Args:
             nodes: Places of each facet's nodes, shape (f, k, 3).
@@ -303,7 +301,7 @@ class FacingWalls:
 
 
 def _lattice(flat: bool) -> tuple[Array, Array]:
-    """Places on a facet in its own coordinates, shape (s, d), and its middle."""
+    """Return the places on a facet in its own coordinates, shape (s, d), and its middle."""
     if flat:
         return np.linspace(0.0, 1.0, 2 * PIECES + 1)[:, None], np.array([0.5])
     places = [(a / PIECES, b / PIECES) for a in range(PIECES + 1) for b in range(PIECES + 1 - a)]
@@ -311,7 +309,7 @@ def _lattice(flat: bool) -> tuple[Array, Array]:
 
 
 def _weights(at: Array, flat: bool) -> Array:
-    """Shape functions of a facet's nodes at places in its own coordinates, shape (p, 3 or 6)."""
+    """Return the shape functions of a facet's nodes at places in its own coordinates, shape (p, 3 or 6)."""
     if flat:
         s = at[:, 0]
         return np.column_stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
@@ -321,7 +319,8 @@ def _weights(at: Array, flat: bool) -> Array:
 
 
 def _patch(nodes: Array, at: Array) -> tuple[Array, Array]:
-    """Places and tangents of facets with nodes (p, k, 3) at one place of each (p, d): shapes (p, 3) and (p, d, 3)."""
+    """Return places and tangents of facets with nodes (p, k, 3) at one place of each (p, d): shapes (p, 3) and (p, d,
+    3)."""
     flat = nodes.shape[1] == 3
     place = np.einsum("pk,pki->pi", _weights(at, flat), nodes)
     if flat:
@@ -337,7 +336,7 @@ def _patch(nodes: Array, at: Array) -> tuple[Array, Array]:
 
 
 def _neighbours(number: npt.NDArray[np.intp], parts: int, surface: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-    """The cell behind each face of each cell, shape (c, parts); -1 where there is none."""
+    """Return the cell behind each face of each cell, shape (c, parts); -1 where there is none."""
     order = np.argsort(number, kind="stable")
     twice = np.flatnonzero(number[order][1:] == number[order][:-1])
     beyond = np.full(len(number), -1)
@@ -347,7 +346,8 @@ def _neighbours(number: npt.NDArray[np.intp], parts: int, surface: npt.NDArray[n
 
 
 def _joined(facets: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Number of the closed surface that each facet is on, shape (f,): what is around the device, or in a cavity of it.
+    """Return the number of the closed surface of each facet, shape (f,): what is around the device, or in a cavity of
+    it.
 
     A place that has gone through a wall into a cavity still faces that wall's outside, and not the cavity's other side, which
     may be nearer.
@@ -369,7 +369,8 @@ def _through(
     owner: npt.NDArray[np.int64],
     facets: tuple[Array, Array],
 ) -> Array:
-    """Length in m of the way from the middle of each facet straight into the solid to where it leaves it, shape (f,)."""
+    """Return the length in m of the way from the middle of each facet straight into the solid to where it leaves it, shape
+    (f,)."""
     start, normal = facets
     faces = points[cells[:, parts]]  # (c, parts, corners, 3)
     along = faces[:, :, 1] - faces[:, :, 0]
@@ -397,7 +398,7 @@ def _through(
 
 
 def _near(places: Array, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Pairs of places, shape (n, 3), that are not farther apart than ``reach``, each pair once.
+    """Return the pairs of places, shape (n, 3), that are not farther apart than ``reach``, each pair once.
 
     Places are sorted into boxes as wide as the reach, and looked for in a box and in half of those around it. SciPy's tree does
     the same, but takes longer to load than a wedge's path needs for a state.

@@ -1,4 +1,4 @@
-"""A case, solved: its device meshed and made ready, and its path followed state by state."""
+"""Solve a case: mesh its device, compile its equations, follow its path state by state."""
 
 from __future__ import annotations
 
@@ -48,17 +48,17 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What passes between a simulation and who uses it: its states, how it is told of, and where it goes on from.
+# Interface between a simulation and its callers: states, listeners and restart data.
 
 
 class Listener(Protocol):
-    """Who is told how a run goes on: nobody, a program's log, a notebook."""
+    """Receives the progress of a run: nothing, a program's log, a notebook."""
 
     def say(self, text: str) -> None:
-        """One sentence about what is going on."""
+        """Report a sentence on the current step."""
 
     def step(self, row: Row, value: float) -> None:
-        """A state was solved: its row of ``path.csv``, and how far it is towards the last requested value."""
+        """Report a solved state: its row of ``path.csv``, and the progress towards the last requested value."""
 
 
 class Silent:
@@ -72,7 +72,7 @@ class Silent:
 
 
 class PathEnded(RunError):
-    """A requested value is not on the path, or the path was lost; the states up to there are good."""
+    """A requested value is not on the path, or the continuation failed; the states so far are valid."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class Step:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Begun:
-    """What is known of a run that is gone on with.
+    """Stored data from which a run is resumed.
 
     Attributes:
         rows: Rows of ``path.csv`` of the states that there are; none for a run from the beginning.
@@ -114,11 +114,11 @@ FROM_REST = Begun()
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where a case's path begins: the state in which the device hangs under the loads that act before anything is requested.
+# The preload of a case: the state under all loads that act before the first requested value.
 
 
 class Beginning:
-    """Where the path of a case begins.
+    """The preloaded state from which the path of a case starts.
 
     Args:
         case: The case.
@@ -131,7 +131,7 @@ class Beginning:
         self._hung: StageEnd | None = None
 
     def hung(self) -> StageEnd | None:
-        """The state under what acts before anything is requested, found once; None where the device has no dead loads.
+        """Return the preloaded state, computed once; None if the device has no dead loads.
 
         Raises:
             RunError: There is no such state on the way.
@@ -141,7 +141,8 @@ class Beginning:
         return self._hung
 
     def state(self) -> State | None:
-        """The state that a path to the requested values begins with, the drivers coupled for it; None for the undeformed one.
+        """Return the state from which the path to the requested values starts, with its drivers coupled; None for the
+        undeformed one.
 
         Raises:
             RunError: There is no such state on the way.
@@ -157,7 +158,7 @@ class Beginning:
         return load_from(self.solver, hung, place)
 
     def check_volumes(self, start: State | None) -> None:
-        """Refuse requested volumes that the cavity has passed already where the device hangs.
+        """Reject requested volumes below the one that the cavity has under the preload.
 
         Args:
             start: Where the path begins, the drivers coupled for it; None for the undeformed state.
@@ -172,13 +173,13 @@ class Beginning:
         system.load(start)
         if passed := [value for value in self.case.volumes_ml if 0.0 < value < taken]:
             raise RunError(
-                f"{passed[0]:g} ml are not on this path: where the device hangs under its loads its cavity has taken "
-                f"{taken:.4g} ml already, counted from the undeformed device; request more, or 0 for where it hangs",
+                f"{passed[0]:g} ml are not on this path: the preload has already added "
+                f"{taken:.4g} ml to the undeformed cavity; request more than that, or 0 for the preloaded state",
                 NO_EQUILIBRIUM,
             )
 
     def unit_of(self, quantity: str) -> float:
-        """SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight."""
+        """Return SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight."""
         system, driven = self.solver.system, self.case.driven
         if quantity == Pressure.name:
             return system.stress_unit
@@ -209,8 +210,8 @@ class Beginning:
         return found
 
     def _kept(self) -> Array:
-        """Magnitudes of all drivers that act before anything is requested, dimensionless, shape (k,): of the dead loads those
-        that neither the request nor a program changes."""
+        """Return the magnitudes of all drivers that act before anything is requested, dimensionless, shape (k,): of the
+        dead loads those that neither the request nor a program changes."""
         case, dead = self.case, self.solver.system.dead
         changed = {series.target for series in case.program}
         changed |= {case.driven.of(case.components).key} if case.driven else set()
@@ -219,27 +220,27 @@ class Beginning:
 
 
 def _explained(end: HangingEnd) -> str:
-    """Why a device does not hang: a sentence."""
+    """Return why the preload has no equilibrium, as a sentence."""
     if end.limit is not None:
         return (
-            f"the device does not bear {end.what}, which act before anything is requested: they have a limit point at "
-            f"{end.share:.3g} of themselves or a little below; take less of them, a stiffer silicone or thicker walls"
+            f"the device has no equilibrium under {end.what} (the preload): limit point at {end.share:.3g} "
+            f"of the full load or slightly below; reduce the load, or use a stiffer silicone or thicker walls"
         )
     if end.cause:
         return (
-            f"the device does not bear {end.what}, which act before anything is requested: at {end.share:.3g} of them "
+            f"the device has no equilibrium under {end.what} (the preload): at {end.share:.3g} of the full load "
             f"{end.cause.clause}. {end.cause.advice}"
         )
     return (
-        f"{end.what[0].upper()}{end.what[1:]} could be applied to {end.share:.3g} of themselves alone ({end}); take less of "
-        "them, or refine the mesh (--cell-size)"
+        f"{end.what[0].upper()}{end.what[1:]} could be applied only up to {end.share:.3g} of the full load ({end}); "
+        f"reduce the load, or refine the mesh (--cell-size)"
     )
 
 
 COARSE = 0.01
-"""Error of the cavity's volume by its mesh from which it is warned of."""
+"""Relative error of the meshed cavity's volume above which the user is warned."""
 FEWEST_STEPS = 12
-"""At least this many steps to the last requested value, for curves worth drawing."""
+"""Minimum number of steps to the last requested value, for smooth curves."""
 
 
 class Simulation:
@@ -251,7 +252,7 @@ class Simulation:
     Args:
         case: What to run.
         comm: The communicator.
-        listener: Is told how it goes on.
+        listener: Receives progress reports.
         stopped: Asked between states, and while a mesh is made; once it is true on a rank, the run ends.
 
     Attributes:
@@ -286,10 +287,10 @@ class Simulation:
         try:
             on_root(self.comm, lambda: device.write(file, self.stopped))
         except MeshingStopped:
-            raise RunError("stopped by the user while the mesh was made; nothing is solved yet", STOPPED) from None
+            raise RunError("stopped by the user during meshing; nothing was solved", STOPPED) from None
 
     def prepare(self, file: Path) -> None:
-        """Read the mesh and make the equations, which are compiled the first time.
+        """Read the mesh and set up the equations, compiling them on the first run.
 
         Raises:
             RunError: The mesh is of another device, or nothing can be compiled.
@@ -301,7 +302,7 @@ class Simulation:
         from softmodels.runs.fields import Fields
 
         case, say = self.case, self.listener.say
-        say("preparing the equations (compiled the first time, some ten seconds; then from the cache)")
+        say("compiling kernels (first run only, about 10 s; then cached)")
         on_root(self.comm, lambda: wait_for_cache(cache(), say, self.stopped))
         self._stop_if_asked()
         try:
@@ -322,7 +323,7 @@ class Simulation:
         return Band(self.fields, case.band, case.cm, case.quantity) if isinstance(case.band, MaterialErrors) else None
 
     def describe(self) -> None:
-        """Report what is solved: followed points, sizes, and how far the law can be trusted."""
+        """Report the size of the model, the tracked points, and the stable range of the law."""
         say, ranks = self.listener.say, self.comm.size
         for text in self.fields.followed:
             say(text)
@@ -335,11 +336,11 @@ class Simulation:
         if abs(error := self.solver.system.volume_error) > COARSE:
             kind, amount = "less" if error < 0.0 else "more", f"{abs(error):.1%}"
             say(
-                f"warning: the cavity of the mesh has {amount} {kind} volume than the device's: its curves need smaller cells, "
-                "or a face around the air is not among its walls"
+                f"warning: the cavity of the mesh has {amount} {kind} volume than the device's: use smaller cells, or "
+                "check that all faces around the air are among its walls"
             )
         if weak := weakness(self.case.material):
-            say(f"warning: {weak}; states stretched further are not the silicone's")
+            say(f"warning: {weak}; results at larger stretches are invalid")
 
     def steps(self, begun: Begun = FROM_REST) -> Iterator[Step]:
         """Solve state by state, through all requested values.
@@ -354,7 +355,7 @@ class Simulation:
         yield from self._reported(self._program(begun) if self.case.program else self._load_path(begun))
 
     def _reported(self, steps: Iterator[Step]) -> Iterator[Step]:
-        """The same steps; the listener is told of each once it was taken, and between them the run may be stopped."""
+        """Yield the same steps; notify the listener of each, and stop between steps if asked to."""
         for step in steps:
             yield step
             if is_root(self.comm):
@@ -373,13 +374,15 @@ class Simulation:
         self._path = path = self._continuation(goals[-1])
         path.start, path.recall = self.beginning.state(), begun.recall
         self.beginning.check_volumes(path.start)
-        if begun.rows and not case.cycle:
+        if begun.rows and not case.load_unload:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
         try:
-            for number, point in enumerate(cycle(path, goals) if case.cycle else trace(path, goals, begun.points)):
-                if case.cycle and number < count:
-                    continue  # a cycle is read off one curve, which is followed anew; what was stored of it stays
-                step = self.step_of(point, number if case.cycle else count + number)
+            for number, point in enumerate(
+                cycle(path, goals) if case.load_unload else trace(path, goals, begun.points)
+            ):
+                if case.load_unload and number < count:
+                    continue  # the curve is computed anew; stored states stay
+                step = self.step_of(point, number if case.load_unload else count + number)
                 last = step.row
                 self._bifurcations += [point] if point.bifurcation else []
                 yield step
@@ -390,12 +393,12 @@ class Simulation:
             raise RunError(explain_failure(case, failure, last, _own_words())) from failure
 
     def _goals(self) -> list[float]:
-        """The requested values, dimensionless."""
+        """Return the requested values, dimensionless."""
         scale = self.beginning.unit_of(self.case.quantity)
         return [goal / scale for goal in self.case.goals]
 
     def quantity(self, name: str) -> PathQuantity:
-        """What a path is asked for, by its name; the stroke is that of the case's supply."""
+        """Return a requested quantity by its name; the stroke is that of the case's supply."""
         from softmodels.path.points import DIRECT
 
         eq, supply = self.solver.system, self.case.supply
@@ -412,7 +415,7 @@ class Simulation:
         return path
 
     def _program(self, begun: Begun) -> Iterator[Step]:
-        """Take the device through its program."""
+        """Follow the device's program."""
         from softmodels.mechanics.newton import NoConvergence
         from softmodels.path.points import PathEnd
         from softmodels.path.schedule import follow
@@ -434,12 +437,12 @@ class Simulation:
 
     @property
     def bifurcates(self) -> bool:
-        """Whether `steps` has met a bifurcation, from which `branch` can go on."""
+        """Whether `steps` has passed a bifurcation, from which `branch` can start."""
         return bool(self._bifurcations)
 
     def branch(self) -> Iterator[Step]:
-        """Follow the branch that leaves the path at its first bifurcation, after `steps`; it ends where it can be followed
-        no further, which is reported to the listener."""
+        """Follow the branch at the first bifurcation, after `steps`, as far as it
+        converges; report its end to the listener."""
         yield from self._reported(self._branch())
 
     def _branch(self) -> Iterator[Step]:
@@ -455,22 +458,22 @@ class Simulation:
             for number, point in enumerate(follow(self._path, start, farthest=max(self._goals()))):
                 yield self.step_of(point, number)
         except (PathEnd, NoConvergence) as end:
-            self.listener.say(f"the branch was followed no further: {end}")
+            self.listener.say(f"the branch ends here: {end}")
 
     def release(self) -> None:
-        """Give back what PETSc and MPI hold for the device; see `Solver.release`."""
+        """Release the PETSc and MPI objects of the device; see `Solver.release`."""
         if hasattr(self, "solver"):
             self.solver.release()
 
     def _stop_if_asked(self) -> None:
         if any_rank(self.comm, self.stopped()):
-            raise RunError("stopped by the user; go on with --resume", STOPPED)
+            raise RunError("stopped by the user; continue with --resume", STOPPED)
 
     def step_of(self, point: Point, number: int, come: float = 0.0) -> Step:
-        """A point of the path in SI units; ``come`` is how many steps a program has come."""
+        """Return a point of the path in SI units; ``come`` is the number of program steps taken."""
         case, fields = self.case, self.fields
         figures = fields.figures(point.state)
-        nodal = fields.nodal(point.state)  # on rank 0 alone
+        nodal = fields.nodal(point.state)  # on rank 0 only
         if point.mode is not None:
             mode = fields.shape(point.mode)
             more = None if mode is None else {"mode": mode / np.abs(mode).max()}
@@ -483,7 +486,7 @@ class Simulation:
 
 
 def _own_words() -> bool:
-    """Whether PETSc was given options beside those of this program."""
+    """Return whether the user gave PETSc options."""
     from petsc4py import PETSc
 
     return bool(PETSc.Options().getAll())

@@ -1,4 +1,4 @@
-"""One state's values at integration points, at vertices and over the nodes: what output fields are computed from."""
+"""A state's values at integration points, vertices and nodes, from which output fields are computed."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 # ----------------------------------------------------------------------------------------------------------------------
 # Stresses and stretches of deformation gradients.
 #
-# Stresses of an isotropic law need only the principal stretches and the law's own energy in numpy, differentiated by a
-# complex step (exact to rounding); nothing is written twice.
+# Stresses of an isotropic law need only the principal stretches and the law's own energy in numpy, differentiated
+# by a complex step (exact to rounding).
 
 
 def principal_stretches(F: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Principal stretches of deformation gradients, shape (..., 3, 3) to (..., 3), rising."""
+    """Return the principal stretches of deformation gradients, shape (..., 3, 3) to (..., 3), rising."""
     return np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(F, -1, -2) @ F), 0.0))
 
 
 def shape_stresses(material: Material, stretches: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Principal Cauchy stresses in Pa of the law's shape part, lambda_i dW/dlambda_i / J; shapes (..., 3)."""
+    """Return the principal Cauchy stresses in Pa of the law's shape part, lambda_i dW/dlambda_i / J; shapes (..., 3)."""
     h = 1e-30
     J = stretches.prod(axis=-1)
     result = np.empty_like(stretches)
@@ -49,15 +49,15 @@ def shape_stresses(material: Material, stretches: npt.NDArray[np.float64]) -> np
 
 
 def von_mises(stresses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Von Mises stress of principal stresses, shape (..., 3); a hydrostatic part changes nothing."""
+    """Return the von Mises stress of principal stresses, shape (..., 3); a hydrostatic part changes nothing."""
     a, b, c = np.moveaxis(stresses, -1, 0)
     return np.sqrt(((a - b) ** 2 + (b - c) ** 2 + (c - a) ** 2) / 2)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How much the silicone's own volume changes: J at the vertices, each the mean over the cells around it.
+# Volume ratio J of the silicone at the vertices, each a weighted mean over the adjacent cells.
 #
-# A single cell's J is no figure of the material. In the mixed form of second-order displacements and a continuous linear p
+# The J of a single cell is not meaningful. In the mixed form of second-order displacements and a continuous linear p
 # (Taylor & Hood 1973, doi 10.1016/0045-7930(73)90027-3) the volume is not kept cell by cell: what the equations say is
 #
 #     int q (J - 1 - p/bulk) dX = 0   for every linear shape function q,
@@ -91,7 +91,8 @@ class VolumeRatio:
         self._whole = self._weighted(np.ones(volumes.shape))
 
     def _weighted(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Sums of weighted values, shape (cells, points), over a region's cells around each corner, shape (cells, corners)."""
+        """Return the sums of weighted values, shape (cells, points), over a region's cells around each corner, shape (cells,
+        corners)."""
         from dolfinx import la
 
         found = np.empty(self._vertices.shape)
@@ -105,17 +106,18 @@ class VolumeRatio:
         return found
 
     def at_corners(self, J: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Means at the corners of each local cell, shape (cells, corners), of J at its points, shape (cells, points)."""
+        """Return the means at the corners of each local cell, shape (cells, corners), of J at its points, shape (cells,
+        points)."""
         return self._weighted(J) / self._whole
 
 
 def barycentric(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Linear shape functions of a simplex at points of the reference cell, shape (n, d) to (n, d + 1)."""
+    """Return the linear shape functions of a simplex at points of the reference cell, shape (n, d) to (n, d + 1)."""
     return np.column_stack([1 - points.sum(axis=1), points])
 
 
 class Sampling:
-    """Where values are taken on a mesh, and how they come to the nodes; the same for every state.
+    """Sampling points of a mesh and the mapping to its nodes, the same for every state.
 
     Args:
         solver: The device.
@@ -149,16 +151,16 @@ class Sampling:
         return face_load(self.system, actuator.pushed, actuator.lift)
 
     def gradients(self) -> Array:
-        """Deformation gradients of the state that is loaded, shape (cells, points, 3, 3)."""
+        """Return the deformation gradients of the state that is loaded, shape (cells, points, 3, 3)."""
         eq = self.system
         return self._gradients.eval(eq.body.mesh, eq.cells).reshape(len(eq.cells), -1, 3, 3)
 
     def average(self, values: Array) -> Array:
-        """Means over the cells of each owned node, of values at the cells' nodes, shape (cells, nodes)."""
+        """Return the means over the cells of each owned node, of values at the cells' nodes, shape (cells, nodes)."""
         return self._added(values) / self._share
 
     def _added(self, values: Array) -> Array:
-        """Sum of cell-node values over the cells of each node, owned nodes."""
+        """Return the sum of cell-node values over the cells of each node, owned nodes."""
         from dolfinx import la
 
         self._sum.array[:] = 0.0
@@ -167,12 +169,12 @@ class Sampling:
         return self._sum.array[: self.grid.owned].copy()
 
     def displacement(self, w: Array) -> Array:
-        """Displacement of dofs in m in device coordinates at owned nodes, shape (owned, 3)."""
+        """Return the displacement of dofs in m in device coordinates at owned nodes, shape (owned, 3)."""
         eq = self.system
         return in_space(w[self.skew[: self.grid.owned]] @ eq.body.skew_inverse.T * eq.length_unit)
 
     def pressure(self, w: Array) -> Array | None:
-        """The dimensionless unknown p at owned nodes, linear between its vertices; None without one."""
+        """Return the dimensionless unknown p at owned nodes, linear between its vertices; None without one."""
         if self.pressures is None:
             return None
         corners = np.array(self.system.space.sub(1).dofmap.list)[: len(self.system.cells)]
@@ -180,11 +182,11 @@ class Sampling:
 
 
 class StateValues:
-    """A state's values, on all ranks. It is made while the state is loaded into the equations.
+    """A state's values, on all ranks; made while the state is loaded into the equations.
 
     Stresses and stretches at a node are the mean of what the adjoining cells have there by a linear fit through their
     integration points: between those points, and at nodes above all, the strains of a coarse cell are no good, and where
-    it nearly folds they are beyond all bounds. The volume ratio is linear between the vertices, where `VolumeRatio` tells it.
+    it nearly folds they are beyond all bounds. The volume ratio is linear between the vertices, as evaluated by `VolumeRatio`.
 
     Attributes:
         F: Deformation gradients at the integration points, shape (cells, points, 3, 3).
@@ -234,7 +236,7 @@ class StateValues:
         return p * eq.stress_unit
 
     def at_nodes(self, values: Array, positive: bool = False) -> Array:
-        """Values at integration points, shape (cells, points), brought to owned nodes, shape (owned,).
+        """Return the values at integration points, shape (cells, points), mapped to owned nodes, shape (owned,).
 
         Args:
             values: At the integration points.
@@ -244,23 +246,22 @@ class StateValues:
         return self.sampling.average(np.maximum(fitted, 0.0) if positive else fitted)
 
     def from_corners(self, values: Array) -> Array:
-        """Values at the corners of the cells, shape (cells, corners), brought to owned nodes, shape (owned,)."""
+        """Return the values at the corners of the cells, shape (cells, corners), mapped to owned nodes, shape (owned,)."""
         return self.sampling.average(values @ self.sampling.between.T)
 
 
 def _linear_fit(points: npt.NDArray[np.float64], places: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Matrix that takes values at points of the reference cell to the least-squares linear function's at places."""
+    """Return the matrix that takes values at points of the reference cell to the least-squares linear function's at places."""
     at_points, at_places = (np.column_stack([np.ones(len(x)), x]) for x in (points, places))
     return at_places @ np.linalg.pinv(at_points)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The peak of a field over a body: its mean over the 0.5 % of the volume where it is largest.
+# Mesh-independent peak of a field: its mean over the 0.5 % of the volume where it is largest.
 #
 # The largest value at a point does not converge where a mesh has a sharp corner or a clamped edge: it grows with every
-# refinement, and on two meshes of one size it differs by chance. The mean over a share of the volume does converge, because the
-# singularity can be integrated. It is the conditional value at risk of Rockafellar and Uryasev 2000 (doi
-# 10.21314/JOR.2000.038),
+# refinement, and differs at random between meshes of the same size. The mean over a volume fraction converges, because the
+# singularity is integrable. It is the conditional value at risk of Rockafellar and Uryasev 2000 (doi 10.21314/JOR.2000.038),
 #
 #     min over q of  q + 1/(share V) int max(v - q, 0) dV,
 #
@@ -269,22 +270,22 @@ def _linear_fit(points: npt.NDArray[np.float64], places: npt.NDArray[np.float64]
 
 
 SHARE = 0.005
-"""Share of the volume that the mean is taken over."""
+"""Volume fraction of the mean."""
 ROUNDED = 2e-3
 """Half width of the rounding of max(x, 0), x = v/q - 1."""
 BISECTIONS = 45
-"""Halvings of the interval for q, down to 6e-14 of the field's largest value."""
+"""Bisections of the interval for q, down to 6e-14 of the field's largest value."""
 WORDS = f"mean over the {100 * SHARE:g} % of the volume where it is largest"
 
 
 def excess(x: Array) -> tuple[Array, Array]:
-    """max(x, 0), rounded, and its slope."""
+    """Return max(x, 0), rounded, and its slope."""
     inner = np.clip((x + ROUNDED) / (2 * ROUNDED), 0.0, 1.0)
     return np.where(x > ROUNDED, x, ROUNDED * inner**2), inner
 
 
 def volume_peak(comm: MPI.Comm, values: Array, volumes: Array) -> tuple[float, float]:
-    """The peak of a field, and the value q from which on it counts.
+    """Return the peak of a field, and its threshold q.
 
     Args:
         comm: MPI communicator; called on all ranks.
@@ -307,7 +308,7 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array) -> tuple[float, f
     low, high = 1e-3 * top, 2.0 * top
     for _ in range(
         BISECTIONS
-    ):  # the slope rises with q; SciPy's root finders would take longer to import than this takes
+    ):  # the slope rises with q; importing SciPy's root finders would take longer than this loop
         q = 0.5 * (low + high)
         low, high = (low, q) if slope(q) > 0.0 else (q, high)
     above, _ = excess(values / q - 1.0)

@@ -1,8 +1,8 @@
-"""A folder of results that is readable at every moment, whatever stops the run.
+"""A results folder that is readable at any moment, even if the run is interrupted.
 
-New results are prepared aside, and replace those of an earlier run when their first step is there. Each step goes into a file
-of its own, written aside and renamed, and the light files (XDMF, CSV) are replaced whole after each step. A run that ends well
-gathers the steps into one HDF5 file. Only rank 0 has one of these; nothing here knows of MPI.
+New results are prepared in a subfolder, and replace those of an earlier run once their first step is stored. Each step is
+written to its own file under a temporary name and renamed; the light files (XDMF, CSV) are rewritten after each step. A
+finished run merges the steps into one HDF5 file. Used on rank 0 only, without MPI.
 """
 
 from __future__ import annotations
@@ -64,11 +64,11 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a restart needs of a state, beside its fields.
+# Restart data of a state, besides its fields.
 
 
 class StoredSignature(TypedDict):
-    """A `Signature` as it is stored."""
+    """Stored form of a `Signature`."""
 
     negative_eigenvalues: int
     lowest: float
@@ -76,7 +76,7 @@ class StoredSignature(TypedDict):
 
 
 class Restart(TypedDict):
-    """What a `Point` needs to be made again, beside its fields; see there.
+    """Data to rebuild a `Point`, besides its fields; see there.
 
     Attributes:
         P, V: The state's pressure and volume, dimensionless.
@@ -103,7 +103,7 @@ class Restart(TypedDict):
 
 
 def restart_of(point: Point) -> Restart:
-    """What a point's step stores for a restart."""
+    """Return the restart data of a point's step."""
     signature = point.signature
     return {
         "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
@@ -118,25 +118,25 @@ def restart_of(point: Point) -> Restart:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Reading the HDF5 files of a folder of results, which may come from somebody else.
+# Read the HDF5 files of a results folder, which may be from an untrusted source.
 #
 # HDF5 takes values from other files where a dataset is stored outside (external storage), is put together from others (virtual)
-# or is behind a link. None of what is read here is written so, and what is so is refused: it would show other files' bytes.
+# or is behind a link. Results never use these, so they are rejected: they would expose the bytes of other files.
 
 
 LARGEST = 1 << 50
-"""Bytes of a file of results: as many as there are."""
+"""Size limit of a results file: none."""
 NUMBERS = "fiu"
 """Kinds of numpy's types that fields have."""
 
 
 class ForeignDataError(ValueError):
-    """A file of results that refers to other files; the message goes on from its name."""
+    """A results file refers to other files; the message continues the file's name."""
 
 
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
-    """A file of results, open for reading.
+    """Open a results file for reading.
 
     Raises:
         OSError: It is not a regular file, or not HDF5.
@@ -149,7 +149,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
 
 
 def inside(group: h5py.Group, path: str) -> Any:
-    """What lies at a path in a group: a group, or a dataset of numbers that are stored in this file.
+    """Return the object at a path in a group: a group, or a dataset of numbers stored in this file.
 
     Raises:
         KeyError: There is nothing.
@@ -163,45 +163,47 @@ def inside(group: h5py.Group, path: str) -> Any:
             raise KeyError(f"no {path}")
         if not isinstance(link := place.get(name, getlink=True), h5py.HardLink):
             raise (
-                KeyError(f"no {path}") if link is None else ForeignDataError(f"{path} is a link, which is not followed")
+                KeyError(f"no {path}")
+                if link is None
+                else ForeignDataError(f"{path} is a link; links are not followed")
             )
         place = place[name]
     if isinstance(place, h5py.Dataset):
         if place.external is not None or place.is_virtual:
-            raise ForeignDataError(f"{path} takes its values from other files, which are not read")
+            raise ForeignDataError(f"{path} takes its values from other files; these are not read")
         if place.dtype.kind not in NUMBERS or place.size * place.dtype.itemsize > place.id.get_storage_size():
             raise ForeignDataError(
-                f"{path} is packed, or holds fewer numbers than it announces; results are stored as they are"
+                f"{path} is compressed, or holds fewer numbers than declared; results are stored uncompressed"
             )
     return place
 
 
 def read_values(group: h5py.Group, path: str) -> npt.NDArray[np.generic]:
-    """The numbers of a dataset; see `inside`."""
+    """Return the numbers of a dataset; see `inside`."""
     return inside(group, path)[()]  # type: ignore[no-any-return]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where one step of a run is on disk.
+# Location of a run's step on disk.
 
 
 RESTART = "restart"
-"""What of a step is for a restart alone: its attribute, and the beginning of its fields' names."""
+"""Restart data of a step: its attribute, and the prefix of its fields' names."""
 KEPT = 8
-"""Steps at the end of a gathered run that keep what a restart needs: it is gone on with from there."""
+"""Number of last steps of a finished run that keep their restart data."""
 ROW = "row"
 
 
 @dataclasses.dataclass(frozen=True)
 class StoredStep:
-    """Where one step's fields are, and what else is known of it.
+    """Location of a step's fields, and its other data.
 
     Attributes:
         file: HDF5 file, relative to the folder of results.
         group: Its group in there.
         row: Its row of ``path.csv``.
         restart: What a `Point` needs to be made again, beside its fields.
-        shapes: Shapes of its nodal fields by name, (n,) or (n, 3), but for those that are for a restart alone.
+        shapes: Shapes of its nodal fields by name, (n,) or (n, 3), except those for a restart only.
     """
 
     file: str
@@ -219,12 +221,12 @@ class Shaped(Protocol):
 
 
 def shapes_of(fields: Mapping[str, Shaped]) -> dict[str, tuple[int, ...]]:
-    """Shapes of nodal fields or of datasets, sorted by name, without those for a restart alone."""
+    """Return the shapes of nodal fields or of datasets, sorted by name, without those for a restart only."""
     return {name: fields[name].shape for name in sorted(fields) if not name.startswith(RESTART)}
 
 
 def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
-    """A step as a group of an HDF5 file has it; the file is named relative to the folder of results.
+    """Return a step from its group of an HDF5 file; the file is named relative to the folder of results.
 
     Raises:
         ForeignDataError: One of its fields is not in this file.
@@ -236,7 +238,7 @@ def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# VTKHDF of a run: the group that ParaView and VTK read, made of references to what is stored already.
+# VTKHDF of a run: the group read by ParaView and VTK, made of references to the stored data.
 #
 # https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format/ : an unstructured grid with steps. The grid is there once;
 # a nodal field is one array over all steps, which here is a virtual dataset: HDF5 reads it piece by piece from where each step
@@ -292,7 +294,7 @@ def write_vtkhdf(file: h5py.File, heavy: str, shapes: Shapes, stored: Sequence[S
 def _over_steps(
     group: h5py.Group, name: str, shape: tuple[int, ...], stored: Sequence[StoredStep], heavy: str
 ) -> np.ndarray:
-    """Add a field over all steps; steps without it have zeros, which nothing stores. Where each step's values begin."""
+    """Add a field over all steps, with unstored zeros for steps without it; return where each step's values begin."""
     having = [step for step in stored if name in step.shapes]
     points = shape[0]
     blocks = len(having) + (len(having) < len(stored))
@@ -318,7 +320,7 @@ def _put(group: h5py.Group, name: str, values: npt.NDArray[np.int64 | np.float64
 
 
 def _unstamped() -> h5py.h5p.PropDCID:
-    """Properties of a dataset without the time it was made at: the same run writes the same bytes."""
+    """Return the properties of a dataset without the time it was made at: the same run writes the same bytes."""
     properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     properties.set_obj_track_times(False)
     return properties
@@ -338,18 +340,18 @@ def link_vtkhdf(file: h5py.File, heavy: str) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The light file that tells ParaView where the fields of every step are.
+# XDMF file that gives ParaView the locations of the fields of every step.
 #
 # It spells out topology, geometry and all fields in every time step: VTK's reader crashes on the ``xi:include`` that DOLFINx
 # would write, and ParaView would show each field on a grid of its own.
 
 
 STEPS_MARK = "\ue000"
-"""Where the steps go in the frame around them: a character for private use, which stands in no name."""
+"""Placeholder of the steps in the frame: a private-use character, which occurs in no name."""
 
 
 def xdmf(name: str, heavy: str, shapes: tuple[int, tuple[int, ...], str], stored: Sequence[StoredStep]) -> bytes:
-    """The XDMF of a folder of results.
+    """Return the XDMF of a folder of results.
 
     Args:
         name: Stem of the result files.
@@ -370,7 +372,7 @@ def xdmf(name: str, heavy: str, shapes: tuple[int, tuple[int, ...], str], stored
     return frame.replace(STEPS_MARK.encode(), "".join([*steps, "\n    "]).encode())
 
 
-@functools.lru_cache(maxsize=4096)  # the file is written after each step, and the steps before have not changed
+@functools.lru_cache(maxsize=4096)  # the file is rewritten after each step, and earlier steps have not changed
 def _grid(
     name: str,
     heavy: str,
@@ -379,7 +381,7 @@ def _grid(
     place: str,
     fields: tuple[tuple[str, tuple[int, ...]], ...],
 ) -> str:
-    """One step's part of the file."""
+    """Return one step's part of the file."""
     points, cells, cell_name = shapes
     grid = ElementTree.Element("Grid", Name=name, GridType="Uniform")
     ElementTree.SubElement(grid, "Time", Value=number)
@@ -404,7 +406,7 @@ def _item(
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The files of a folder of results beside the steps' own: the light ones, and the one HDF5 file of a run that has ended.
+# The files of a results folder besides those of the steps: the light files, and the HDF5 file of a finished run.
 
 
 def write_light(heavy: Path, shapes: Shapes, stored: Sequence[StoredStep], gathered: bool) -> None:
@@ -440,7 +442,7 @@ def write_gathered(
 
     Args:
         path: Where to.
-        heavy: The file with the grid as it is.
+        heavy: The uncompressed grid file.
         shapes: Of the grid.
         stored: Where each step's fields are.
         gathered: Where they will be.
@@ -463,7 +465,7 @@ def write_gathered(
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Names of what is drawn of a run, and the record of it in a folder of results.
+# File names of a run's pictures, and their record in a results folder.
 
 
 PICTURES = (
@@ -477,30 +479,30 @@ PICTURES = (
     "stress",
     *(f"stress-{k}" for k in range(1, 5)),
 )
-"""Stems of the pictures drawn beside the one that has the gauge's name."""
+"""Stems of the pictures other than the one named after the gauge."""
 PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
 
 
 def picture_files(gauge: str) -> list[str]:
-    """Names of all that is drawn of a run: pictures, film and report."""
+    """Return the file names of a run's pictures, film and report."""
     return [*(f"{picture}.png" for picture in (*PICTURES, gauge)), *PAGES]
 
 
 def picture_folder(folder: Path) -> OwnFolder:
-    """The pictures in a folder of results: a record beside the run's, for they are also drawn while the run goes on."""
+    """Return the record of the pictures in a results folder, separate from the run's because they are also drawn during it."""
     return OwnFolder(folder, "pictures", part="pictures")
 
 
 FORMAT = 4
-"""Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
+"""Format of the stored steps, in the HDF5 attribute ``format``. Runs of an older one cannot be resumed exactly."""
 INPUTS = "files/"
-"""The folder inside for copies of what a case is made from, such as a part's mesh."""
+"""Subfolder for copies of a case's input files, such as a part's mesh."""
 RUN, BRANCH = "run", "branch/"
-"""What a folder's record calls a run; the folder inside for a branch that leaves its path."""
+"""Kind of a run in a folder's record; subfolder for the branch at its bifurcation."""
 
 
 class ResultsError(Spoken, RuntimeError):
-    """Results that cannot be read or continued; the message is a sentence for the user."""
+    """Results cannot be read or resumed; the message is for the user."""
 
 
 class Results:
@@ -537,22 +539,22 @@ class Results:
         return [step.row for step in self.stored]
 
     def branch(self) -> Results:
-        """Results of the branch that leaves this path, in a folder of their own; there may be none."""
+        """Results of the branch at this path's bifurcation, in their own folder, which may not exist."""
         return Results(self.own.path / BRANCH.strip("/"), self.name, self.gauge, "branch")
 
     def write_sources(self, sources: SourceRows) -> None:
-        """Write the paths of the silicone's other sources beside the run's own; none where there are none."""
+        """Write the paths of the silicone's other sources, if any."""
         if sources:
             self.own.claim([SOURCES])
             write_sources(self.folder, sources)
 
     def sources(self, case: Case) -> dict[str, Sequence[Row]]:
-        """Rows of each source of the silicone, the run's own among them; empty where no others were solved."""
+        """Return the rows of each source of the silicone, the run's own included; empty if no others were solved."""
         return in_order(case, self.rows, read_sources(self.folder) if isinstance(case.band, SourceBand) else {})
 
     @property
     def files(self) -> list[str]:
-        """Names of what a run writes, pictures aside."""
+        """Names of the files of a run, pictures excluded."""
         name = self.name
         return [
             "case.toml",
@@ -569,7 +571,7 @@ class Results:
 
     @staticmethod
     def inputs_of(files: Iterable[str]) -> dict[str, str]:
-        """Where copies of a case's own files lie, from the folder: by the file, each under a name of its own."""
+        """Return where copies of a case's own files lie, from the folder: by the file, each under a name of its own."""
         names: dict[str, str] = {}
         for file in files:
             stem, end, number = Path(file).stem, Path(file).suffix, 1
@@ -579,7 +581,7 @@ class Results:
         return names
 
     def prepare(self, about: Mapping[str, object]) -> None:
-        """Begin new results aside of the earlier ones, which stay until the first step is stored.
+        """Start new results beside the earlier ones, which stay until the first step is stored.
 
         Args:
             about: What to record of them.
@@ -593,19 +595,19 @@ class Results:
         self.folder = self.own.prepare()
 
     def renew(self, case: str, about: Mapping[str, object]) -> None:
-        """Write another case file with the next state, of a run that is gone on with to further values."""
+        """Write another case file with the next state, when a run is resumed to further values."""
         self._renewal, self._about = case, dict(about)
 
     def record(self, **about: object) -> None:
-        """Record more of these results: at once, or with the first state."""
+        """Add to the record of these results: at once, or with the first state."""
         self._about |= about
         if self.folder == self.own.path:
             self.own.claim([], about)
 
     def _bring_in(self) -> None:
-        """Put the prepared results in the place of the earlier ones, whose pictures go too."""
+        """Replace the earlier results, pictures included, by the prepared ones."""
         pictures = picture_folder(self.own.path)
-        pictures.take(PATIENCE)  # they may be being drawn
+        pictures.take(PATIENCE)  # a drawing process may be using them
         try:
             self.own.bring_in(self._about)
             self.folder = self.own.path
@@ -614,7 +616,7 @@ class Results:
             pictures.leave()
 
     def clear(self) -> None:
-        """Make the folder and take away what an earlier run left in it, at once.
+        """Create the folder and remove the files of an earlier run at once.
 
         Raises:
             OwnFolderError: The folder is not a run's, or somebody else's file has a name that a run writes.
@@ -637,7 +639,7 @@ class Results:
         self._shapes = (len(points), cells.shape, cell_name)
 
     def check_grid(self, points: npt.NDArray[np.float64]) -> None:
-        """Refuse to go on where the device is not meshed as it was.
+        """Refuse to resume on another mesh.
 
         Args:
             points: Nodes of the mesh, shape (n, 3), m.
@@ -654,18 +656,18 @@ class Results:
             )
 
     def load(self, go_on: bool = False) -> None:
-        """Take up what an earlier run left, for going on with it or for drawing.
+        """Load the results of an earlier run, to resume or to draw it.
 
         Args:
-            go_on: Whether it is to be gone on with, which needs a run of this version.
+            go_on: Whether it is to be resumed, which needs a run of this version.
 
         Raises:
             ResultsError: There is nothing, or it cannot be read, or another version wrote it.
         """
         if not self.heavy.exists():
-            raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is nothing to go on from")
+            raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is no run to resume")
         if self.steps.is_symlink():
-            raise ResultsError(f"{self.steps} is a link, and the steps of a run are in its own folder; remove it")
+            raise ResultsError(f"{self.steps} is a link, but the steps of a run must be in its own folder; remove it")
         found: dict[int, StoredStep] = {}
         try:
             with opened(self.heavy) as file:
@@ -692,12 +694,12 @@ class Results:
         if go_on and found < FORMAT:
             raise ResultsError(
                 f"{self.folder} was written by an earlier version of softmodels (its results have format {found}, this version "
-                f"goes on with {FORMAT}); run without --resume into another folder (--output), or draw it as it is "
+                f"resumes {FORMAT}); run without --resume into another folder (--output), or only draw it "
                 f"(softmodels draw {self.folder})"
             )
 
     def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Restart) -> None:
-        """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and what a restart needs."""
+        """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and its restart data."""
         number = len(self.stored)
         self.steps.mkdir(exist_ok=True)
 
@@ -718,21 +720,21 @@ class Results:
             self._renewal = ""
 
     def fields(self, step: int, names: tuple[str, ...]) -> dict[str, npt.NDArray[np.float64]]:
-        """Nodal fields of a stored step."""
+        """Return the nodal fields of a stored step."""
         if not (self.folder / self.stored[step].file).exists():
-            self.load()  # the run that wrote it has gathered its steps meanwhile
+            self.load()  # the run that wrote it has merged its steps meanwhile
         stored = self.stored[step]
         with opened(self.folder / stored.file) as file:
             return {name: np.asarray(read_values(file, f"{stored.group}/{name}")) for name in names}
 
     def has(self, step: int, names: Sequence[str]) -> bool:
-        """Whether a stored step has these fields."""
+        """Return whether a stored step has these fields."""
         stored = self.stored[step]
         with opened(self.folder / stored.file) as file:
             return all(f"{stored.group}/{name}" in file for name in names)
 
     def finish(self) -> None:
-        """Gather all steps into the one HDF5 file. At no moment is a step readable nowhere.
+        """Merge all steps into one HDF5 file, with every step readable at any moment.
 
         Raises:
             OSError: There is no room for it; all steps stay where they are.
@@ -741,7 +743,8 @@ class Results:
         size = sum(
             (self.folder / file).stat().st_size for file in {self.heavy.name, *(stored.file for stored in self.stored)}
         )
-        # Asked beforehand, because HDF5 takes a full disk badly: see `replace_hdf5`. All at once may not fit in memory.
+        # Check the free space first, because HDF5 fails badly on a full disk: see `replace_hdf5`. The whole may not fit in
+        # memory.
         if shutil.disk_usage(self.folder).free < size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 

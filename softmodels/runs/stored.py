@@ -1,4 +1,4 @@
-"""A folder of results as what pictures are made of: the states of one mesh, and which of them are shown."""
+"""The states of a results folder for drawing: fields on one mesh, and which states to show."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from softmodels.runs.store import (
 )
 
 STILLS = 4
-"""At most this many states are shown side by side."""
+"""Maximum number of states shown side by side."""
 
 
 class States:
@@ -74,7 +74,7 @@ class States:
 
     @functools.cached_property
     def words(self) -> StateLabels:
-        """What is shown of its states."""
+        """Labels of its states."""
         return state_labels(self.case)
 
     @functools.cached_property
@@ -84,12 +84,12 @@ class States:
 
     @property
     def bifurcation(self) -> int | None:
-        """The first state at which another branch leaves the path; None if there is none."""
+        """The first bifurcation of the path; None if there is none."""
         return next((step for step, row in enumerate(self.rows) if row.get("bifurcation")), None)
 
     @functools.cached_property
     def branch(self) -> list[Row]:
-        """Rows of the branch that was followed from there; none if none was."""
+        """Rows of the branch followed from there; empty if none was."""
         branch = self.results.branch()
         if branch.heavy.exists():
             branch.load()
@@ -101,15 +101,15 @@ class States:
         return self.results.sources(self.case)
 
     def field(self, step: int, name: str) -> Array:
-        """A nodal field of a state, shape (n,) or (n, 3), SI units."""
+        """Return a nodal field of a state, shape (n,) or (n, 3), SI units."""
         return np.asarray(self._read(step, name))
 
     def moved(self, step: int) -> Array:
-        """Deformed nodes of a state in m, shape (n, 3)."""
+        """Return the deformed nodes of a state in m, shape (n, 3)."""
         return self.points + self.field(step, "displacement")
 
     def between(self, position: float, name: str) -> Array:
-        """A nodal field between two steps, straight from one to the other; 2.5 is in the middle of steps 2 and 3."""
+        """Return a nodal field between two steps, straight from one to the other; 2.5 is in the middle of steps 2 and 3."""
         step = min(int(position), len(self.rows) - 1)
         share = position - step
         return (
@@ -131,7 +131,7 @@ class States:
 
     @functools.cached_property
     def along(self) -> Array:
-        """How far along the path each step is, from 0 to 1, shape (steps,).
+        """Position of each step along the path, from 0 to 1, shape (steps,).
 
         Of a program by its steps. Else by the pressure where it only rises; past a limit point by the arc length of
         pressure and volume.
@@ -153,7 +153,7 @@ class States:
         return np.asarray(along / (along[-1] or 1.0))
 
     def shown(self, most: int = STILLS) -> list[int]:
-        """The states that are shown: the requested ones under load, or some spread over the path with the last of it.
+        """The states to show: the requested ones under load, or some spread over the path, the last included.
 
         Args:
             most: At most this many; of more requested ones, some are chosen evenly, with the last.
@@ -171,15 +171,15 @@ class States:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The outside of a device cut by a plane: the line that was there at rest, and where it has gone.
+# Section of a device's outer surface by a plane: the undeformed line and its deformed shape.
 
 
 BESIDE = 1e-7
-"""The cut is made this share of the device's size beside the plane, so that vertices in it, as of a symmetry, do no harm."""
+"""Offset of the cut from the plane, relative to the device's size, so that vertices in the plane do no harm."""
 
 
 def cut_line(skin: Surface, points: Array, displacement: Array, normal: Vector, at: float, size: float) -> Array:
-    """Pieces of the outside's cut as it has moved, in device coordinates (m), shape (k, 2, 3).
+    """Return the pieces of the deformed section of the outer surface, in device coordinates (m), shape (k, 2, 3).
 
     Args:
         skin: The device's surface.
@@ -207,7 +207,7 @@ def cut_line(skin: Surface, points: Array, displacement: Array, normal: Vector, 
 
 
 def axes_of(normal: Vector, lift: Vector) -> Array:
-    """Two unit vectors in a plane, shape (2, 3): to the right, mostly along x or y, and upwards along the lift or y."""
+    """Return two unit vectors in a plane, shape (2, 3): to the right, mostly along x or y, and upwards along the lift or y."""
     n = np.asarray(normal)
     for up in (np.asarray(lift), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])):
         across = up - (up @ n) * n

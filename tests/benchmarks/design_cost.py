@@ -91,7 +91,7 @@ def main():
         change = 1 + 0.01 * np.random.default_rng(i).uniform(-1, 1, len(theta))
         took, design = timed(lambda change=change: model.evaluate(theta * change))
         rates.append(took)
-        say(f"design {i + 1}: {took:.2f} s, {design.newton} Newton iterations, meshed again: {design.remeshed}")
+        say(f"design {i + 1}: {took:.2f} s, {design.newton} Newton iterations, remeshed: {design.remeshed}")
     say(f"a design over its path from rest: {np.median(rates) / path:.2f}")
     say(
         f"paths that central differences would have cost for one gradient: {2 * len(names)}, {2 * len(names) * path:.0f} s"

@@ -98,7 +98,7 @@ MORE: Tables = {
                  "cavities": '["at 1, 2, 3 mm"]', "planes": '["y = 0 mm"]', "pressure_ratios": "[1]", "bonded": '"red"'},
     "material": {"law": '"yeoh"', "c1": '"8 kPa"', "c2": '"90 Pa"', "mu": '["3 kPa"]', "alpha": "[2]", "limit": "30",
                  "silicone": '"ecoflex-00-30"', "young": '"60 kPa"', "convention": '"mu/alpha"'},
-    "load": {"volume_ml": '"0:1"', "stroke_ml": '"0:5"', "cycle": "true", "cavity1.pressure_cm": "[0, 5]",
+    "load": {"volume_ml": '"0:1"', "stroke_ml": '"0:5"', "load_unload": "true", "cavity1.pressure_cm": "[0, 5]",
              "control": '"volume"'},
     "solver": {"formulation": '"displacement"'},
     "sheet": {"face": '"top"', "stiffness": '"1 kN/m"'},

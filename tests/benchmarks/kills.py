@@ -31,7 +31,7 @@ from pathlib import Path
 TOLERANCE = 1e-9
 MOST_KILLS = 3
 """Of one run before it is let through."""
-WORDS = ("following",)
+WORDS = ("control",)
 """Columns that hold words."""
 UNCOMPARED = ("newton_iterations",)
 """How a state was reached, not what it is."""
@@ -68,8 +68,8 @@ def kinds(inputs: Path) -> dict[str, Kind]:
         "limit": Kind((*DISK, *SHADOW, "--support", "base", "--shear-modulus", "20kPa", "--pressure-cm", "0,20,34,40")),
         "seminar": Kind(("-m", "softmodels.seminar", "--no-pictures", "--quiet", "--around", "6", "--cell-size", "8mm",
                          "--channels", "2", "--pressure-cm", "0,30,60")),
-        "cycle": Kind((*DISK, *SHADOW, "--cycle", "--pressure-cm", "0,20,36", "--material", "yeoh", "--c1", "10kPa", "--c2",
-                       "20Pa", "--c3", "3Pa", "--poisson", "0.495")),
+        "cycle": Kind((*DISK, *SHADOW, "--load-unload", "--pressure-cm", "0,20,36", "--material", "yeoh", "--c1", "10kPa",
+                       "--c2", "20Pa", "--c3", "3Pa", "--poisson", "0.495")),
         "fit": Kind(("-m", "softmodels", "fit", str(inputs / "case.toml"), str(measured / "outlines"), "--material", "yeoh",
                      "--fix", "c3=0Pa", "--poisson", "0.49", "--no-pictures", "--quiet", "--untrusted"), "-o", False,
                     ("fitted.toml", "fit.json", "curves.csv")),

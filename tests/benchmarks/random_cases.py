@@ -43,7 +43,7 @@ from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
 
 BALANCE = 0.05
 """Share of the largest energy by which work and stored energy may differ: paths have twelve steps or more."""
-PHYSICAL = ("the cavity has grown", "are taut at stretch", "itself has no stable state", "hardly any way to give")
+PHYSICAL = ("the cavity has grown", "lock at stretch", "itself is unstable there", "almost no freedom")
 """Words of the ends, beside limit points, that are the device's or its silicone's own."""
 
 

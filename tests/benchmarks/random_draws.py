@@ -240,7 +240,7 @@ def load_of(draw: Draw, components: list[Component]) -> dict[str, Any]:
     if kind == "volume":
         return {"volumes_ml": (0.0, ml), "control": chance.choice(["auto", "volume", "arc-length"])}
     if kind == "cycle":
-        return {"pressures_cm": (0.0, cm), "cycle": True}
+        return {"pressures_cm": (0.0, cm), "load_unload": True}
     if kind == "stroke":
         syringe = sm.Syringe(3e-6 * ml, dead_volume=device.cavity_volume * draw.power(-1.0, 1.0))
         return {"strokes_ml": (0.0, ml), "supply": syringe}
@@ -258,7 +258,7 @@ def load_of(draw: Draw, components: list[Component]) -> dict[str, Any]:
     if kind == "driven":
         pressure = chance.choice([0.0, 0.1 * cm]) if device.ratios else 0.0
         cycle = key != "travel_mm" and chance.random() < 0.2
-        return {"driven": LoadRequest(key, asked[key], load.name, pressure), "cycle": cycle}
+        return {"driven": LoadRequest(key, asked[key], load.name, pressure), "load_unload": cycle}
     target = "gravity" if key == "share" else f"force.{load.name}"
     most = asked[key][-1]
     if not device.ratios:

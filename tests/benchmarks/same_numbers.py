@@ -32,7 +32,7 @@ CASES: dict[str, tuple[str, ...]] = {
     "seminar": (*SEMINAR, "--pressure-cm", "0,30,60"),
     "step": ("softmodels", "run", "examples/mypart.toml"),
     "program": ("softmodels", "run", "examples/program.toml"),
-    "cycle": (*DISK, *SECTION, *HARDENING, "--pressure-cm", "0,20,36", "--cycle"),
+    "cycle": (*DISK, *SECTION, *HARDENING, "--pressure-cm", "0,20,36", "--load-unload"),
     "syringe": (*DISK, *SECTION, "--supply", "syringe", "--stroke-ml", "0:20", "--dead-volume", "5ml"),
     "branch": (*DISK, *SECTION, *HARDENING, "--volume-ml", "0:90:30", "--branch", "--base", "2mm", "--wall", "15mm"),
     "sheet": (*SEMINAR, "--pressure-cm", "0,30", "--sheet", "bottom", "--sheet-stiffness", "100N/m"),

@@ -140,7 +140,7 @@ ROWS: dict[str, Damage] = {
     "ten times": one_row(lambda p, *_: 10 * p),
     "a tenth": one_row(lambda p, *_: p / 10),
     "twice": one_row(lambda p, *_: 2 * p),
-    "one tube alone": one_row(lambda p, *_: p / 2),
+    "only one tube": one_row(lambda p, *_: p / 2),
     "sign": one_row(lambda p, *_: -p),
     "neighbours exchanged": exchanged(neighbours=True),
     "two exchanged": exchanged(neighbours=False),
@@ -157,7 +157,7 @@ UNITS = {
     "mm listed as cm": 10.0,
     "cm listed as mm": 0.1,
     "cm listed as kPa": 10.3,
-    "kPa listed as cm": 1 / 10.3,
+    "kPa as cm": 1 / 10.3,
     "one tube": 0.5,
 }
 

@@ -41,7 +41,7 @@ def test_it_lies_below_the_least_gap_by_little(designed, comm):
     least, smooth = found.value, here.values[LeastGap(at=200.0).key]
     assert run.pressure[-1] == pytest.approx(200.0, rel=1e-4)
     assert least - 10 * FOLDS.wall / SHARPNESS < smooth < least
-    assert any(f"the least gap at a place is {1e3 * least:.3g}"[:-1] in note for note in here.notes)
+    assert any(f"the smallest gap is {1e3 * least:.3g}"[:-1] in note for note in here.notes)
 
 
 def test_walls_that_can_meet_are_kept_apart(thin_disk):
@@ -80,4 +80,4 @@ def test_a_finger_whose_chambers_cannot_come_apart_says_so(tmp_path):
     text = FINGER.replace('gap = {from = "0.5 mm", to = "1.6 mm"}', 'base = {from = "2.9 mm", to = "3.1 mm"}')
     found = sm.optimise(DesignProblem.from_toml(text), evaluations=3, confirm=False)
     assert not found.feasible and np.isfinite(found.values["least gap at 12 kPa"])
-    assert any("and has to be at least 0 mm: walls pass through each other" in sentence for sentence in found.missed)
+    assert any("but must be at least 0 mm: walls overlap" in sentence for sentence in found.missed)

@@ -172,7 +172,9 @@ def test_a_limit_that_comes_into_reach_is_found(thin_disk, comm):
     case = Case(name="limits", actuator=thin_disk, material=NeoHookean(20e3, 0.49), pressures_cm=(10.0,))
     model = DesignModel(case, ("membrane",), (Rise(at=1000.0), LimitPressure()), comm, highest=3300.0)
     without = model.evaluate(model.start)
-    assert without.values["limit pressure"] == 3300.0 and any("none up to 3.3 kPa" in note for note in without.notes)
+    assert without.values["limit pressure"] == 3300.0 and any(
+        "none found up to 3.3 kPa" in note for note in without.notes
+    )
     thinner = model.evaluate(0.9 * model.start)
     fresh = model.confirm(0.9 * model.start)
     model.release()

@@ -52,9 +52,9 @@ def test_as_people_type_it(tmp_path):
     [
         ("", "has no rows"),
         ("p,x_mm\n1,2\n", "no column of pressures with its unit"),
-        ("pressure_cm,x_mm\n1,2\n", "liquid is not known"),
-        ("pressure_kPa,apex_mm\n1,2\n", "no columns of places"),
-        ("pressure_kPa,a_x_mm,b_x_mm\n1,2,3\n", "places of a, b; name one"),
+        ("pressure_cm,x_mm\n1,2\n", "unknown liquid"),
+        ("pressure_kPa,apex_mm\n1,2\n", "no columns of positions"),
+        ("pressure_kPa,a_x_mm,b_x_mm\n1,2,3\n", "positions of a, b; choose one"),
         ("pressure_kPa,x_mm\n1,two\n", "line 2"),
         ("pressure_kPa,x_mm\n1,2\n2\n", "line 3"),
         ("pressure_kPa,x_mm\n0,2\n", "no row at a pressure above zero"),
@@ -101,7 +101,7 @@ def test_a_workbook_with_units_below_the_names(tmp_path):
     book.save(tmp_path / "path.xlsx")
     typed = TipPath(file=table(tmp_path, "pressure [kPa];z [mm]\n1.5;2.25\n3;4\n"), of="tip")
     np.testing.assert_array_equal(TipPath(file=str(tmp_path / "path.xlsx"), of="tip").target, typed.target)
-    for cell, words in (("two", "'two' is not a number"), ("=B3*2", r"'=B3\*2' begins with =, as a formula does")):
+    for cell, words in (("two", "'two' is not a number"), ("=B3*2", r"'=B3\*2' is a formula, not a number")):
         page["B4"] = cell
         book.save(tmp_path / "path.xlsx")
         with pytest.raises(ValueError, match=rf"path.xlsx, row 4 of the sheet 'Path': {words}"):

@@ -107,7 +107,7 @@ WRONG_BELLOWS = {
     "wall is 5 mm": {"wall": 0.005},
     "wall is 0.02 mm": {"wall": 2e-5},
     "rounding is 0.5 mm": {"rounding": 0.5e-3},
-    "rounding is 3 mm; it must not pass a quarter of pitch": {"rounding": 0.003},
+    "rounding is 3 mm; it must be at most a quarter of pitch": {"rounding": 0.003},
     "rounding is 2 mm; root and crest": {"outer_radius": 0.012},
     "cap is 1 m": {"cap": 1.0},
     "pitch is 1 m": {"pitch": 1.0, "rounding": 0.002, "convolutions": 12},

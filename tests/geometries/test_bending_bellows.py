@@ -85,8 +85,8 @@ def test_default_mesh_is_small_and_sound(tmp_path):
     ("changes", "words"),
     [
         ({"wall": 0.0045}, ("wall is 4.5 mm", "pitch 8 mm", "inside them")),
-        ({"wall": 0.0001}, ("wall is 0.1 mm", "least_wall asks for 0.3 mm")),
-        ({"pitch": 0.3}, ("pitch is 300 mm", "mistaken unit")),
+        ({"wall": 0.0001}, ("wall is 0.1 mm", "least_wall requires 0.3 mm")),
+        ({"pitch": 0.3}, ("pitch is 300 mm", "wrong unit")),
         ({"radius": 0.09}, ("radius is 90 mm", "twice the length, 39 mm")),
         ({"depth": 0.025}, ("depth is 25 mm", "three pitches")),
         ({"depth": 0.0001}, ("depth is 0.1 mm", "least_wall")),

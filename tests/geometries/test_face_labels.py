@@ -152,14 +152,14 @@ def test_names_as_files_write_them(written, name, part, text):
         ({"support": "named lid"}, "names of faces in the file are air, flange"),
         ({"support": "coloured blue"}, "colours of faces in the file are #ff0000, #ff8000"),
         ({"support": "coloured mauve"}, "#rrggbb or one of black"),
-        ({"support": "named air"}, "a cut plane's or a cavity's already"),
+        ({"support": "named air"}, "already belongs to a cut plane or a cavity"),
         ({"cavities": ("named flange",)}, "outside the part"),
-        ({"cavities": ("at 12, 0, 5 mm", "named air")}, "cavity's already"),
+        ({"cavities": ("at 12, 0, 5 mm", "named air")}, "already belongs to"),
         (
             {"planes": ("named flange", "y = 0 mm"), "support": "x = 24 mm", "cavities": ("coloured red",)},
             "outside the part",
         ),
-        ({"bonded": "named flange"}, "no such face, or it is"),
+        ({"bonded": "named flange"}, "no such face, or it already"),
         ({"planes": ("named air",)}, "move the part by 0, 0, -3 mm"),
     ],
 )

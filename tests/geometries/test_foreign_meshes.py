@@ -117,9 +117,7 @@ def test_a_deck_opens_no_other_file(tmp_path, monkeypatch, line):
     assert len(read_mesh(str(file), 1e-3, 1.0).points) == 4
     file.write_text(DECK + line.format(secret) + "\n")
     monkeypatch.setattr(meshio, "read", lambda *_: pytest.fail("meshio has been given it"))
-    with pytest.raises(
-        GeometryError, match=r"takes lines from another file .line 1[12]: .* paste the other file's lines"
-    ):
+    with pytest.raises(GeometryError, match=r"includes another file .line 1[12]: .* into one file"):
         read_mesh(str(file), 1e-3, 1.0)
 
 

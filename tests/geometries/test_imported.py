@@ -83,14 +83,14 @@ def test_table_gives_the_same_part_back(step):
         ({"cavities": ("at 10, 0, 3",)}, "write a point as"),
         ({"cavities": ("at 2, 2, 2 mm",)}, "lies in the solid"),
         ({"cavities": ("at 100, 2, 2 mm",)}, "outside the part"),
-        ({"cavities": ("at 10, 0, 3 mm", "at 11, 0, 3 mm")}, "chosen already"),
+        ({"cavities": ("at 10, 0, 3 mm", "at 11, 0, 3 mm")}, "already selected"),
         ({"support": "x = 1 mm"}, "no such face"),
         ({"support": "left"}, "write 'x = 0 mm'"),
         ({"support": "in 3..1, 0..1, 0..1 mm"}, "lower end"),
         ({"planes": ("y = 1 mm",)}, "no such face"),
         ({"planes": ("y = 20 mm",)}, "through the origin: move the part by 0, -20, 0 mm"),
         ({"planes": ("in 0..30, 0..20, 0..10 mm",)}, "do not lie in one plane"),
-        ({"planes": ("normal 0, 0, 0",)}, "normal has a length"),
+        ({"planes": ("normal 0, 0, 0",)}, "must not have zero length"),
         ({"planes": ("y = 0 mm", "normal 0, -3, 0")}, "no such face"),  # the same plane again
         ({"planes": ()}, "outside the part"),  # the cavities are open at y = 0 then
         ({"pressure_ratios": (1.0,)}, "1 values for 2 cavities"),

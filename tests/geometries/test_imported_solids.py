@@ -92,7 +92,7 @@ def test_solids_that_make_no_part(tmp_path):
         part(write_step(tmp_path / "apart.step", lift=1.0))
     with pytest.raises(GeometryError, match="the solids base_plate and chamber overlap"):
         part(write_step(tmp_path / "into.step", lift=-1.0))
-    with pytest.raises(GeometryError, match="a mould is made of a part of one solid"), private_model():
+    with pytest.raises(GeometryError, match="a mould needs a part of a single solid"), private_model():
         part(
             tmp_path / "two.step" if (tmp_path / "two.step").exists() else write_step(tmp_path / "two.step")
         ).build_whole()

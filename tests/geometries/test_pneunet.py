@@ -109,12 +109,12 @@ def test_faces_follow_every_parameter(meshed):
         ({"channel_width": 0.013}, ("channel_width is 13 mm", "chamber_width, 12 mm")),
         ({"channel_height": 0.012}, ("channel_height is 12 mm", "chamber_height, 12 mm")),
         ({"bridge": 0.012}, ("bridge is 12 mm", "no gap is left")),
-        ({"wall": 0.0001}, ("wall is 0.1 mm", "least_wall asks for 0.3 mm")),
+        ({"wall": 0.0001}, ("wall is 0.1 mm", "least_wall requires 0.3 mm")),
         ({"gap": 0.0002}, ("gap is 0.2 mm", "least_wall")),
         ({"cap": 0.0002}, ("cap is 0.2 mm", "least_wall")),
         ({"paper": 0.0025}, ("paper is 2.5 mm", "base 3 mm")),
-        ({"chamber_length": 0.4}, ("chamber_length is 400 mm", "mistaken unit")),
-        ({"chamber_height": 1.4}, ("chamber_height is 1.4 m", "mistaken unit")),
+        ({"chamber_length": 0.4}, ("chamber_length is 400 mm", "wrong unit")),
+        ({"chamber_height": 1.4}, ("chamber_height is 1.4 m", "wrong unit")),
         ({"cell_size": 0.015}, ("cell_size is 15 mm", "wall 1 mm")),
         ({"cell_size": 0.00008}, ("cell_size is 0.08 mm", "3,000,000")),
         ({"chambers": 31}, ("chambers is 31",)),
@@ -150,9 +150,9 @@ def test_figures_of_a_bent_finger(turned):
 
 
 def test_a_finger_may_be_wider_than_long(tmp_path):
-    """A pouch of one chamber is; only what looks like a mistaken unit is refused."""
+    """A pouch of one chamber is; only what suggests a wrong unit is refused."""
     pouch = PneuNet(chambers=1, chamber_width=0.030, cell_size=0.004)
     assert pouch.probes["tip"][0] < pouch.chamber_width
     assert pouch.write(tmp_path / "pouch.msh").is_file()
-    with pytest.raises(GeometryError, match="looks like a mistaken unit"):
+    with pytest.raises(GeometryError, match="suggests a wrong unit"):
         PneuNet(chamber_width=12.0)

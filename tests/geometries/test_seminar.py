@@ -157,7 +157,7 @@ def test_full_slab_is_two_halves(mesh):
         ({"thickness": 0.060}, ("thickness is 60 mm",)),
         ({"tip_radius": 0.030}, ("tip_radius is 30 mm",)),
         ({"tip": "held", "tip_radius": 0.0}, ("tip is 'held'",)),
-        ({"length": 2.0}, ("mistaken unit",)),
+        ({"length": 2.0}, ("wrong unit",)),
         ({"around": 200.0}, ("around is 200",)),
         ({"cell_size": 0.02}, ("cell_size is 20 mm",)),
         ({"channels": 31}, ("channels is 31; it must be a whole number from 1 to 30",)),
@@ -256,7 +256,7 @@ def test_lists_stand_between_commas_on_the_command_line():
     assert command.main(given.split(), standalone_mode=False) == SeminarActuator(channels=3, around=5.0, **OWN)
     with pytest.raises(click.BadParameter, match="has no unit"):
         command.main(["--bores", "0.8mm,0.6"], standalone_mode=False)
-    with pytest.raises(GeometryError, match="channel_bore means nothing with bores"):
+    with pytest.raises(GeometryError, match="channel_bore has no effect with bores"):
         command.main([*given.split(), "--channel-bore", "0.7mm"], standalone_mode=False)
 
 

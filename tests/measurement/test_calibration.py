@@ -81,12 +81,18 @@ def test_command_tells_of_real_boards(tmp_path, shared_data, figure):
     )
     assert done.exit_code == 3
     assert len(re.findall(r"left\d\d.jpg: 0\.\d\d px", done.stdout)) == 7
-    assert f"{__file__}: refused, the file is no picture" in done.stderr
+    assert f"{__file__}: refused, the file is not a readable picture" in done.stderr
     against = "OpenCV's chessboards and published lens"
     figure(against, "focal length", float(re.search(r"fx ([\d.]+) px", done.stdout)[1]) / 535.916 - 1, 0.0055)
-    figure(against, "corners miss by", float(re.search(r"miss by ([\d.]+) px", done.stdout)[1]), 0.25, unit="px")
+    figure(
+        against,
+        "reprojection error",
+        float(re.search(r"reprojection error ([\d.]+) px", done.stdout)[1]),
+        0.25,
+        unit="px",
+    )
     assert f"written to {output}" in done.stdout
-    assert "Boards reach 73% of the way" in done.stderr
+    assert "Boards cover 73% of the distance" in done.stderr
     assert output.exists()
 
 

@@ -98,9 +98,9 @@ def test_camera_and_lens_from_exif(tmp_path):
     ("names", "options", "reason"),
     [
         (Exif("Canon", "Canon EOS 550D", ""), {}, "does not name its lens"),
-        (Exif("Canon", "Canon EOS 550D", THESIS.lens), {}, "does not tell its focal length"),
-        (Exif("Canon", "Canon EOS 9999X", THESIS.lens, 35.0), {}, "does not know the camera"),
-        (Exif("Canon", "Canon EOS 550D", "EF-S 17-44mm f/9", 35.0), {}, "does not know the lens"),
+        (Exif("Canon", "Canon EOS 550D", THESIS.lens), {}, "has no focal length"),
+        (Exif("Canon", "Canon EOS 9999X", THESIS.lens, 35.0), {}, "does not have the camera"),
+        (Exif("Canon", "Canon EOS 550D", "EF-S 17-44mm f/9", 35.0), {}, "does not have the lens"),
         (THESIS, {"focal_mm": 100.0}, "from 18 to 55 mm, not 100 mm"),
         (THESIS, {"database": "/no/such.xml"}, "lens profile /no/such.xml cannot be read"),
         (Path("/no/such.jpg"), {}, "cannot be read as a photograph"),
@@ -140,7 +140,7 @@ def test_real_chessboards_repeat_the_published_calibration(calibration):
     assert calibration.residual_px < 0.25
     assert len(calibration.per_image) == 7
     (why,) = calibration.refused.values()
-    assert why.startswith("the file is no picture")
+    assert why.startswith("the file is not a readable picture")
     assert 0.0 < camera.error_px < 0.2
 
 
@@ -161,7 +161,7 @@ def test_rectified_boards(boards, calibration):
 
 
 def test_too_few_boards_are_refused(boards):
-    with pytest.raises(CameraError, match="needs 3 or more photographs of the board, not 2"):
+    with pytest.raises(CameraError, match="needs 3 or more usable photographs of the board, but has 2"):
         calibrate(boards[:2])
     with pytest.raises(CameraError, match="no chessboard with 7 x 5"):
         calibrate(boards[:3], (7, 5))

@@ -64,15 +64,15 @@ def test_given_errors():
     ("text", "reason"),
     [
         ("12.5", "has no unit"),
-        ("high", "no column of water"),
-        ("much", "no column of water"),
-        ("cm", "no column of water"),
-        ("", "no column of water"),
-        ("3 kg", "no column of water"),
-        ("nan cm", "no column of water"),
+        ("high", "neither a column of water"),
+        ("much", "neither a column of water"),
+        ("cm", "neither a column of water"),
+        ("", "neither a column of water"),
+        ("3 kg", "neither a column of water"),
+        ("nan cm", "neither a column of water"),
         ("x mmH2O", "is not a number"),
         ("inf cmH2O", "is not a finite number"),
-        ("inf cm", "no column of water"),
+        ("inf cm", "neither a column of water"),
     ],
 )
 def test_what_is_no_reading(text, reason):

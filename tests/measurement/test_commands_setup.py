@@ -35,7 +35,7 @@ def test_setup_from_the_grid(grid, tmp_path):
     done = run("setup", path, "--lens", "none", "--roi", "0,0,1200,700", "--zero", "10,500=1100,500",
                "--lamp-distance", "2m+-5cm", "--screen-distance", "4cm", "-o", output)  # fmt: skip
     assert done.exit_code == 0, done.output
-    assert re.search(r"crossings miss the plane by [\d.]+ um rms", done.output)
+    assert re.search(r"crossings, residual to the plane [\d.]+ um .rms", done.output)
     assert "no lens correction" in done.output
     setup = Setup.from_file(output)
     assert setup.magnification == pytest.approx(1.02)
@@ -64,7 +64,7 @@ def test_setup_from_known_points(grid, tmp_path):
         options += ["--point", f"{u:.2f},{v:.2f}={x}mm,{z}mm"]
     done = run("setup", path, "--lens", "none", *options, "-o", tmp_path / "setup.toml")
     assert done.exit_code == 0, done.output
-    assert "6 known points miss the plane" in done.output
+    assert "6 known points, residual to the plane" in done.output
     setup = Setup.from_file(tmp_path / "setup.toml")
     assert setup.grid_pitch is None
     assert np.abs(setup.to_metres([[600.0, 300.0]]) - truth.to_screen([[600.0, 300.0]])).max() < 2e-6
@@ -75,7 +75,7 @@ def test_setup_from_known_points(grid, tmp_path):
     [
         (("--grid-pitch", "9"), 2, "has no unit"),
         (("--lens", "none", "--grid-pitch", "-9mm"), 2, "must be a positive length"),
-        (("--lens", "No Such 10-20mm"), 2, "does not know the lens"),
+        (("--lens", "No Such 10-20mm"), 2, "does not have the lens"),
         (("--lens", "missing.toml"), 2, "camera missing.toml cannot be read"),
         (("--lens", "missing.xml"), 2, "lens profile missing.xml cannot be read"),
         (("--lens", "none", "--roi", "1,2,3"), 2, "--roi needs 4 numbers"),
@@ -84,7 +84,7 @@ def test_setup_from_known_points(grid, tmp_path):
         (("--lens", "none", "--zero", "1,2=1,2"), 2, "two different points"),
         (("--lens", "none", "--lamp-distance", "2m"), 2, "both --lamp-distance and --screen-distance"),
         (("--lens", "none", "--point", "1,2=9mm,9mm"), 2, "give at least 4"),
-        (("--lens", "none", "--point", "1,2=9mm"), 2, "no known point"),
+        (("--lens", "none", "--point", "1,2=9mm"), 2, "not a known point"),
         (("--lens", "none", "--origin", "middle"), 2, "--origin needs 2 numbers"),
         (("--focal", "100mm"), 2, "from 18 to 55 mm"),
         (("--lens", "none", "-o", "/no/such/folder/setup.toml"), 2, "cannot be written"),
@@ -128,12 +128,12 @@ def test_calibrate_then_setup(tmp_path):
     path = save(tmp_path / "grid.png", image)
     done = run("setup", path, "--lens", tmp_path / "camera.toml", "-o", tmp_path / "setup.toml")
     assert done.exit_code == 0, done.output
-    assert float(re.search(r"plane by ([\d.]+) um", done.output)[1]) < 6.0
+    assert float(re.search(r"residual to the plane ([\d.]+) um", done.output)[1]) < 6.0
     wrong = save(tmp_path / "small.png", image[:400])
     assert "900 x 600 px" in run("setup", wrong, "--lens", tmp_path / "camera.toml").stderr
     assert run("calibrate", *paths[:3], path, "--pitch", "8mm", "-o", tmp_path / "camera.toml").exit_code == 3
     assert "needs 3 or more" in run("calibrate", path, "-o", tmp_path / "camera.toml").stderr
-    assert "no pattern" in run("calibrate", path, "--pattern", "9", "-o", tmp_path / "camera.toml").stderr
+    assert "not a pattern" in run("calibrate", path, "--pattern", "9", "-o", tmp_path / "camera.toml").stderr
 
 
 def test_help_names_all_commands():

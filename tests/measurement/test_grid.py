@@ -81,7 +81,7 @@ def test_wide_and_narrow_grids(pitch, line, pixel):
 
 def test_residual_tells_of_a_lens_left_out():
     image, _, _ = shot("bent by the lens", "clean")
-    with pytest.raises(GridError, match="miss a regular grid by"):
+    with pytest.raises(GridError, match="residual of the crossings to a regular grid"):
         find_grid(image, Camera.ideal(1200, 800))
 
 

@@ -58,8 +58,8 @@ def test_nobody_changes_an_outline_from_outside():
         ({"x": X[::-1]}, "not sorted"),
         ({"pressure": np.inf}, "pressure"),
         ({"pressure_error": -1.0}, "pressure"),
-        ({"trusted": False}, "reasons exactly where"),
-        ({"reasons": ("why",)}, "reasons exactly where"),
+        ({"trusted": False}, "reasons if and only if"),
+        ({"reasons": ("why",)}, "reasons if and only if"),
     ],
 )
 def test_what_is_no_outline(changes, reason):

@@ -40,7 +40,7 @@ def test_files_by_number_and_in_other_letters(tmp_path):
     photos = listed(tmp_path, "file,pressure\n5965,0 cm\nimg_5966.jpg,1 cm\n5967,2 cm\n")
     assert [photo.file.name for photo in photos] == ["IMG_5965.JPG", "IMG_5966.JPG", "5967"]
     (tmp_path / "DSC5965.jpg").touch()
-    with pytest.raises(PhotoListError, match=r"line 2: 5965 fits several files: DSC5965.jpg, IMG_5965.JPG"):
+    with pytest.raises(PhotoListError, match=r"line 2: 5965 matches several files: DSC5965.jpg, IMG_5965.JPG"):
         listed(tmp_path, "file,pressure\n5965,0 cm\n")
 
 
@@ -71,7 +71,7 @@ def test_one_file_by_two_names_stands_in_the_list_twice(tmp_path):
     (tmp_path / "IMG_0004.JPG").touch()
     (tmp_path / "link.jpg").symlink_to(tmp_path / "IMG_0004.JPG")
     for name in ("IMG_0004.JPG", "4", "./IMG_0004.JPG", str(tmp_path / "IMG_0004.JPG"), "link.jpg"):
-        with pytest.raises(PhotoListError, match=r"line 3: .* stands in the list twice"):
+        with pytest.raises(PhotoListError, match=r"line 3: .* is in the list twice"):
             listed(tmp_path, f"file,pressure\nIMG_0004.JPG,0 cm\n{name},2 cm\n")
 
 
@@ -97,21 +97,21 @@ BROKEN = {
     "": "is empty",
     "# nothing\n": "is empty",
     "file,pressure\n": "no rows",
-    "name,pressure\na.jpg,1 cm\n": "column 'name' is not known",
+    "name,pressure\na.jpg,1 cm\n": "column 'name' is unknown",
     "pressure\n1 cm\n": "no column 'file'",
     "file\na.jpg\n": "either a column 'pressure'",
     "file,pressure,left,right\na.jpg,1 cm,1 cm,1 cm\n": "either a column 'pressure'",
     "file,left\na.jpg,1 cm\n": "one tube only",
     "file,pressure,pressure\na.jpg,1 cm,1 cm\n": "twice",
     "file,pressure\na.jpg,1\n": "line 2: '1' has no unit",
-    "file,pressure\na.jpg,much\n": "line 2: 'much' is no column of water",
+    "file,pressure\na.jpg,much\n": "line 2: 'much' is neither a column of water",
     "file,pressure\na.jpg\n": "line 2: 1 values in the row",
-    "file,pressure\na.jpg,1 cm\n,2 cm\n": "line 3: the row names no file",
-    "file,pressure\na.jpg,1 cm\na.jpg,2 cm\n": "line 3: a.jpg stands in the list twice",
+    "file,pressure\na.jpg,1 cm\n,2 cm\n": "line 3: the row has no file name",
+    "file,pressure\na.jpg,1 cm\na.jpg,2 cm\n": "line 3: a.jpg is in the list twice",
     "file,pressure,error\na.jpg,1 cm,-1 mm\n": "line 2: the error '-1 mm' is negative",
     "file;pressure\na.jpg;0 cm\nb.jpg;2,8 cm\n": "line 3: '2,8 cm' has a decimal comma; write 2.8 cm",
     'file,pressure\na.jpg,"2,8 cm"\n': "line 2: '2,8 cm' has a decimal comma",
-    "file,pressure\na.jpg,2,8 cm\n": "line 2: 3 values in the row.*decimals have a point",
+    "file,pressure\na.jpg,2,8 cm\n": "line 2: 3 values in the row.*decimals with a point",
     "file;left;right\na.jpg;31,2 cm;18,7 cm\n": "line 2: '31,2 cm' has a decimal comma",
     "file;pressure;error\na.jpg;3 cm;0,5 mm\n": "line 2: '0,5 mm' has a decimal comma",
     "file,pressure\na.jpg,5 647 Pa\n": "line 2: '5 647 Pa' has a space or the like between its digits",
@@ -121,7 +121,7 @@ BROKEN = {
     "file,pressure\na.jpg,=1+1\n": "line 2: '=1\\+1' ",
     "file,pressure\na.jpg,1 cm,,note\n": "line 2: 4 values in the row",
     "file,pressure\na\0.jpg,1 cm\n": "NUL bytes",
-    "file,pressure\n" + "x" * 200000 + ",1 cm\n": "line 2: it is no row of a CSV file",
+    "file,pressure\n" + "x" * 200000 + ",1 cm\n": "line 2: it is not a row of a CSV file",
 }
 
 
@@ -137,7 +137,7 @@ def test_broken_lists_are_bad_input_said_in_a_sentence(tmp_path, text):
 
 def test_lists_that_cannot_be_read(tmp_path):
     (tmp_path / "photos.csv").write_bytes(b"file,pressure\nM\xfcller.jpg,1 cm\n")
-    with pytest.raises(PhotoListError, match="line 2 is no UTF-8 text; save it as CSV UTF-8"):
+    with pytest.raises(PhotoListError, match="line 2 is not UTF-8 text; save it as CSV UTF-8"):
         read_photos(tmp_path / "photos.csv")
     (tmp_path / "photos.csv").write_bytes(b"\xff\xfe\x00")
     for path in (tmp_path / "photos.csv", tmp_path / "none.csv", tmp_path):

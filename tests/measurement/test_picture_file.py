@@ -143,9 +143,9 @@ REFUSED = {
     "page.jpg": (lambda path: path.write_bytes(b"<!DOCTYPE html><html>404</html>"), "web page"),
     "drawing.png": (lambda path: path.write_bytes(b"<svg xmlns='http://www.w3.org/2000/svg'/>"), "it is a drawing"),
     "book.jpg": (lambda path: path.write_bytes(b"PK\3\4" + bytes(40)), "ZIP archive"),
-    "script.eps": (lambda path: path.write_bytes(b"\xc5\xd0\xd3\xc6" + bytes(400)), "file is no picture"),
+    "script.eps": (lambda path: path.write_bytes(b"\xc5\xd0\xd3\xc6" + bytes(400)), "file is not a readable picture"),
     "script.jpg": (lambda path: path.write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n"), "PostScript"),
-    "empty.jpg": (lambda path: path.write_bytes(b""), "it is empty"),
+    "empty.jpg": (lambda path: path.write_bytes(b""), "file is empty"),
     "folder.jpg": (lambda path: path.mkdir(), "it is a folder, not a regular file"),
     "pages.tif": (_two_pages, "it holds 2 pictures"),
     "moving.gif": (_two_pages, "it holds 2 pictures"),
@@ -154,7 +154,7 @@ REFUSED = {
     "hole.png": (_with_hole, "parts of it are transparent"),
     "short.png": (_deep_cut_short, "file is damaged"),
     "huge.png": (_huge, "2000000 x 2000000 pixels; reading it takes about 56000.0 GB"),
-    "bits.png": (lambda path: Image.fromarray(SMALL).convert("1").save(path), "black or white and nothing between"),
+    "bits.png": (lambda path: Image.fromarray(SMALL).convert("1").save(path), "black or white only"),
     "float.tif": (lambda path: Image.fromarray(SMALL[..., 1] / np.float32(255)).save(path), "decimal numbers"),
 }  # fmt: skip
 
@@ -183,7 +183,7 @@ def test_a_large_picture_is_read_and_one_beyond_the_memory_named(tmp_path, monke
     assert Image.MAX_IMAGE_PIXELS == 1000
     monkeypatch.setattr(pictures, "free_memory", lambda: 50e3)
     with pytest.raises(
-        PictureError, match=r"96 x 64 pixels; reading it takes about 0.0 GB of memory and 0.0 GB are free"
+        PictureError, match=r"96 x 64 pixels; reading it takes about 0.0 GB of memory, but 0.0 GB are free"
     ):
         read_pixels(tmp_path / "a.png")
 
@@ -230,5 +230,5 @@ def test_calibration_reads_the_same_files(tmp_path):
     twice = CliRunner().invoke(main, ["calibrate", *names, names[0], str(tmp_path / "again.heic"), *words])
     assert twice.exit_code == 3 and isinstance(twice.exception, SystemExit), twice.output
     assert "4 photographs used" in twice.output
-    assert f"{names[0]}: refused, it is the same picture as {names[0]}, and counts once" in twice.output
+    assert f"{names[0]}: refused, it is the same picture as {names[0]}, so it counts once" in twice.output
     assert f"again.heic: refused, it is the same picture as {names[1]}" in twice.output

@@ -123,7 +123,7 @@ PICTURES = {
 UNSURE = {
     "pencil": (
         lambda: pixels(things=[np.array([[-1.5, 0], [1.5, 0], [0, 9]]) * 1e-3 + [0, FLOOR]]),
-        "corner of|thin dark thing|bends sharply|overhangs|no rounded top",
+        "corner of|thin dark thing|bends sharply|overhangs|not a rounded top",
     ),
     "dirty": (lambda: pixels(dust=1000, seed=7), "too dusty|bends sharply|gap|corner|touches"),
     "noisy": (lambda: pixels(noise=40.0), "too noisy|how the file stores light"),
@@ -173,8 +173,8 @@ def written_files(folder):
     (folder / "copy two.jpg").write_bytes((folder / "copy one.jpg").read_bytes())
     return {
         "short.jpg": "file is damaged",
-        "text.jpg": "file is no picture",
-        "empty.jpg": "file is no picture, it is empty",
+        "text.jpg": "file is not a readable picture",
+        "empty.jpg": "file is empty",
         "missing.jpg": "there is no such file",
         "copy one.jpg": "same picture as copy two.jpg, listed at another pressure",
         "copy two.jpg": "same picture as copy one.jpg, listed at another pressure",
@@ -213,7 +213,7 @@ def test_the_exit_status_says_that_some_were_refused(bench):
     assert done.exit_code == 3
     assert len(rows) == 1 + len(names) + len(files)
     weak = sum(row["trusted"] == "no" for row in rows.values())
-    assert weak and f", {weak} of them not trusted; written to" in done.output
+    assert weak and f", {weak} of them untrusted; written to" in done.output
     for name, row in rows.items():
         if row["trusted"] == "refused":
             assert f"{name}: refused, {row['remarks']}" in done.stderr
@@ -289,7 +289,7 @@ def test_a_list_without_a_zero_is_bad_input(bench, tmp_path):
     (tmp_path / "photos.csv").write_text(f"file,pressure\n{bench[0] / 'good 0.jpg'},5 cm\n")
     done = measured(bench[0], tmp_path / "photos.csv")
     assert done.exit_code == 2
-    assert "nothing tells the undeformed surface" in done.stderr
+    assert "the undeformed surface is unknown" in done.stderr
 
 
 def test_the_region_of_interest_must_not_cut_the_shadow(bench, tmp_path):

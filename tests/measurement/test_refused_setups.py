@@ -105,18 +105,18 @@ def test_options(case, tmp_path):
 
 SQUARE = {(100, 100): (0, 60), (1100, 100): (100, 60), (100, 700): (0, 0), (1100, 700): (100, 0), (600, 400): (50, 30)}
 POINTS = {
-    "collinear": ({(x, x // 2): (x / 10, x / 20) for x in (100, 300, 500, 700, 900)}, "on one line"),
+    "collinear": ({(x, x // 2): (x / 10, x / 20) for x in (100, 300, 500, 700, 900)}, "off a common line"),
     "all but one on a line": (
         {**{(x, 100): (x / 10, 60) for x in (100, 400, 700)}, (500, 600): (50, 10)},
-        "on one line, all or all but one",
+        "off a common line",
     ),
     "given twice": ({**SQUARE, (100.2, 100): (0, 60)}, "the same point; give each once"),
     "two places for one": ({**SQUARE, (300, 300): (50, 30)}, "the same point; give each once"),
-    "exchanged": ({**SQUARE, (100, 100): (100, 60), (1100, 100): (0, 60)}, "fit no plane.* exchanged or mistyped"),
-    "mistyped": ({**SQUARE, (350, 250): (25, 54)}, "fit no plane.* exchanged or mistyped"),
+    "exchanged": ({**SQUARE, (100, 100): (100, 60), (1100, 100): (0, 60)}, "not fit a plane.* exchanged or mistyped"),
+    "mistyped": ({**SQUARE, (350, 250): (25, 54)}, "not fit a plane.* exchanged or mistyped"),
     "mirrored": ({px: (x, -z) for px, (x, z) in SQUARE.items()}, "mirrored"),
     "X and Z exchanged": ({px: (z, x) for px, (x, z) in SQUARE.items()}, "mirrored"),
-    "outside": ({**SQUARE, (1300, 300): (120, 40)}, "1300,300 lies outside of the picture"),
+    "outside": ({**SQUARE, (1300, 300): (120, 40)}, "1300,300 is outside the picture"),
 }  # fmt: skip
 
 
@@ -132,7 +132,7 @@ def test_lens_of_another_focal_length(tmp_path):
     """The profile at 18 mm bends lines that the lens in use left straight."""
     path = save(tmp_path / "photo.jpg", grid(width=1500, height=1000))
     names = ("--lens", "Canon EF-S 18-55mm f/3.5-5.6 IS", "--camera", "Canon EOS 550D")
-    refused("miss a regular grid", tmp_path, path, *names, "--focal", "18mm")
+    refused("residual of the crossings to a regular grid", tmp_path, path, *names, "--focal", "18mm")
 
 
 def test_unreadable(tmp_path):
@@ -161,10 +161,10 @@ EDITS = {
     "pitch is no number": (r"grid_pitch = [\d.]+", "grid_pitch = nan", "pitch must be a positive"),
     "negative pitch": (r"grid_pitch = [\d.]+", "grid_pitch = -0.009", "pitch must be a positive"),
     "error is no number": (r"magnification_error = 0.0", "magnification_error = nan", "error must not be negative"),
-    "pitch in millimetres": (r"grid_pitch = [\d.]+", "grid_pitch = 9", "9000 mm does not go with a picture that shows"),
-    "pitch without end": (r"grid_pitch = [\d.]+", "grid_pitch = 3128061", "does not go with a picture"),
-    "pitch of a nanometre": (r"grid_pitch = [\d.]+", "grid_pitch = 1e-9", "does not go with a picture"),
-    "error beyond the size": (r"magnification_error = 0.0", "magnification_error = 12", "1 .- 12 tells no size"),
+    "pitch in millimetres": (r"grid_pitch = [\d.]+", "grid_pitch = 9", "9000 mm does not match a picture that shows"),
+    "pitch without end": (r"grid_pitch = [\d.]+", "grid_pitch = 3128061", "does not match a picture"),
+    "pitch of a nanometre": (r"grid_pitch = [\d.]+", "grid_pitch = 1e-9", "does not match a picture"),
+    "error beyond the size": (r"magnification_error = 0.0", "magnification_error = 12", "1 .- 12 is undetermined"),
     "residual is no number": (r"residual = .*", "residual = nan", "not finite"),
     "unknown": (r"version = 1", "version = 1\nmagnifcation = 2.0", "unknown field 'magnifcation'"),
     "text": (r"width = 1200", 'width = "wide"', "cannot be read"),

@@ -1,4 +1,4 @@
-"""Bumps narrower than a membrane bends: doubted if they are high, in the stated error if they are low."""
+"""Bumps narrower than a membrane can bend: doubted if they are high, in the stated error if they are low."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def setups(drops, tmp_path_factory):
              "-o", str(output)],
         )  # fmt: skip
         assert done.exit_code == 0, done.output
-        assert "nothing in the picture checks it" in done.output
+        assert "the picture does not verify it" in done.output
         made.append(Setup.from_file(output))
     return made
 

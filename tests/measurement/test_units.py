@@ -55,7 +55,7 @@ REFUSED = [
     ("998,2 kg/m^3", "kg/m^3", "write 998.2 kg/m^3"),
     ("0,49", "", "write 0.49"),
     (",5 mm", "m", "decimal comma"),
-    ("1,000 mm", "m", "1.000 mm (or 1000 mm, if it parts thousands)"),
+    ("1,000 mm", "m", "1.000 mm (or 1000 mm, if it separates thousands)"),
     ("1,000.5 mm", "m", "commas between its digits"),
     ("1.000,5 mm", "m", "commas between its digits"),
     ("10 0mm", "m", "space or the like between its digits"),

@@ -72,7 +72,7 @@ LAUGHS = (
     ],
 )
 def test_what_is_no_workbook_or_a_damaged_one_is_refused(data, tmp_path):
-    with pytest.raises(UserFileError, match=r"not an Excel workbook .*, or a damaged one; save it anew"):
+    with pytest.raises(UserFileError, match=r"not an Excel workbook .*, or a damaged one; save it again"):
         read_sheets(table(tmp_path, data))
 
 
@@ -82,7 +82,7 @@ def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "TEXT", 10_000_000)
     monkeypatch.setattr(tables, "_read_workbook", None)
     assert len(bomb) < 20_000
-    with pytest.raises(UserFileError, match=r"unpacked, its sheets have 11.02 MB, and at most 10 MB are read"):
+    with pytest.raises(UserFileError, match=r"unpacked, its sheets have 11.02 MB, but at most 10 MB are read"):
         read_sheets(table(tmp_path, bomb))
 
 

@@ -89,11 +89,11 @@ def test_one_and_several_in_a_case_file():
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ("[springs]\nstiffness = '1 MPa/m'", "needs face"),
+        ("[springs]\nstiffness = '1 MPa/m'", "needs a face"),
         ("[springs]\nface = 'side'", "no face 'side'"),
         ("[springs]\nface = 'top'\nstiffness = '-1 Pa/m'", "no stiffness"),
         ("[springs]\nface = 'top'\nlength = 3", "unknown entry 'length'"),
-        ("[springs]\nface = 'top'\n[springs.a]\nface = 'top'", "entries beside"),
+        ("[springs]\nface = 'top'\n[springs.a]\nface = 'top'", "mixes entries with"),
         ("[springs.A]\nface = 'top'", "small letter"),
         ("[spring]\nface = 'top'", "unknown entry 'spring'"),
     ],

@@ -56,7 +56,7 @@ def test_a_program_counts_volumes_alike(lifting):
 
 
 def test_a_volume_that_the_weight_has_passed_is_refused():
-    with pytest.raises(sm.RunError, match=r"1 ml are not on this path.*has taken 2\.\d+ ml already") as end:
+    with pytest.raises(sm.RunError, match=r"1 ml are not on this path.*already added 2\.\d+ ml") as end:
         sm.inflate(MEMBRANE, LAW, volumes="1:5 ml", components=[PLATE, sm.Gravity("z")])
     assert end.value.status == 3
     run = sm.inflate(MEMBRANE, LAW, volumes="0:5 ml", components=[PLATE, sm.Gravity("z")])
@@ -142,8 +142,8 @@ def test_errors_of_a_sum_of_terms_are_those_of_the_fit(fitted):
     ("table", "words"),
     [
         ('file = "nowhere.toml"', "nowhere.toml"),
-        ("file = 3", "is no file's name"),
-        ('file = "fit/fitted.toml"\nlaw = "yeoh"', "holds the law and its parameters already"),
+        ("file = 3", "is not a file name"),
+        ('file = "fit/fitted.toml"\nlaw = "yeoh"', "already defines the law and its parameters"),
     ],
 )
 def test_files_that_are_no_material(fitted, table, words):
@@ -159,12 +159,12 @@ def test_a_case_file_is_run_with_another_material_and_its_band(fitted):
     assert done.status == 0 and "(95 %) mm" in done.out
     assert Case.from_file(fitted / "run" / "case.toml").material.name == "ogden"
     done = runs.run(*run, "--band", file)
-    assert done.status == 2 and "are of another material than the case's" in done.err
+    assert done.status == 2 and "belong to another material than the case's" in done.err
 
 
 def test_a_rigid_plate_with_a_mass_needs_gravity():
     """Else its weight would be left out in silence."""
-    with pytest.raises(CaseError, match=r"has a mass, which gravity pulls at; say where"):
+    with pytest.raises(CaseError, match=r"has a mass, but gravity has no direction; add it"):
         Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), components=(PLATE,))
 
 
@@ -172,7 +172,7 @@ def test_a_plate_that_is_silicone_is_told():
     """A mass on a face does not make it rigid."""
     heavy = (sm.Gravity("-z"), sm.Mass("plate", 0.02))
     soft = Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), components=heavy)
-    assert "plate bends and stretches with the silicone here" in bonded_notes(soft)[0]
+    assert "plate bends and stretches like the silicone in this model" in bonded_notes(soft)[0]
     for part in (sm.Rigid("plate", name="plate"), sm.Clamp(face="plate", name="grip")):
         assert not bonded_notes(Case("lifted", MEMBRANE, LAW, pressures_cm=(5.0,), components=(*heavy, part)))
     ringed = sm.Membrane(rings=(0.008, 0.010), ring_thickness=0.001)
@@ -205,7 +205,7 @@ def test_the_state_at_a_height(lifting):
     assert again.path["plate_z_mm"][-1] == pytest.approx(3.0, abs=1e-4)
     asked = lifting.rows[-1]
     assert lifting.where("plate_z_mm", asked["plate_z_mm"]).row == asked
-    with pytest.raises(CaseError, match="no figure 'height'"):
+    with pytest.raises(CaseError, match="no column 'height'"):
         lifting.where("height", 3.0)
     with pytest.raises(sm.RunError, match=r"no state with plate_z_mm 90: it goes from"):
         lifting.where("plate_z_mm", 90.0)

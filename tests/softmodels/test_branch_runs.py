@@ -70,8 +70,8 @@ def test_a_run_that_meets_no_bifurcation_says_so_and_takes_the_old_branch_away(t
     ("device", "words"),
     [
         (HollowDisk(section="axisymmetric"), ("around the axis", "--section wedge --angle 360deg")),
-        (HollowDisk(angle=45), ("8 make the device", "--angle 360deg")),
-        (SeminarActuator(), ("2 make the device", "--part full")),
+        (HollowDisk(angle=45), ("a 1/8 model", "--angle 360deg")),
+        (SeminarActuator(), ("a 1/2 model", "--part full")),
         (HollowDisk(angle=360), ()),
         (SeminarActuator(part="full"), ()),
     ],
@@ -97,4 +97,4 @@ def test_a_syringe_that_cannot_hold_a_state_is_told():
     text = stability_text(
         [{**row, "stable_under_supply": 1, "stroke_ml": 11.0}, row], SeminarActuator(part="full"), WORDS
     )
-    assert "at 12 ml of stroke (33 cm)" in text and "jumps over 1 of the states" in text
+    assert "at 12 ml of stroke (33 cm)" in text and "skipping 1 of the states" in text

@@ -64,11 +64,11 @@ def test_a_silicone_by_name_is_its_law(name):
     ],
 )
 def test_a_silicone_beside_a_law_is_no_mixture_of_both(beside, named):
-    with pytest.raises(CaseError, match=f"delete {named} for the silicone, or delete silicone for a law of your own"):
+    with pytest.raises(CaseError, match=f"delete {named} to use the silicone, or delete silicone to use your own law"):
         Case.from_toml(f'{SMALL}[material]\nsilicone = "ecoflex-00-30"\n{beside}\n')
     values = {line.split(" = ")[0]: line.split(" = ")[1].strip('"') for line in beside.splitlines()}
     if "law" not in values:
-        with pytest.raises(MaterialError, match="leave out c1, or name a law in place of the silicone"):
+        with pytest.raises(MaterialError, match="leave out c1, or name a law instead of the silicone"):
             material_from("ecoflex-00-30", values)
     assert material_from("ecoflex-00-30", {"poisson": "0.49"}).poisson == 0.49
 
@@ -156,7 +156,8 @@ def test_wrong_case_files_are_refused_by_name_and_value(text, words, tmp_path):
         ("sheet", "stiffness"), ("sheet", "face"), ("supply", "syringe"), ("supply", "gas"), ("supply", "leak_per_m3"),
         ("supply", "dead_volume"), ("supply", "kind"), ("contact", "stiffness"), ("contact", "faces"), ("contact", "plane"),
         ("geometry", "membrane"), ("geometry", "order"), ("geometry", "support"), ("material", "poisson"),
-        ("load", "water_density"), ("load", "control"), ("load", "cycle"), ("solver", "formulation"), ("solver", "method"),
+        ("load", "water_density"), ("load", "control"), ("load", "load_unload"), ("solver", "formulation"),
+        ("solver", "method"),
     ],
 )  # fmt: skip
 def test_what_is_no_number_or_word_is_a_sentence(table, key, value):
@@ -171,7 +172,7 @@ def test_what_is_no_number_or_word_is_a_sentence(table, key, value):
         tables["load"], tables["supply"] = {"stroke_ml": "20"}, {}
     tables.setdefault(table, {})[key] = value
     text = "\n".join(f"[{name}]\n" + "\n".join(f"{k} = {v}" for k, v in each.items()) for name, each in tables.items())
-    if (key, value) == ("cycle", "true"):
+    if (key, value) == ("load_unload", "true"):
         assert Case.from_toml(text)
         return
     with pytest.raises(CaseError) as refused:

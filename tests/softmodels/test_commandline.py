@@ -30,12 +30,12 @@ PRESSURES = {
     "": ["pressure", "''"],
     "nan": ["pressure", "nan", "finite"],
     "0:inf": ["pressure", "0:inf", "finite"],
-    "-5:10": ["pressure", "-5", "below zero"],
+    "-5:10": ["pressure", "-5", "negative"],
     "0:177:0": ["pressure", "0:177:0", "step"],
     "0:177:-1": ["pressure", "0:177:-1", "step"],
     "0:177:1e-9": ["pressure", "0:177:1e-9", "larger step"],
     "1:2:3:4": ["pressure", "1:2:3:4", "from:to"],
-    "0": ["pressure", "0", "nothing happens"],
+    "0": ["pressure", "0", "add a value above 0"],
     "177e3": ["177000 cm", "30 kPa", "correct the modulus"],
 }
 DEVICES = {
@@ -85,7 +85,7 @@ OTHERS = {
     "--supply syringe --stroke-ml 0:10": ["--stroke-ml", "one of these"],
     "--supply syringe": ["--supply syringe", "--stroke-ml"],
     "--gas adiabatic": ["--gas", "--supply syringe"],
-    "--cycle --control volume": ["--cycle", "--control"],
+    "--load-unload --control volume": ["--load-unload", "--control"],
     "--volume-ml 0:3": ["--pressure-cm", "--volume-ml", "one of these"],
     "--inflate": ["--inflate"],
     "--membrane": ["--membrane", "argument"],

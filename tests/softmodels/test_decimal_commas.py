@@ -47,7 +47,7 @@ OPTIONS = [
     (softmodels, ["limit", "--vary", "membrane=2,0mm+-0,2mm"], "'2,0mm' has a decimal comma; write 2.0mm"),
     (softmodels, ["limit", "--vary", "membrane=2mm+-0,2mm"], "write 0.2mm"),
     (softmodels, ["limit", "--vary", "membrane=2mm+-7,5%"], "write 7.5"),
-    (softmodels, ["limit", "--working-cm=20,5"], "write 20.5"),
+    (softmodels, ["limit", "--working-pressure=20,5"], "write 20.5"),
     (softmodels, ["fit", "--tensile=pull.csv", "--stretch=1,02:3"], "write 1.02"),
     (softmodels, ["fit", "--tensile=pull.csv", "--poisson=0,49"], "write 0.49"),
     (softmodels, ["fit", "--tensile=pull.csv", "--stress-error=2%+0,5kPa"], "write 0.5kPa"),
@@ -56,9 +56,9 @@ OPTIONS = [
     (softmodels, ["fit", "--tensile=pull.csv", "--material=yeoh", "--prior=c1=8kPa+-0,5kPa"], "write 0.5kPa"),
     (measure, ["setup", "grid.png", "--lens=none", "--grid-pitch=9,0mm"], "write 9.0mm"),
     (measure, ["setup", "grid.png", "--lens=none", "--scale=75,5px/mm"], "decimal comma"),
-    (measure, ["setup", "grid.png", "--lens=none", "--point=1,2=9,5mm,18mm"], "decimals have a point"),
+    (measure, ["setup", "grid.png", "--lens=none", "--point=1,2=9,5mm,18mm"], "decimals with a point"),
     (measure, ["setup", "grid.png", "--lens=none", "--point=1,2=9 5mm,18mm"], "between its digits"),
-    (measure, ["setup", "grid.png", "--lens=none", "--scale=75px/mm", "--roi=0,0,1,5,2"], "decimals have a point"),
+    (measure, ["setup", "grid.png", "--lens=none", "--scale=75px/mm", "--roi=0,0,1,5,2"], "decimals with a point"),
     (measure, ["setup", "grid.png", "--lens=none", "--scale=75px/mm", "--lamp-distance=2,5m", "--screen-distance=3cm"],
      "write 2.5m"),
     (measure, ["calibrate", "grid.png", "--pitch=25,4mm"], "write 25.4mm"),
@@ -137,12 +137,12 @@ def test_texts_that_pick_faces_and_points():
     assert faces("support", "in -1..31, -5..5, 0..2 mm").box == ((-0.001, -0.005, 0.0), (0.031, 0.005, 0.002))
     assert faces("support", "x = 0 mm").at == 0.0
     for read, text, words in (
-        (point, "at 10,5, 0, 2 mm", "decimals have a point"),
+        (point, "at 10,5, 0, 2 mm", "decimals with a point"),
         (point, "at 1.0.5, 0, 2 mm", "'1.0.5 mm' is not a number"),
         (faces, "x = 1,5 mm", "write 1.5 mm"),
         (faces, "normal 1, -1, 0 at 2,5 mm", "write 2.5 mm"),
-        (faces, "normal 0,6, 0, 0,8 at 9 mm", "decimals have a point"),
-        (faces, "in -1,5..31, -5..5, 0..2 mm", "decimals have a point"),
+        (faces, "normal 0,6, 0, 0,8 at 9 mm", "decimals with a point"),
+        (faces, "in -1,5..31, -5..5, 0..2 mm", "decimals with a point"),
     ):
         with pytest.raises(GeometryError, match=re.escape(words)):
             read("support", text)
@@ -173,7 +173,7 @@ def test_heights_of_a_workbook(tmp_path):
 
 def test_texts_without_end_are_refused():
     """The patterns of these texts would take minutes over them."""
-    with pytest.raises(SetupError, match=r"\(\d+ characters\)|is no scale"):
+    with pytest.raises(SetupError, match=r"\(\d+ characters\)|is not a scale"):
         per_metre(" " * 3000 + "x")
     with pytest.raises(CaseError, match="3002 characters"):
         Tolerance.parse("a=" + " " * 3000, HollowDisk)

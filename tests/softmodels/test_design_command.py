@@ -99,11 +99,11 @@ def test_what_cannot_be_met_ends_with_status_3(ended, place, monkeypatch):
     monkeypatch.chdir(place)
     Path("high.toml").write_text(fake.PROBLEM + '[[keep]]\nquantity = "rise"\nat = "177 cm"\nat_least = "12 mm"\n')
     status, out, err = ended(whole_command, "design", "high.toml", "--no-pictures", "--output", "high")
-    assert status == 3 and "softmodels: the request cannot be met, and this is the nearest design" in err
-    assert "rise at 177 cm at least 12 mm" in err and "exclude each other" in err and "has to be at least 12 mm" in out
+    assert status == 3 and "softmodels: the problem is infeasible, and this is the closest design" in err
+    assert "rise at 177 cm at least 12 mm" in err and "are incompatible" in err and "must be at least 12 mm" in out
     Path("thin.toml").write_text(fake.PROBLEM.replace('section = "axi', 'membrane = "2.5 mm"\nsection = "axi'))
     status, out, err = ended(whole_command, "design", "thin.toml", "--no-pictures", "--output", "thin")
-    assert status == 3 and "as given cannot be judged: the device jumps at" in err and out == ""
+    assert status == 3 and "given device cannot be evaluated: the device jumps at" in err and out == ""
     assert not Path("thin/design.toml").exists()
 
 
@@ -115,7 +115,7 @@ def test_pictures_and_page(place):
     assert drawn >= {"paths.png", "history.png", "parameters.png", "sections.png"}
     assert ("shapes.png" in drawn) == can_render()
     page = (out / "report.html").read_text()
-    assert page.count("<img") == len(drawn) and "allowing 0.05 more would give about" in page and "http" not in page
+    assert page.count("<img") == len(drawn) and "relaxing this limit by 0.05 gains" in page and "http" not in page
     runs_ = [Case.from_file(out / name / "case.toml") for name in ("before", "after")]
     assert runs_[1] == Case.from_file(out / "design.toml")
     assert runs_[0].actuator == Case.from_file(out / "start.toml").actuator

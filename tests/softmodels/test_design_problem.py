@@ -35,8 +35,8 @@ WRONG = {
     "no unit": ('from = "2 mm"', "from = 2", ["membrane from", "no unit"]),
     "wrong kind": ('from = "2 mm"', 'from = "2 kPa"', ["membrane from", "'2 kPa'", "20mm"]),
     "unknown parameter": ("membrane =", "membran =", ["'membran'", "did you mean membrane?"]),
-    "no shape": ("membrane =", "cell_size =", ["cell_size", "does not decide the shape"]),
-    "an entry of no list": ("membrane =", '"membrane[2]" =', ["membrane[2]", "no list"]),
+    "no shape": ("membrane =", "cell_size =", ["cell_size", "does not affect the shape"]),
+    "an entry of no list": ("membrane =", '"membrane[2]" =', ["membrane[2]", "not a list"]),
     "not of this section": (
         'membrane = { from = "2 mm", to = "9 mm" }',
         'azimuth = { from = "0deg", to = "9 deg" }',
@@ -56,7 +56,7 @@ WRONG = {
     "unknown quantity": ('quantity = "rise"', 'quantity = "rises"', ["'rises'", "did you mean rise?"]),
     "no quantity": ('quantity = "rise"\n', "", ["maximise names no quantity"]),
     "unknown probe": ('of = "apex"', 'of = "apx"', ["'apx'", "did you mean apex?"]),
-    "no pressure": ('of = "apex"\nat = "177 cm"', 'of = "apex"', ["maximise", "rise needs the pressure", "at ="]),
+    "no pressure": ('of = "apex"\nat = "177 cm"', 'of = "apex"', ["maximise", "rise needs a pressure", "at ="]),
     "beyond the case": (
         'of = "apex"\nat = "177 cm"',
         'of = "apex"\nat = "200 cm"',
@@ -64,14 +64,14 @@ WRONG = {
     ),
     "at of another kind": ('of = "apex"\nat = "177 cm"', 'of = "apex"\nat = "177 mm"', ["at", "177 mm"]),
     "at zero": ('of = "apex"\nat = "177 cm"', 'of = "apex"\nat = "0 cm"', ["'0 cm'", "above zero"]),
-    "at for nothing": ('"limit_margin"\n', '"limit_margin"\nat = "100 cm"\n', ["limit_margin", "leave at out"]),
+    "at for nothing": ('"limit_margin"\n', '"limit_margin"\nat = "100 cm"\n', ["limit_margin", "leave out at"]),
     "no limit": ("at_most = 1.18\n", "", ["keep 1", "no limit"]),
     "limits exchanged": ("at_most = 1.18", "at_most = 1.18\nat_least = 1.3", ["at least 1.3", "at most 1.18"]),
     "margin below one": ("at_least = 1.3", "at_least = 0.9", ["0.9 is below 1"]),
     "limit of another kind": ('at_least = "3 mm"', 'at_least = "3 kPa"', ["at_least of clearances", "3 kPa"]),
     "limit without unit": ('at_least = "3 mm"', "at_least = 3", ["at_least of clearances", "no unit"]),
-    "workshop too coarse": ('at_least = "3 mm"', 'at_least = "7 mm"', ["least wall is 7 mm", "membrane is 6 mm"]),
-    "no objective": ('[maximise]\nquantity = "rise"\nof = "apex"\nat = "177 cm"\n', "", ["nothing is asked for"]),
+    "workshop too coarse": ('at_least = "3 mm"', 'at_least = "7 mm"', ["smallest wall is 7 mm", "membrane is 6 mm"]),
+    "no objective": ('[maximise]\nquantity = "rise"\nof = "apex"\nat = "177 cm"\n', "", ["has no objective"]),
     "two objectives": (
         '[[keep]]\nquantity = "max_stretch"',
         '[minimise]\nquantity = "mass"\n[[keep]]\nquantity = "max_stretch"',
@@ -97,7 +97,7 @@ WRONG = {
     "no case file": (GOOD[GOOD.index("[case.geo") : GOOD.index("[parameters]")], 'case = "none.toml"\n', ["none.toml"]),
     "a wrong case": ('shear_modulus = "30 kPa"', 'shear_modulus = "30 Pa"', ["shear modulus is 30 Pa"]),
     "volumes": ('pressure_cm = "0:177"', 'volume_ml = "0:10"', ["added volumes", "pressures"]),
-    "cycle": ('pressure_cm = "0:177"', 'pressure_cm = "0:177"\ncycle = true', ["cycle"]),
+    "cycle": ('pressure_cm = "0:177"', 'pressure_cm = "0:177"\nload_unload = true', ["load_unload"]),
     "tolerance": (
         'name = "more-rise"',
         'name = "more-rise"\ntolerances = { membrane = "0 mm" }',
@@ -105,7 +105,7 @@ WRONG = {
     ),
     "unknown tolerance": ('name = "more-rise"', 'name = "more-rise"\ntolerances = { roof = "1 mm" }', ["'roof'"]),
     "no fit": ('name = "more-rise"', 'name = "more-rise"\nmaterial_errors = { file = "none.toml" }', ["none.toml"]),
-    "a name for no file": ('name = "more-rise"', 'name = "more rise"', ["'more rise'", "cannot name files"]),
+    "a name for no file": ('name = "more-rise"', 'name = "more rise"', ["'more rise'", "is not a valid file name"]),
     "no TOML": ("[parameters]", "[parameters", ["not valid TOML"]),
 }
 
@@ -137,7 +137,7 @@ def test_bounds_that_cross_in_a_corner_are_warned_of():
     assert DesignProblem.from_toml(text).notes == ()
     thin = text.replace('section = "axisymmetric"', 'section = "axisymmetric"\nleast_sum = "8 mm"')
     note = DesignProblem.from_toml(thin).notes[0]
-    assert note.startswith("2 of 8 combinations of bounds make no device") and "the search steps back" in note
+    assert note.startswith("2 of 8 combinations of bounds give an invalid device") and "the search avoids them" in note
 
 
 def test_from_python_numbers_are_si_and_texts_carry_units():

@@ -1,4 +1,4 @@
-"""The optimiser on a device in closed form: its optimum, failing trials, starts, resume, limits that exclude each other."""
+"""The optimiser on a device in closed form: its optimum, failing trials, starts, resume, limits that are incompatible."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_the_optimum_of_a_grid_in_few_evaluations():
     assert found.form.objective(found.best) == pytest.approx(wanted, rel=0.01)
     assert found.form.objective(found.best) >= wanted * (1 - 1e-3)  # the grid is no better than it
     assert len(found.trials) <= 20
-    assert found.holding.balanced and all("would give about" in one for one in found.reasons)
+    assert found.holding.balanced and all("gains" in one for one in found.reasons)
 
 
 def test_the_first_steps_are_short_and_grow_where_they_were_foreseen():
@@ -101,7 +101,7 @@ def test_trials_without_a_state_are_stepped_back_from():
 
 
 def test_a_start_without_a_state_is_named_before_anything_else():
-    with pytest.raises(sm.RunError, match=r"as given cannot be judged: the device jumps at .* cm") as caught:
+    with pytest.raises(sm.RunError, match=r"given device cannot be evaluated: the device jumps at .* cm") as caught:
         optimise(problem_(case=case_(membrane=0.0025)))
     assert caught.value.status == 3
 
@@ -127,7 +127,7 @@ def test_a_request_that_cannot_be_met_ends_nearby_with_what_excludes_each_other(
     assert not found.feasible and found.missed
     holders = {holder.row.keep.quantity.name for holder in found.holding.holders if holder.row}
     assert wanted <= holders and found.holding.balanced
-    assert found.reasons[0].startswith("the request cannot be met") and "exclude each other" in found.reasons[0]
+    assert found.reasons[0].startswith("the problem is infeasible") and "are incompatible" in found.reasons[0]
     # No small step makes the worst violation smaller.
     model, form = fake.FakeModel(found.problem.case, found.problem.names, found.problem.quantities), found.form
     worst, x = form.worst(found.best)[0], form.x(np.array(found.best.theta))
@@ -142,7 +142,7 @@ def test_a_search_that_was_cut_off_does_not_call_a_request_impossible():
     found = optimise(problem_(keep), evaluations=2)
     assert not found.feasible and found.missed
     assert found.reasons == [
-        "no design so far keeps all limits (the search ended after 2 evaluations); go on with more evaluations"
+        "no design so far satisfies all limits (the search ended after 2 evaluations); continue with more evaluations"
     ]
     assert optimise(problem_(keep)).feasible
 
@@ -157,7 +157,7 @@ def test_what_one_more_unit_costs_is_the_price_found_by_asking_again():
     assert looser.case == again.problem.case
     price = found.form.size * holder.multiplier / holder.row.scale * 0.005
     assert again.form.objective(again.best) - found.form.objective(found.best) == pytest.approx(price, rel=0.1)
-    assert "max stretch at 177 cm at most 1.18: allowing 0.05 more would give about" in holder.sentence
+    assert "max stretch at 177 cm at most 1.18: relaxing this limit by 0.05 gains" in holder.sentence
 
 
 def test_limits_hold_with_95_percent_where_devices_scatter():
@@ -239,4 +239,4 @@ def test_a_device_that_cannot_be_confirmed_is_reported():
             raise fake.DesignFailure("no state at 177 cm")
 
     found = optimise(problem_(), model=lambda problem, comm: Fresh(problem.case, problem.names, problem.quantities))
-    assert "could not be confirmed: no state at 177 cm" in found.trouble
+    assert "could not be confirmed on a fresh mesh: no state at 177 cm" in found.trouble

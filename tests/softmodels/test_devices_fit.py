@@ -83,7 +83,9 @@ def test_each_device_has_its_misfit_and_narrows_the_interval(outlines):
         assert both.fit.error("shear_modulus") < one.fit.error("shear_modulus")
     low, high = both.interval("shear_modulus")
     assert low < MODULUS < high
-    assert any(note.startswith("disk: corrected: the fit takes the highest pressure") for note in both.judgement.notes)
+    assert any(
+        note.startswith("disk: corrected: the fit assumes the highest pressure") for note in both.judgement.notes
+    )
 
 
 def test_the_same_twice_is_worth_two(outlines):
@@ -105,8 +107,8 @@ def test_a_wrong_row_of_one_device_is_named_with_it(outlines):
     found = fit(taken).chosen
     assert not found.sound
     assert "membrane/simulated 2 contradicts the others" in found.objections[0]
-    assert "fit without: --without membrane/simulated 2" in found.objections[0]
-    assert fit(taken, without=("membrane/simulated 2",)).chosen.sound
+    assert "exclude them: --exclude membrane/simulated 2" in found.objections[0]
+    assert fit(taken, exclude=("membrane/simulated 2",)).chosen.sound
 
 
 def test_the_command_takes_cases_each_with_its_outlines(outlines, tmp_path):
@@ -133,11 +135,11 @@ def test_the_command_takes_cases_each_with_its_outlines(outlines, tmp_path):
     assert low < MODULUS < high
     assert (tmp_path / "fit" / "photographs-neo-hookean.png").stat().st_size > 20_000
     refused = {
-        "give its outlines too": [*words, words[0]],
-        "name the photograph's device too": [*words, "--without", "simulated 1"],
+        "add its outlines": [*words, words[0]],
+        "give the photograph's device too": [*words, "--exclude", "simulated 1"],
         "each of them also of one device": [*words, "--fix", "wedge.leak"],
-        "fit either whole outlines or --heights": [*words, "--heights", "heights.csv"],
-        "nothing of the bench or the device is called": [*words, "--free", "wall"],
+        "fit either outlines or --heights": [*words, "--heights", "heights.csv"],
+        "no bench or device parameter is called": [*words, "--free", "wall"],
     }
     for text, asked in refused.items():
         done = CliRunner().invoke(fit_material, [*asked, "-o", str(tmp_path / "none")])
@@ -149,7 +151,7 @@ def test_the_command_takes_cases_each_with_its_outlines(outlines, tmp_path):
     [
         ([], (), "several devices are given as pairs"),
         ([DEVICES["disk"]], (), "several devices are given as pairs"),
-        ([(DEVICES["disk"], "a"), (DEVICES["membrane"], "b")], "c", "leave the argument outlines out"),
+        ([(DEVICES["disk"], "a"), (DEVICES["membrane"], "b")], "c", "leave out the argument outlines"),
         ([(DEVICES["disk"], "a"), ("membrane", "b")], (), "device is 'membrane'"),
     ],
 )

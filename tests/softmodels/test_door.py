@@ -168,7 +168,7 @@ def test_volumes_and_strokes():
         ({"pressures": "0:177"}, "no unit; write it like 0:177 cm"),
         ({"pressures": "0:177 furlongs"}, "unknown unit"),
         ({"pressures": "0:60 ml"}, "unknown unit"),
-        ({"pressures": "cm"}, "not numbers"),
+        ({"pressures": "cm"}, "not a list of numbers"),
         ({"pressures": [500.0, 300.0]}, "falls from"),
         ({"pressures": ["a"]}, "unknown unit, 'a'"),
         ({"pressures": [None]}, "neither numbers nor a text"),

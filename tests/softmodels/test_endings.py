@@ -92,4 +92,4 @@ def test_full_memory_is_a_sentence(capsys):
         run_command(greedy, "greedy")
     assert end.value.code == 1
     err = capsys.readouterr().err
-    assert err.count("\n") == 1 and "memory is full" in err
+    assert err.count("\n") == 1 and "out of memory" in err

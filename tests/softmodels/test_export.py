@@ -205,8 +205,8 @@ def test_a_laws_terms_are_its_energy(law):
     [
         ({"actuator": sm.HollowDisk(section="axisymmetric")}, "axisymmetric section"),
         ({"pressures_cm": (), "volumes_ml": (1.0,)}, "asks for added volumes"),
-        ({"pressures_cm": (0.0,)}, "nothing happens"),
-        ({"cycle": True}, "no cycle"),
+        ({"pressures_cm": (0.0,)}, "add a value above 0"),
+        ({"load_unload": True}, "no unloading"),
         ({"material": sm.Gent(28e3, 30.0)}, "neither CalculiX nor FEBio"),
         ({"material": sm.Yeoh(14e3, 60.0, 0.5, 0.5)}, "incompressible"),
         ({"components": [sm.Sheet("top", 1e3)]}, "a sheet"),
@@ -226,7 +226,7 @@ def test_what_decks_have_no_words_for(tmp_path, changes, words):
 
 def test_files_that_are_no_decks_stay(tmp_path):
     (tmp_path / "mine.inp").write_text("*NODE\n")
-    for name, words in (("mine.inp", "is no deck"), ("disk.txt", r"ends in \.txt")):
+    for name, words in (("mine.inp", "is not a deck"), ("disk.txt", r"ends in \.txt")):
         with pytest.raises(CaseError, match=words):
             sm.export(CASE, tmp_path / name)
     assert (tmp_path / "mine.inp").read_text() == "*NODE\n"
@@ -247,7 +247,7 @@ def test_two_ranks_write_dead_loads_as_one_does(loaded, tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0 and not done.stderr
     first, note = done.stdout.splitlines()  # once, not by each rank
-    assert first.startswith("finger.inp: ") and "pass through each other here" in note
+    assert first.startswith("finger.inp: ") and "overlap here" in note
     assert (tmp_path / "finger.inp").read_text() == loaded[1]
 
 

@@ -106,7 +106,7 @@ def test_a_plate_in_a_half_that_is_cut_askew(tmp_path):
     u, normal = admissible(deck), np.array(device.cut_planes[0].normal)
     assert abs(u[one.place] @ normal) < 1e-12 and np.linalg.norm(np.cross(u[one.turn], normal)) < 1e-12
     assert np.abs(u[one.place]).min() > 1e-3 and np.abs(u[one.turn]).max() > 1e-3
-    with pytest.raises(CaseError, match="turns in a half that is cut along no plane of two axes"):
+    with pytest.raises(CaseError, match="rotates in a half model whose cut is not a coordinate plane"):
         export(DISK, tmp_path / "disk.feb", actuator=device, components=(plate,))
 
 
@@ -340,7 +340,7 @@ def test_a_program_of_pressures_is_written_step_by_step(tmp_path):
     assert curves["cavity"] == pytest.approx([case.cm * p for p in (0, 4, 4)], rel=1e-12)
     assert curves["cavity2"] == pytest.approx([case.cm * p for p in (0, 0, 6)], rel=1e-12)
     series["cavity2"] = {"volume_ml": [0, 0, 0.1]}
-    with pytest.raises(CaseError, match="a deck has pressures"):
+    with pytest.raises(CaseError, match="a deck takes pressures"):
         sm.export(dataclasses.replace(case, program=from_tables(series)), tmp_path / "y.inp")
 
 
@@ -353,16 +353,16 @@ BALL = sm.RigidShape("sphere", "bottom", (0.012, 0.0, -0.007), 0.005, name="ball
         (
             {"components": [sm.Obstacle("bottom", "z = -3 mm")]},
             "x.feb",
-            r"\[contact\], which is written for CalculiX alone",
+            r"\[contact\], which is supported for CalculiX only",
         ),
-        ({"components": (sm.Fibres(modulus=1e4),)}, "x.feb", r"\[fibres\], which is written for CalculiX alone"),
-        ({"components": (BALL,)}, "x.feb", r"\[contact.ball\], which is written for CalculiX alone"),
+        ({"components": (sm.Fibres(modulus=1e4),)}, "x.feb", r"\[fibres\], which is supported for CalculiX only"),
+        ({"components": (BALL,)}, "x.feb", r"\[contact.ball\], which is supported for CalculiX only"),
         (
             {"components": (dataclasses.replace(BALL, shape="capsule", length=0.01),)},
             "x.inp",
-            "'capsule', where springs know sphere, cylinder, plane",
+            "'capsule' \\(springs support sphere, cylinder, plane",
         ),
-        ({"components": (PLATE, WEIGHT, BALL)}, "x.inp", "ball acts on nodes of the rigid part plate"),
+        ({"components": (PLATE, WEIGHT, BALL)}, "x.inp", "ball acts on nodes of the rotating rigid part plate"),
     ],
 )
 def test_what_decks_cannot_say_of_parts(tmp_path, changes, file, words):

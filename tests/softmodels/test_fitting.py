@@ -132,7 +132,7 @@ def test_prior_is_one_more_residual():
 def test_a_prior_that_says_all_is_told():
     source = Curve(lambda a: (np.full(4, a), (np.ones(4),)), ("a",), np.full(4, 10.0), 20.0)
     assert (
-        "a rests on its prior"
+        "a depends on its prior"
         in unseen(fit_parameters([source], [Parameter("a", "mm", 1.0, prior=Prior(7.0, 0.5))]))[0]
     )
 
@@ -145,8 +145,8 @@ def test_what_cannot_be_told_apart_has_no_interval():
     assert found.values["a"] + found.values["b"] == pytest.approx(3.0, abs=0.1)
     assert np.isinf(found.error("a")) and np.isinf(found.error("b"))
     assert found.interval("a") == (-np.inf, np.inf)
-    assert any("do not see one combination of a, b" in text for text in unseen(found))
-    assert any("do not see a:" in text for text in unseen(found))
+    assert any("do not determine one combination of a, b" in text for text in unseen(found))
+    assert any("do not determine a:" in text for text in unseen(found))
 
 
 def test_nearly_the_same_is_seen_only_together():
@@ -154,7 +154,7 @@ def test_nearly_the_same_is_seen_only_together():
         return a * X + b * (X + 0.05 * X**2), (X, X + 0.05 * X**2)
 
     found = fit_parameters([Curve(near, ("a", "b"), near(1.0, 2.0)[0] + 0.01 * NOISE, 0.01)], free("a", "b"))
-    assert any("a and b only together" in text for text in unseen(found))
+    assert any("a and b only jointly" in text for text in unseen(found))
     assert found.correlations[0, 1] < -0.98
     values, _ = singular_values(found)
     assert values[-1] < 0.1 * values[0]
@@ -280,7 +280,7 @@ def test_comparison_prefers_the_truth_and_says_when_it_cannot():
     bent = compared(parabola(1.0, 2.0, 1.0)[0] + 0.1 * NOISE)
     assert bent.ranked[0].fit.label == "parabola" and bent.sentence.startswith("the data prefer parabola")
     straight = compared(line(1.0, 2.0)[0] + 0.1 * NOISE)
-    assert "take line, the simplest" in straight.sentence and straight.ranked[0].fit.label == "line"
+    assert "use line, the simplest" in straight.sentence and straight.ranked[0].fit.label == "line"
     with pytest.raises(ValueError, match="same measurements"):
         compare(
             [
@@ -297,13 +297,13 @@ GOOD = Curve(line, ("a", "b"), 2 + 3 * X)
     ("make", "words"),
     [
         (lambda: fit_parameters([], free("a")), "nothing to fit to"),
-        (lambda: fit_parameters([GOOD], free("a")), "no start is given for b"),
+        (lambda: fit_parameters([GOOD], free("a")), "no starting value for b"),
         (lambda: fit_parameters([GOOD], free("a", "b", "b")), "given twice"),
         (lambda: fit_parameters([GOOD], free("a", "b", "c")), "nothing measured depends on c"),
         (lambda: fit_parameters([GOOD], free("a", "b", fixed=True)), "every parameter is fixed"),
         (lambda: fit_parameters([GOOD], free("a", "b"), loss="cubic"), "loss 'cubic'"),
         (lambda: fit_parameters([GOOD], free("a", "b"), errors="none"), "errors 'none'"),
-        (lambda: Parameter("a", "", 1.0, 2.0, 1.0), "leave nothing between"),
+        (lambda: Parameter("a", "", 1.0, 2.0, 1.0), "must have the lower one below"),
         (lambda: Parameter("a", "", 3.0, 1.0, 2.0), "outside its bounds"),
         (lambda: Parameter("a", "", np.nan), "not a finite number"),
         (lambda: Prior(1.0, 0.0), "error above zero"),

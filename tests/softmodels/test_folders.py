@@ -168,7 +168,7 @@ def test_states_without_their_case_are_not_begun_anew(says, copy):
     (copy / "case.toml").unlink()
     before = contents(copy)
     status, _, err = says(command, *BASIC, "--pressure-cm=0,30,40", "--output", copy, "--resume")
-    assert status == 2 and "no case.toml" in err and contents(copy) == before
+    assert status == 2 and "case.toml is missing" in err and contents(copy) == before
 
 
 CONTACTS = [["--contact=top", "--contact-plane=z = 17mm"], ["--contact=top", "--contact-plane=z = 17.5mm"],
@@ -264,7 +264,7 @@ def test_runs_keep_out_of_each_others_way(says, tmp_path):
     assert says(command, *BASIC, "--pressure-cm=0,35", "--resume")[0] == 0
     assert runs.rows(Path("results/disk"))[-1]["pressure_cm"] == 35.0
     done = says(softmodels, "run", "results/disk/case.toml", "--no-pictures")
-    assert done[0] == 0 and "in results/disk:" in done[1] and "results go to results/disk" in done[2]
+    assert done[0] == 0 and "in results/disk:" in done[1] and "writing results to results/disk" in done[2]
 
 
 def test_a_run_killed_while_it_takes_the_folder_over_loses_nothing(few_new, monkeypatch):

@@ -95,7 +95,7 @@ def test_results_show_no_other_files_bytes(theirs, tmp_path, trick, name):
     with h5py.File(theirs / "disk.h5", "a") as file:
         trick(file, name, secret)
     with pytest.raises(
-        sm.ResultsError, match=f"cannot be read .{name if 'mesh' in name else name[11:]} (takes|is a|is pac)"
+        sm.ResultsError, match=f"cannot be read .{name if 'mesh' in name else name[11:]} (takes|is a|is compressed)"
     ):
         sm.load(theirs)
 

@@ -90,9 +90,9 @@ def test_tables_come_back():
 REFUSED = (
     ({"points": {"tip": "40, 0, 5"}}, "point tip"),
     ({"points": {"tip": 40}}, "write a point as"),
-    ({"points": {"my tip": "40, 0, 5 mm"}}, "cannot name a column"),
+    ({"points": {"my tip": "40, 0, 5 mm"}}, "cannot be used as a column name"),
     ({"angles": {"bend": "base to tip"}}, "no point 'base'"),
-    ({**TABLES, "angles": {"bend": "tip to tip"}}, "to itself"),
+    ({**TABLES, "angles": {"bend": "tip to tip"}}, "twice"),
     ({**TABLES, "angles": {"bend": "base tip"}}, "from point to point"),
     ({**TABLES, "angles": {"bend": []}}, "two such lines"),
     ({"profile": {"plane": "named lid"}}, "write a plane"),
@@ -108,7 +108,7 @@ def test_bad_texts_are_refused(tables, said):
 
 def test_a_device_keeps_its_own_columns():
     text = '[geometry]\ndevice = "SeminarActuator"\n[load]\npressure_cm = [1]\n[points]\ntip = "70, 0, 4 mm"\n'
-    with pytest.raises(CaseError, match="tip_x_mm is a column of its own"):
+    with pytest.raises(CaseError, match="tip_x_mm is already a column"):
         Case.from_toml(text)
 
 
@@ -133,7 +133,7 @@ def run_case(case, folder, *words, **options):
 def test_points_and_angles_are_in_the_table(block):
     _, folder, done = block
     assert done.status == 0, done.err
-    assert "point tip is followed at 40, 0, 4.9 mm, on the surface" in done.err and "bend -" in done.out
+    assert "point tip is tracked at 40, 0, 4.9 mm, on the surface" in done.err and "bend -" in done.out
     rest, *_, last = runs.rows(folder)
     assert (rest["tip_x_mm"], rest["tip_y_mm"], rest["tip_z_mm"]) == pytest.approx((40.0, 0.0, 4.9), abs=1e-9)
     assert rest["bend_deg"] == 0.0 and rest["opening_deg"] == pytest.approx(180 - math.degrees(math.atan2(4.9, 36.0)))
@@ -164,7 +164,10 @@ def test_a_point_beside_the_part_is_refused(block, tmp_path):
     far = case.with_name("far.toml")
     far.write_text(case.read_text().replace("40, 0, 4.9 mm", "40, -30, 4.9 mm"))
     done = run_case(far, tmp_path / "far")
-    assert done.status == 2 and "point tip lies 30 mm off the surface, whose nearest place is 40, 0, 4.9 mm" in done.err
+    assert (
+        done.status == 2
+        and "point tip is 30 mm off the surface; the nearest surface point is 40, 0, 4.9 mm" in done.err
+    )
 
 
 def test_the_profile_is_the_outside_in_the_plane(block):
@@ -221,10 +224,10 @@ def test_the_rotation_of_a_face_is_the_bend():
 
 
 def test_faces_that_cannot_turn_are_refused():
-    with pytest.raises(CaseError, match="faces of an axisymmetric section do not turn"):
+    with pytest.raises(CaseError, match="faces of an axisymmetric section do not rotate"):
         Case("disk", HollowDisk(section="axisymmetric"), sm.NeoHookean(30e3), pressures_cm=(0.0, 1.0),
              gauges=from_tables({"angles": {"bend": "face z = 16 mm"}}))  # fmt: skip
-    with pytest.raises(ProbeError, match="choose it by its place"):
+    with pytest.raises(ProbeError, match="select the face by its position"):
         from_tables({"angles": {"bend": "face named tip"}})
 
 
@@ -234,5 +237,5 @@ def test_a_point_of_a_device_that_hangs_is_where_it_was_named():
     points = Probes((("apex", "0, 0, 2 mm"), ("beside", "0, 0, 3 mm")))
     run = sm.inflate(membrane, sm.NeoHookean(30e3), "0:2 cm", components=[gravity], gauges=points)
     assert run.path["apex_z_mm"][0] < 1.0  # it hangs
-    (note,) = [note for note in run.notes if "is followed at" in note]
-    assert note == "point beside is followed at the nearest place of the modelled surface, 1 mm away"
+    (note,) = [note for note in run.notes if "is tracked at" in note]
+    assert note == "point beside is tracked at the nearest surface point of the model, 1 mm away"

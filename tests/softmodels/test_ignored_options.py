@@ -16,32 +16,32 @@ from softmodels.disk import command as disk
 
 CASE = '[geometry]\ndevice = "HollowDisk"\nsection = "axisymmetric"\n[load]\n'
 SECTION = ["--pressure-cm=0:10", "--section=axisymmetric"]
-CYCLE = ["--pressure-cm=0:10", "--cycle", "--branch"]
+CYCLE = ["--pressure-cm=0:10", "--load-unload", "--branch"]
 GRID = ["setup", "grid.png", "--lens=none"]
 MEANINGLESS = [
-    (disk, ["--pressure-cm=0:10", "--contact-stiffness=300"], "needs the faces"),
-    (disk, [*SECTION, "--angle=90deg"], "--angle means nothing with --section axisymmetric"),
-    (disk, [*SECTION, "--azimuth=10deg"], "--azimuth means nothing with --section axisymmetric"),
-    (disk, [*SECTION, "--contact=top"], "needs the faces"),
+    (disk, ["--pressure-cm=0:10", "--contact-stiffness=300"], "needs faces"),
+    (disk, [*SECTION, "--angle=90deg"], "--angle has no effect with --section axisymmetric"),
+    (disk, [*SECTION, "--azimuth=10deg"], "--azimuth has no effect with --section axisymmetric"),
+    (disk, [*SECTION, "--contact=top"], "needs faces"),
     (disk, CYCLE, "--branch"),
-    (whole, ["run", "program.toml", "--branch"], "--branch does not follow a series for each cavity"),
+    (whole, ["run", "program.toml", "--branch"], "--branch is not available with a series for each cavity"),
     (whole, ["limit", "--variant=shadow", "--samples=8"], "give one with --vary"),
     (whole, ["limit", "--variant=shadow", "--normal"], "give one with --vary"),
-    (whole, ["limit", "--variant=shadow", "--angle=90deg"], "--angle means nothing"),
-    (whole, ["limit", "case.toml", "--angle=90deg"], "--angle means nothing"),
-    (whole, ["fit", "case.toml", "heights.csv", "--stretch=1:2"], "--stretch is about curves"),
-    (whole, ["fit", "case.toml", "heights.csv", "--gauge-length=33mm"], "--gauge-length is about curves"),
-    (whole, ["fit", "case.toml", "heights.csv", "--stress-error=2%+1kPa"], "--stress-error is about curves"),
+    (whole, ["limit", "--variant=shadow", "--angle=90deg"], "--angle has no effect"),
+    (whole, ["limit", "case.toml", "--angle=90deg"], "--angle has no effect"),
+    (whole, ["fit", "case.toml", "heights.csv", "--stretch=1:2"], "--stretch applies to curves only"),
+    (whole, ["fit", "case.toml", "heights.csv", "--gauge-length=33mm"], "--gauge-length applies to curves only"),
+    (whole, ["fit", "case.toml", "heights.csv", "--stress-error=2%+1kPa"], "--stress-error applies to curves only"),
     (whole, ["fit", "--tensile=pull.csv", "--material=yeoh,gent", "--fix=c33=0Pa"], "no parameter 'c33'"),
-    (whole, ["curve", "--material=ecoflex-00-30", "--cross-section=18mm^2"], "--cross-section is about curves"),
-    (geometries, ["HollowDisk", "--section=axisymmetric", "--angle=90deg", "-o", "a.msh"], "--angle means nothing"),
-    (measure, [*GRID, "--pattern=9x6"], "--pattern says nothing beside --target grid"),
-    (measure, [*GRID, "--marker-share=0.5"], "--marker-share says nothing beside --target grid"),
-    (measure, [*GRID, "--target=chessboard", "--dictionary=DICT_4X4_50"], "--dictionary says nothing beside --target"),
-    (measure, [*GRID, "--focal=35mm"], "--focal says nothing beside --lens none"),
-    (measure, [*GRID, "--camera=Canon"], "--camera says nothing beside --lens none"),
-    (measure, [*GRID, "--scale=75px/mm", "--grid-pitch=9mm"], "--grid-pitch says nothing beside --scale"),
-    (measure, [*GRID, "--point=1,2=3mm,4mm", "--origin=1,1"], "--origin says nothing beside --point"),
+    (whole, ["curve", "--material=ecoflex-00-30", "--cross-section=18mm^2"], "--cross-section applies to curves only"),
+    (geometries, ["HollowDisk", "--section=axisymmetric", "--angle=90deg", "-o", "a.msh"], "--angle has no effect"),
+    (measure, [*GRID, "--pattern=9x6"], "--pattern has no effect with --target grid"),
+    (measure, [*GRID, "--marker-share=0.5"], "--marker-share has no effect with --target grid"),
+    (measure, [*GRID, "--target=chessboard", "--dictionary=DICT_4X4_50"], "--dictionary has no effect with --target"),
+    (measure, [*GRID, "--focal=35mm"], "--focal has no effect with --lens none"),
+    (measure, [*GRID, "--camera=Canon"], "--camera has no effect with --lens none"),
+    (measure, [*GRID, "--scale=75px/mm", "--grid-pitch=9mm"], "--grid-pitch has no effect with --scale"),
+    (measure, [*GRID, "--point=1,2=3mm,4mm", "--origin=1,1"], "--origin has no effect with --point"),
 ]
 UNWRITABLE = [
     (whole, ["limit", "--variant=shadow", "-o", "taken/limit"]),

@@ -28,14 +28,14 @@ from softmodels.path.program import ProgramError, _series
     [
         (["run"], "Missing argument 'FILE'; for example: softmodels run results/disk/case.toml |"),
         (["runn"], "there is no command 'runn'; did you mean run?"),
-        (["part.step"], "'part.step' is no command; did you mean softmodels run part.step?"),
+        (["part.step"], "'part.step' is not a command; did you mean softmodels run part.step?"),
         (["run", "--device", "PneuNett"], "did you mean PneuNet?"),
-        (["run", "part.step"], "part.step is a part, and a case says where its air is"),
+        (["run", "part.step"], "part.step is a part file, not a case"),
         (["run", "part.step"], "softmodels run --device ImportedActuator --file part.step --cavities"),
         (["run", "part.stl"], "device = 'ImportedMesh', file = 'part.stl'"),
         (["run", "csae.toml"], "No such file or directory); did you mean case.toml?"),
         (["run", "other"], "No such file or directory); softmodels examples writes some to begin with"),
-        (["run", "results"], "it is a folder of results, whose case file is results/case.toml"),
+        (["run", "results"], "it is a results folder; its case file is results/case.toml"),
     ],
 )
 def test_commands_say_what_to_type(words, told, tmp_path, monkeypatch, capsys):
@@ -66,13 +66,16 @@ def test_other_groups_do_too(group, word, told):
         (lambda: of_text("cm", "0:34kPa:3kPa", "pressure", 95.1), "--pressure '0:34:3 kPa'|pressures='0:34:3 kPa'"),
         (lambda: series("4 kPa", "pressure"), "pressures='4 kPa'|--pressure '4 kPa'"),
         (lambda: series("0:3kPa:1cm", "pressure"), "give all values in one unit .kPa or cm., once, at the end"),
-        (lambda: series("0,-5,-10", "pressure"), "-5 is below zero; suction is not modelled, so give values from 0 up"),
-        (lambda: series("30 cm", "pressure"), "once, at the end of a text: (pressures=|--pressure )'30 cm'"),
+        (
+            lambda: series("0,-5,-10", "pressure"),
+            "-5 is negative; suction is not modelled, so give values of 0 or more",
+        ),
+        (lambda: series("30 cm", "pressure"), "once, at the end of the text: (pressures=|--pressure )'30 cm'"),
         (
             lambda: series("1e9 cm", "pressure"),
-            "9.*e.07 kPa is too much: devices of silicone take 1 to 100 kPa, about 10 to 1000 cm .*'0:30 kPa'",
+            "9.*e.07 kPa is too high: silicone devices take 1 to 100 kPa, about 10 to 1000 cm .*'0:30 kPa'",
         ),
-        (lambda: series("0:2 MPa", "pressure"), "2000 kPa is too much"),
+        (lambda: series("0:2 MPa", "pressure"), "2000 kPa is too high"),
         (lambda: series("a,b", "pressure"), "write 0:177, 0:177:10 or 0,70,130,177"),
     ],
 )

@@ -54,7 +54,7 @@ def test_thin_disk_is_limited_and_a_stiffening_one_is_not(comm):
 
 def test_a_table_of_materials_with_margins(tmp_path):
     materials = ("--material", "ecoflex-00-30", "--material", "dragon-skin-20")
-    done = runs.run("-m", "softmodels", "limit", *OPTIONS, *materials, "--working-cm", "10", "--output", tmp_path)
+    done = runs.run("-m", "softmodels", "limit", *OPTIONS, *materials, "--working-pressure", "10", "--output", tmp_path)
     assert done.status == 0 and done.err == ""
     rows = json.loads((tmp_path / "limit.json").read_text())
     others = [f"ecoflex-00-30/{key}" for key in ("marechal-2021", "sorotoki", "smooth-on")]
@@ -158,7 +158,7 @@ def test_offset_and_thickness_scatter_as_single_devices_differ(tmp_path):
         (["--vary", "membrane=2+-0.2mm"], "membrane"),
         (["--vary", "offset=0mm+-0mm"], "above zero"),
         (["--material", "rubber"], "rubber"),
-        (["--working-cm", "0"], "above zero"),
+        (["--working-pressure", "0"], "above zero"),
         (["no/case.toml"], "no/case.toml"),
         (["--device", "Balloons"], "--device is 'Balloons'; it must be one of"),
         (["--device", "Beam"], "cavity"),
@@ -173,7 +173,7 @@ def test_bad_input_is_a_sentence_and_status_2(words, told):
     ("device", "vary", "told"),
     [
         (ONE, "wall=1mm+-0.1mm", "this PneuNet is the same at 0.9 mm and at 1.1 mm, so"),
-        (Balloon(neck_radius=0.0, cell_size=4e-3), "neck-length=1cm+-10%", "neck_length means nothing with neck_radius"),
+        (Balloon(neck_radius=0.0, cell_size=4e-3), "neck-length=1cm+-10%", "neck_length has no effect with neck_radius"),
     ],
 )  # fmt: skip
 def test_a_tolerance_without_effect_is_refused(device, vary, told, comm):

@@ -183,16 +183,16 @@ def test_laws_profiles_and_a_tensile_curve(run_of):
     assert report.chosen.fit.error("c1") < alone.fit.error("c1")
 
 
-@pytest.mark.parametrize("heights_from", ["shadow", "apex", "undeformed"])
-def test_heights_from_where_they_count(heights_from, run_of):
+@pytest.mark.parametrize("height_datum", ["shadow", "apex", "undeformed"])
+def test_heights_from_where_they_count(height_datum, run_of):
     """A displacement sensor on the plate that was set to zero as it hung, a photograph, and a height above the clamp."""
     device, components, cms = DEVICES["membrane with a plate of 20 g"]
     run = run_of("membrane with a plate of 20 g")
     apex = {cm: run.at(f"{cm} cm").row["apex_mm"] * 1e-3 for cm in (0, *cms)}
-    zero = apex[0] if heights_from == "apex" else 0.0  # the clamp is the highest where it hangs, and does not move
+    zero = apex[0] if height_datum == "apex" else 0.0  # the clamp is the highest where it hangs, and does not move
     assert apex[0] < -2e-3
     heights = [Height(f"{cm}", cm * run.case.cm, apex[cm] - zero) for cm in cms]
-    options = dataclasses.replace(QUICK, heights_from=heights_from)
+    options = dataclasses.replace(QUICK, height_datum=height_datum)
     found = sm.fit_heights(case_of(device, components), heights, "yeoh", options).chosen
     assert found.fit.values["c1"] == pytest.approx(TRUE.c1, rel=1e-5)
     assert found.fit.values["c2"] == pytest.approx(TRUE.c2, rel=1e-4)
@@ -212,8 +212,8 @@ REFUSED = {
     "a tilted device": (WHOLE, (Gravity("0.6, 0, -0.8"),), {}, "does not act along the device's axis"),
     "a moment": (WHOLE, (Moment("top", "y", 0.001, name="turn"),), {}, r"\[moment.turn\] that does not act along"),
     "a requested force": (DISK, (Force("top", "-z", name="push"),), {}, "whose size is requested.*give it an amount"),
-    "no loads to count from": (DISK, (), {"heights_from": "apex"}, "the case has none"),
-    "more than it bears": (PLATED, (DOWN, Force("plate", "-z", 1e4, name="press")), {}, "lead to no stiffness"),
+    "no loads to count from": (DISK, (), {"height_datum": "apex"}, "the case has none"),
+    "more than it bears": (PLATED, (DOWN, Force("plate", "-z", 1e4, name="press")), {}, "no stiffness fits"),
     "a dome at zero pressure": (DISK, (Gravity("z", magnitude=98.1),), {}, "mm from straight at zero pressure"),
 }
 
@@ -232,8 +232,8 @@ def test_what_is_refused(device, components, how, words, run_of):
 
 
 def test_heights_from_is_one_of_three():
-    with pytest.raises(sm.FitError, match="it is one of shadow, apex, undeformed"):
-        sm.FitOptions(heights_from="floor")
+    with pytest.raises(sm.FitError, match="it must be one of shadow, apex, undeformed"):
+        sm.FitOptions(height_datum="floor")
 
 
 def test_the_commands(run_of, tmp_path):
@@ -247,7 +247,7 @@ def test_the_commands(run_of, tmp_path):
     words = [str(file), str(folder), "--fix", "c3=0Pa", "--poisson", "0.49", "--no-profiles"]
     done = CliRunner().invoke(fit_material, [*words, "-o", str(tmp_path / "fit")])
     assert done.exit_code == 0, done.output
-    assert "hangs under [gravity] (" in done.output and "shadow at zero pressure" in done.output
+    assert "dead loads [gravity] (" in done.output and "shadow at zero pressure" in done.output
     fitted = tomllib.loads((tmp_path / "fit" / "fitted.toml").read_text())["fit"]
     low, high = fitted["intervals_95"]["c1"]
     assert low < TRUE.c1 < high and high - low < 0.1 * TRUE.c1
@@ -260,7 +260,7 @@ def test_the_commands(run_of, tmp_path):
     with (tmp_path / "scores" / "scores.csv").open() as table:
         chi2 = {row["material"]: float(row["chi2_per_value"]) for row in csv.DictReader(table)}
     assert 0.3 < chi2[true] < 2.0 and chi2[soft] > 3 * chi2[true]
-    done = CliRunner().invoke(fit_material, [str(file), str(folder), "--heights-from", "floor"])
+    done = CliRunner().invoke(fit_material, [str(file), str(folder), "--height-datum", "floor"])
     assert done.exit_code == 2
     mpirun = shutil.which("mpirun", path=str(Path(sys.executable).parent)) or shutil.which("mpirun")
     if mpirun is not None:

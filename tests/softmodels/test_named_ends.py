@@ -15,9 +15,7 @@ INCOMPRESSIBLE = sm.NeoHookean(30e3, 0.5)
 
 
 def test_a_cavity_that_cannot_change_takes_no_volume():
-    with pytest.raises(
-        sm.RunError, match=r"no equilibrium at 1 ml .* what is held leaves the device no way to give"
-    ) as told:
+    with pytest.raises(sm.RunError, match=r"no equilibrium at 1 ml .* the supports prevent any change") as told:
         sm.inflate(TUBE, INCOMPRESSIBLE, volumes="1 ml", components=HELD)
     assert told.value.status == NO_EQUILIBRIUM
 
@@ -26,7 +24,7 @@ def test_a_pressure_that_squeezes_the_silicone_itself_is_named():
     case = sm.Case("tube", TUBE, sm.NeoHookean(30e3, 0.4999), volumes_ml=(1.0,), components=HELD)
     figures = {"max_stretch": 1.05, "J_min": 0.97}
     assert "300 times the silicone's shear modulus" in advice(case, {**figures, "pressure_Pa": 9e6})
-    assert advice(case, {**figures, "pressure_Pa": 1e6}).startswith("Nothing conspicuous")
+    assert advice(case, {**figures, "pressure_Pa": 1e6}).startswith("No cause was found")
 
 
 @pytest.mark.parametrize("control", ["auto", "pressure", "arc-length"])

@@ -29,7 +29,7 @@ def test_a_plate_stops_the_disk_and_its_force_is_in_the_table(tmp_path):
     [
         (("--contact", "top"), "--contact-plane"),
         (("--contact", "top", "--contact-plane", "z = 17"), "'17' has no unit"),
-        (("--contact", "top", "--contact-plane", "x = 17mm"), "square to its axis"),
+        (("--contact", "top", "--contact-plane", "x = 17mm"), "perpendicular to its axis"),
         (("--contact", "lid", "--contact-plane", "z = 17mm"), "no face 'lid'"),
         (("--contact", "outer", "--contact-plane", "z = 9mm"), "both sides"),
         (("--contact", "top", "--contact-plane", "z = 17mm", "--contact-stiffness", "0"), "shear moduli per size"),

@@ -48,7 +48,7 @@ def inflated(tmp_path_factory):
 @pytest.fixture(scope="module")
 def cycled(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cycled") / "disk"
-    return folder, runs.disk(folder, "--pressure-cm", "0,20,36", "--cycle", *CYCLE)
+    return folder, runs.disk(folder, "--pressure-cm", "0,20,36", "--load-unload", *CYCLE)
 
 
 def texts(figure):
@@ -95,7 +95,7 @@ def test_a_syringes_jump_starts_where_its_gas_still_held():
     table = ((20, 5, 4, 1, 0, 0), (21, 6, 5, 1, 0, 1), (19, 9, 8, 0, 0, 0), (15, 20, 16, 1, 1, 0))
     rows = [dict(zip(keys, row, strict=True)) for row in table]
     assert jumps_text(rows, StateLabels("apex")) == (
-        "the device jumps: at 21 cm to 15 cm it inflates, apex rise 5 to 16 mm, added volume 6 to 20 ml"
+        "snap-through: at 21 cm to 15 cm it inflates, apex rise 5 to 16 mm, added volume 6 to 20 ml"
     )
 
 
@@ -104,10 +104,10 @@ def test_profiles_of_a_cycle_are_labelled_by_their_part_of_the_path(cycled):
     places = curves.branches(rows, StateLabels("apex"))
     landed = [k for k, row in enumerate(rows) if row["jump"]]
     asked = [(row["pressure_cm"], place) for row, place in zip(rows, places, strict=True) if row["requested"]]
-    jumped = "after the jump"
+    jumped = "after snap-through"
     assert asked == [(0, "up"), (20, "up"), (36, f"up, {jumped}"), (36, f"down, {jumped}"), (20, "down"), (0, "down")]
     assert all(place == "down" for place in places[landed[-1] :])
-    assert not any("past the limit" in place for place in places)
+    assert not any("past the limit point" in place for place in places)
 
 
 def test_a_path_by_volume_is_past_the_limit_until_it_is_stable_again():
@@ -116,7 +116,7 @@ def test_a_path_by_volume_is_past_the_limit_until_it_is_stable_again():
         {"pressure_Pa": p, "added_volume_ml": k, "limit": limit[k], "stable_under_pressure": stable[k]}
         for k, p in enumerate((0, 5, 6, 5, 4, 3, 4))
     ]
-    words = ["", "", "limit point", "past the limit", "past the limit", "limit point", "stable again"]
+    words = ["", "", "limit point", "past the limit point", "past the limit point", "limit point", "stable again"]
     assert curves.branches(rows, StateLabels("apex")) == words
 
 

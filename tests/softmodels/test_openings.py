@@ -169,7 +169,7 @@ class Smaller(HollowDisk):
 def test_a_mesh_with_less_air_than_the_device_is_warned_of_or_refused(comm, tmp_path):
     law = NeoHookean(30e3)
     device = Smaller(share=0.8)
-    with pytest.raises(BodyError, match="every face around the air has to be among its walls"):
+    with pytest.raises(BodyError, match="include every face around the air in its walls"):
         System(Body.from_file(device, device.write(tmp_path / "a.msh"), comm), law)
     simulation, told = Simulation(Case("d", Smaller(), law, pressures_cm=(1.0,)), comm), []
     simulation.write_mesh(tmp_path / "b.msh")

@@ -52,13 +52,13 @@ def inflation(comm, tmp_path_factory):
 
     folder, known = tmp_path_factory.mktemp("devices"), {}
 
-    def make(disk=DISK, law="yeoh", poisson=0.49, components=(), heights_from=""):
-        key = disk.key, law, poisson, components, heights_from
+    def make(disk=DISK, law="yeoh", poisson=0.49, components=(), height_datum=""):
+        key = disk.key, law, poisson, components, height_datum
         if key not in known:
             choice = LawChoice.from_text(law, poisson)
             body = Body.from_file(disk, disk.write(folder / f"{disk.name}.msh"), comm)
             system = System(body, choice.material(choice.from_modulus(30e3)), components=components)
-            known[key] = DeviceModel(Solver(system), choice, heights_from)
+            known[key] = DeviceModel(Solver(system), choice, height_datum)
         return known[key]
 
     return make
@@ -71,11 +71,11 @@ def source_of(device, outlines):
 
 
 @pytest.mark.parametrize(
-    ("components", "heights_from"), [((), ""), (HEAVY, ""), (HEAVY, "apex"), (HEAVY, "undeformed")]
+    ("components", "height_datum"), [((), ""), (HEAVY, ""), (HEAVY, "apex"), (HEAVY, "undeformed")]
 )
-def test_derivatives_are_exact(components, heights_from, inflation):
+def test_derivatives_are_exact(components, height_datum, inflation):
     """The Jacobian along a random direction against central differences, at values that fit nothing."""
-    device = inflation(components=components, heights_from=heights_from)
+    device = inflation(components=components, height_datum=height_datum)
     source = source_of(device, simulated_outlines(device, HARDENING, PRESSURES, SimulatedCamera(bench=AWAY)))
     free = (*BENCH, "poisson", "membrane")
     measured = np.array([(s.height, s.pressure, s.pressure_error) for s in source.shapes]).T

@@ -191,7 +191,7 @@ def test_curves_show_jumps_bifurcations_branches_and_what_a_syringe_skips():
     (axes,) = curves_module.rise(path, "apex", 95.0, branch).axes
     shown = {line.get_label(): np.array(line.get_xydata()) for line in axes.lines}
     assert shown["jump"] == pytest.approx(np.array([[20, 5], [20, 30]]))
-    assert shown["steps the device jumps over"] == pytest.approx(np.array([[15, 28]]))
+    assert shown["steps skipped by snap-through"] == pytest.approx(np.array([[15, 28]]))
     assert next(xy for label, xy in shown.items() if label.startswith("bifurcation: 20 cm")) == pytest.approx(
         np.array([[20, 5]])
     )

@@ -27,10 +27,10 @@ NO_SHARED_MEMORY = "softmodels.mechanics.mpi.SHARED_MEMORY = Path('/proc/none')"
 @pytest.mark.parametrize(
     ("program", "words", "change", "told"),
     [
-        (DISK, SMALL, NO_MEMORY, "memory is full; use a larger --cell-size"),
-        (WHOLE, ("limit", "--variant", "shadow"), NO_MEMORY, "memory is full; use a larger --cell-size"),
+        (DISK, SMALL, NO_MEMORY, "out of memory; use a larger --cell-size"),
+        (WHOLE, ("limit", "--variant", "shadow"), NO_MEMORY, "out of memory; use a larger --cell-size"),
         (DISK, SMALL, NO_SHARED_MEMORY, "needs shared memory, and /proc/none cannot be written"),
-        (WHOLE, ("limit", "--variant", "shadow"), "", "cache of compiled equations, /proc/none/fenics, cannot be used"),
+        (WHOLE, ("limit", "--variant", "shadow"), "", "kernel cache /proc/none/fenics cannot be used"),
     ],
 )
 def test_what_is_missing_is_named(program, words, change, told, tmp_path, monkeypatch):
@@ -39,4 +39,4 @@ def test_what_is_missing_is_named(program, words, change, told, tmp_path, monkey
     done = runs.run("-c", RUN.format(change=change, **program), *words, cwd=tmp_path)
     last = done.err.strip().splitlines()[-1]
     assert done.status == 1 and told in last and "Traceback" not in done.err, done.err
-    assert "refine the mesh" not in last and "make room for them" not in last
+    assert "refine the mesh" not in last and "free some disk space" not in last

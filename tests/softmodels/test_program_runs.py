@@ -71,7 +71,7 @@ def test_a_program_goes_on_from_its_last_step(program, tmp_path):
     other = program(whole.replace("40, 40", "50, 50"), "--no-pictures", "--quiet", "--resume")
     assert other.status == 2 and "other steps" in other.err
     done = program(whole, "--no-pictures", "--resume")
-    assert done.status == 0 and "going on from step 1 of the program" in done.err
+    assert done.status == 0 and "resuming from step 1 of the program" in done.err
     found = runs.rows(tmp_path / "out")
     assert len(found) == len(wanted) and [row["step"] for row in found] == list(range(len(found)))
     for row, expected in zip(found, wanted, strict=True):

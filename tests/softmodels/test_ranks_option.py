@@ -59,7 +59,7 @@ def test_a_launchers_ranks_stand(free):
     free.setenv("PMI_RANK", "1")
     free.setenv("PMI_SIZE", "2")
     assert options.ranks_for(case_of(), None) == options.ranks_for(case_of(), 2) == 1
-    with pytest.raises(StartError, match=r"--ranks 3 asks for other ranks than the 2 that mpirun"):
+    with pytest.raises(StartError, match=r"--ranks 3 differs from the 2 ranks that mpirun"):
         options.ranks_for(case_of(), 3)
 
 

@@ -155,5 +155,5 @@ def test_a_long_path_leaves_steps_out_of_the_view(wedge, monkeypatch):
     shown = view(look(states))
     kept = [step["step"] for step in json.loads(shown["meta"])["steps"]]
     assert kept == [0, 2, 3, 5]  # the requested ones, first and last
-    assert "2 of 6 steps are left out" in shown["left_out"]
+    assert "2 of 6 steps are omitted" in shown["left_out"]
     assert packed(look(states), [0, 5])[0]["steps"][1]["label"].startswith("110 cm")

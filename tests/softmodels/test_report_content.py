@@ -44,11 +44,11 @@ def pressed(tmp_path_factory):
 
 def test_the_runs_warnings_stand_at_the_top_of_its_report(stretched):
     notes = json.loads((stretched / "summary.json").read_text())["notes"]
-    assert any("up to which ecoflex-00-30 was fitted" in note for note in notes)
+    assert any("the end of the fitted range of ecoflex-00-30" in note for note in notes)
     text = page(stretched)
     warned = text.split('<section class="warn">')[1].split("</section>")[0]
     assert warned.count("<li>") == len(notes) and "extrapolation" in warned
-    assert text.index("extrapolation") < text.index("In 3-D")
+    assert text.index("extrapolation") < text.index("3-D view")
 
 
 def test_warnings_are_there_without_a_summary_too(stretched, tmp_path):
@@ -56,7 +56,7 @@ def test_warnings_are_there_without_a_summary_too(stretched, tmp_path):
     text = (stretched / "summary.json").read_text()
     (stretched / "summary.json").unlink()
     try:
-        assert "extrapolation" in page(stretched) and "has not ended by itself" in page(stretched)
+        assert "extrapolation" in page(stretched) and "was interrupted" in page(stretched)
     finally:
         (stretched / "summary.json").write_text(text)
 
@@ -69,10 +69,10 @@ def test_a_contact_runs_report_tells_plane_and_force(pressed):
     with (pressed / "path.csv").open() as file:
         force = float(list(csv.DictReader(file))[-1]["contact_force_N"])
     text = page(pressed)
-    assert "The rigid plane z = 17mm stops top without friction" in text
-    assert f"the contact force is {force:.4g} N" in text
+    assert "The rigid plane z = 17mm is in frictionless contact with top" in text
+    assert f"{force:.4g} N" in text
     assert "<!-- contact force in N -->" in text, "no curve of the force"
-    assert "contact of walls are not in the model" not in text and "stops top alone" in text
+    assert "contact of walls are not modelled" not in text and "stops only top" in text
 
 
 def test_the_plane_is_in_the_pictures_and_a_cut_plane_is_not(pressed):
@@ -84,7 +84,7 @@ def test_the_plane_is_in_the_pictures_and_a_cut_plane_is_not(pressed):
 def test_the_mode_is_in_the_report(pressed):
     Image.new("RGB", (1600, 400), "red").save(pressed / "mode.png")
     try:
-        assert "The mode at the first bifurcation" in page(pressed)
+        assert "The buckling mode at the first bifurcation" in page(pressed)
     finally:
         (pressed / "mode.png").unlink()
 
@@ -149,6 +149,6 @@ def test_a_curled_edge_is_not_called_a_soft_contact():
     row = {"contact_depth_mm": 0.3}
     (edge,) = depth_notes(case, [{**row, "contact_force_N": 0.05}])
     (face,) = depth_notes(case, [{**row, "contact_force_N": 12.0}])
-    assert "an edge" in edge and "take a larger" not in edge
-    assert "take a larger --contact-stiffness than 300" in face
+    assert "an edge" in edge and "use a --contact-stiffness above" not in edge
+    assert "use a --contact-stiffness above 300" in face
     assert depth_notes(dataclasses.replace(case, components=()), [row]) == []

@@ -53,7 +53,7 @@ def worst(found, wanted):
     """Largest difference of two tables in shares of each column's largest number, and its column."""
     most = (0.0, "")
     for name in wanted[0]:
-        if name == "following":
+        if name == "control":
             assert [row[name] for row in found] == [row[name] for row in wanted]
             continue
         numbers = [[float(row[name] or "nan") for row in rows] for rows in (found, wanted)]

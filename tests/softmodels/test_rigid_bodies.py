@@ -24,7 +24,7 @@ ROD = RigidShape("cylinder", "top", (0.0, 0.0, 0.03), 0.01, name="rod")
 
 @pytest.fixture
 def states():
-    rows = [{"ball_way_mm": 0.0}, {"ball_way_mm": 2.0}, {"ball_way_mm": 5.0}]
+    rows = [{"ball_travel_mm": 0.0}, {"ball_travel_mm": 2.0}, {"ball_travel_mm": 5.0}]
     return types.SimpleNamespace(case=types.SimpleNamespace(components=(BALL, ROD)), rows=rows)
 
 

@@ -105,7 +105,7 @@ def test_a_fitted_file_brings_its_errors(says, tmp_path):
         given = {"it": report.material}
         (one,) = sm.score(given, "other.csv", stress_error="2%+0.2kPa", errors={"it": errors})
         assert one.chi2_material == pytest.approx(fitted["material"], rel=1e-3)
-    with pytest.raises(sm.FitError, match="errors of 'that' are given, which is not scored"):
+    with pytest.raises(sm.FitError, match="errors of 'that' are given, but it is not scored"):
         sm.score({"it": LAW}, "other.csv", errors={"that": report.chosen.errors})
     with pytest.raises(ValueError, match="another material"):
         sm.score({"it": LAW}, "other.csv", errors={"it": report.chosen.errors})
@@ -158,12 +158,12 @@ def test_from_python_materials_have_names_of_their_own():
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: sm.score(LAW), "nothing to score against"),
-        (lambda: sm.score([], measured(count=90)), "nothing to score"),
+        (lambda: sm.score(LAW), "there are no measurements"),
+        (lambda: sm.score([], measured(count=90)), "there is no material"),
         (lambda: sm.score([LAW, LAW], measured(count=90)), "given twice"),
-        (lambda: sm.score(LAW, device=sm.HollowDisk()), "belong together"),
-        (lambda: sm.score(LAW, measured(count=90), stress_error="constant"), "size of the error"),
-        (lambda: sm.score(Gent(20e3, 2.0, 0.5), measured(count=90)), r"keep below it with stretch$"),
+        (lambda: sm.score(LAW, device=sm.HollowDisk()), "vice versa"),
+        (lambda: sm.score(LAW, measured(count=90), stress_error="constant"), "absolute errors"),
+        (lambda: sm.score(Gent(20e3, 2.0, 0.5), measured(count=90)), r"limit the range with stretch$"),
     ],
 )
 def test_from_python_bad_input_is_an_exception(call, words):
@@ -178,7 +178,7 @@ REFUSED = {
     f"score {M} --tensile none.csv": ["none.csv"],
     f"score {M} {M} --tensile pull.csv": ["twice"],
     "score --material butter --tensile pull.csv": ["butter"],
-    f"score {M} --tensile pull.csv --stress-error constant": ["size of the error"],
+    f"score {M} --tensile pull.csv --stress-error constant": ["absolute errors"],
     f"score {M} --tensile pull.csv --stress-error 2": ["no unit"],
     f"score {M} --tensile pull.csv --stretch 5:6": ["0 of its points"],
     f"score {M} case.toml": ["case.toml", "outlines"],

@@ -38,7 +38,7 @@ def test_a_syringe_run_repeats_itself_from_its_case_file(tmp_path):
 
 def test_a_cycle_comes_home_and_says_where_it_jumped(tmp_path):
     law = ("--material", "yeoh", "--c1", "10kPa", "--c2", "20Pa", "--c3", "3Pa", "--poisson", "0.495")
-    done = runs.disk(tmp_path / "disk", *SHADOW, *law, "--cycle", "--pressure-cm", "0,20,37")
+    done = runs.disk(tmp_path / "disk", *SHADOW, *law, "--load-unload", "--pressure-cm", "0,20,37")
     assert done.status == 0, done.err
     rows = runs.rows(tmp_path / "disk")
     asked = [row["pressure_cm"] for row in rows if row["requested"]]
@@ -56,9 +56,9 @@ def test_a_cycle_comes_home_and_says_where_it_jumped(tmp_path):
     results.load()
     results.stored = results.stored[: jumps[0] + 2]
     results.finish()
-    other = runs.disk(tmp_path / "disk", *SHADOW, *law, "--cycle", "--pressure-cm", "0,20,36", "--resume")
+    other = runs.disk(tmp_path / "disk", *SHADOW, *law, "--load-unload", "--pressure-cm", "0,20,36", "--resume")
     assert other.status == 2 and "other pressures" in other.err
-    again = runs.disk(tmp_path / "disk", *SHADOW, *law, "--cycle", "--pressure-cm", "0,20,37", "--resume")
+    again = runs.disk(tmp_path / "disk", *SHADOW, *law, "--load-unload", "--pressure-cm", "0,20,37", "--resume")
     assert again.status == 0 and runs.rows(tmp_path / "disk") == rows
 
 
@@ -66,7 +66,7 @@ def test_a_case_with_a_syringe_survives_its_file():
     syringe = Syringe(30e-6, 1e-6 / 3, 98765.4, "adiabatic", 1234.5)
     case = Case("disk", HollowDisk(), NeoHookean(30e3), strokes_ml=(0.0, 10 / 3), supply=syringe)
     assert Case.from_toml(case.to_toml()) == case
-    cycle = Case("disk", HollowDisk(), NeoHookean(30e3), pressures_cm=(10.0,), cycle=True)
+    cycle = Case("disk", HollowDisk(), NeoHookean(30e3), pressures_cm=(10.0,), load_unload=True)
     assert Case.from_toml(cycle.to_toml()) == cycle
 
 

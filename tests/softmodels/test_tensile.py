@@ -139,12 +139,12 @@ def test_a_cell_of_percents_is_read_as_it_is_shown(tmp_path):
     ("rows", "more", "words"),
     [
         ([["strain", "stress (kPa)"], [0.1, "=A2*3"]], [], "row 2 of the sheet 'Data': '=A2.3' in the column 'stress .kPa.' "
-         "begins with =, as a formula does, and is not a number; a workbook has its value once"),
+         "is a formula, not a number; save the workbook in a spreadsheet program to store its value"),
         ([["strain", "stress (kPa)"], [0.1, 3], [0.2, "x"]], [], "row 3 of the sheet 'Data': 'x'"),
         ([["strain", "stress (kPa)"], ["%", "MPa"], [0.1, 3]], [], "MPa in row 2 of the sheet 'Data'"),
         ([["a", "b"], [1, 2]], [("More", [["c"]])], "no row of the sheets 'Data' and 'More' names a deformation"),
         ([["strain", "stress (kPa)"], [0.1, 3]], [("More", [["strain", "stress (kPa)"], [0.1, 3]])],
-         "a table on each of the sheets 'Data' and 'More'; save the sheet to be read"),
+         "a table on each of the sheets 'Data' and 'More'; save the right sheet"),
         ([], [], "the file is empty"),
         ([["strain", "stress (kPa)"], [0.1, datetime.date(2026, 2, 1)]], [], "'2026-02-01 00:00:00'.*not a number"),
         ([["strain", "stress (kPa)"], [0.1, True]], [], "'TRUE'.*not a number"),
@@ -180,7 +180,7 @@ def test_break_and_return_are_cut(write):
     assert curve.stretch[-1] == 3.0 and "2 points after the break at stretch 3 are left out" in curve.remarks
     cycle = table(["stretch", "stress (kPa)"], [*L, *L[-2::-1]], [*S / 1e3, *0.8 * S[-2::-1] / 1e3])
     curve = read_curve(write(cycle))
-    assert len(curve.stretch) == len(L) and "20 points after the stretch turns back at 3" in curve.remarks[0]
+    assert len(curve.stretch) == len(L) and "20 points after the reversal of the stretch at 3" in curve.remarks[0]
 
 
 def test_compression_may_be_written_as_it_was_done(write):
@@ -228,25 +228,25 @@ REFUSED = {
     "no numbers": ("stretch,stress (kPa)\n", {}, "no numbers below the header"),
     "a word": (PLAIN + "3.1,much\n", {}, "line 23: 'much'.*not a number"),
     "a gap": (PLAIN + "3.1,\n3.2,70\n", {}, "line 23: ''.*not a number"),
-    "nan": (PLAIN + "3.1,nan\n", {}, "line 23 holds a value that is not finite"),
-    "inf": (PLAIN + "inf,60\n", {}, "line 23 holds a value that is not finite"),
+    "nan": (PLAIN + "3.1,nan\n", {}, "line 23 has a value that is not finite"),
+    "inf": (PLAIN + "inf,60\n", {}, "line 23 has a value that is not finite"),
     "two stresses": (table(["stretch", "stress (kPa)", "stress (MPa)"], L, S, S), {}, "mean the same"),
     "shuffled": (table(["stretch", "stress (kPa)"], np.roll(L, 11)[::-1], S / 1e3), {}, "not in order"),
     "few": (table(["stretch", "stress (kPa)"], L[:3], S[:3] / 1e3), {}, "has 3 points"),
     "no stretching": (table(["stretch", "stress (kPa)"], 1 + 0 * L, S / 1e3), {}, "does not change"),
     "kPa called MPa": (table(["stretch", "stress (MPa)"], L, S / 1e3), {}, "2e\\+04 kPa.*factor 1000"),
     "MPa called kPa": (table(["stretch", "stress (kPa)"], L, S / 1e6), {}, "0.02 kPa.*factor 1000"),
-    "percent unsaid": (table(["strain", "stress (kPa)"], 100 * (L - 1), S / 1e3), {}, "if it holds percent"),
-    "strain called stretch": (table(["stretch", "stress (kPa)"], L - 1, S / 1e3), {}, "begins at 0 holds strains"),
+    "percent unsaid": (table(["strain", "stress (kPa)"], 100 * (L - 1), S / 1e3), {}, "if it is in percent"),
+    "strain called stretch": (table(["stretch", "stress (kPa)"], L - 1, S / 1e3), {}, "starting at 0 holds strains"),
     "stretch called strain, from a first reading": (
         table(["strain", "stress (kPa)"], L[1:] - 0.0996, S[1:] / 1e3),
         {},
-        "begins at 1.0004.*--columns stretch=1",
+        "starts at 1.0004.*--columns stretch=1",
     ),
     "stretch in percent called strain": (
         table(["strain (%)", "stress (kPa)"], 100 * L + 0.04, S / 1e3),
         {},
-        "begins at 100.04 %.*--columns stretch=1",
+        "starts at 100.04 %.*--columns stretch=1",
     ),
     "true strain that is a stretch": (
         table(["true strain", "stress (kPa)"], L, S / 1e3),
@@ -265,7 +265,7 @@ REFUSED = {
     ),
     "stretch called strain": (table(["strain", "stress (kPa)"], L, S / 1e3), {}, "seems to hold stretches"),
     "not tared": (table(["stretch", "stress (kPa)"], L, S / 1e3 + 20), {}, "stress at stretch 1 is 20 kPa"),
-    "falling": (table(["stretch", "stress (kPa)"], L, -S / 1e3), {}, "falls as the specimen is pulled"),
+    "falling": (table(["stretch", "stress (kPa)"], L, -S / 1e3), {}, "decreases with the stretch"),
     "zero": (table(["stretch", "stress (kPa)"], L, 0 * S), {}, "every stress is zero"),
     "binary": (b"\x7fELF\0\0stretch,stress", {}, "not a text file"),
     "half a workbook": (b"PK\x03\x04\0\0stretch,stress", {}, "not an Excel workbook .*, or a damaged one"),
@@ -290,12 +290,12 @@ REFUSED = {
         {},
         "unknown unit",
     ),
-    "a formula": (PLAIN + "3.1,=B2*2\n", {}, "line 23: '=B2.2' in the column .* begins with =, as a formula does"),
+    "a formula": (PLAIN + "3.1,=B2*2\n", {}, "line 23: '=B2.2' in the column .* is a formula, not a number"),
     "a spreadsheet's error": (PLAIN + "#N/A,60\n", {}, "line 23: '#N/A'.*not a number"),
     "percents of stress": (PLAIN + "3.1,60 %\n", {}, "'60 %' in the column 'stress .kPa.' is a percentage"),
     "force": (table(["stretch", "force (N)"], L, S * SECTION), {}, "--cross-section"),
     "extension": (table(["extension (mm)", "stress (kPa)"], L - 1, S / 1e3), {}, "--gauge-length"),
-    "pressure": (table(["stretch", "pressure (kPa)"], L, S / 1e3), {}, "do not go together"),
+    "pressure": (table(["stretch", "pressure (kPa)"], L, S / 1e3), {}, "cannot have a column"),
     "balloon": (table(["stretch", "pressure (kPa)"], L, S / 1e3), {"test": "balloon"}, "--radius and --thickness"),
     "unknown test": (PLAIN, {"test": "torsion"}, "test 'torsion' is not one of uniaxial"),
     "told a foreign kind": (PLAIN, {"columns": "strein=1,stress=2"}, "'strein=1' is not KIND=COLUMN"),
@@ -325,7 +325,7 @@ def test_a_file_that_is_not_there(tmp_path):
 def test_range_needs_points(write):
     curve = read_curve(write(PLAIN))
     assert curve.within(1.2, 2.0).stretch[[0, -1]] == pytest.approx([1.2, 2.0])
-    with pytest.raises(TensileError, match=r"1 of its points lie between stretch 2\.95 and 4"):
+    with pytest.raises(TensileError, match=r"1 of its points are between stretch 2\.95 and 4"):
         curve.within(2.95, 4.0)
 
 
@@ -356,7 +356,7 @@ def test_impossible_specimens(name):
 def test_who_says_what_a_column_holds_is_believed(write):
     """A strain that does begin at 100 % is refused by its header alone, and read as strain where --columns says so."""
     path = write(table(["strain", "stress (kPa)"], L + 0.0004, 20 + S / 1e3))
-    with pytest.raises(TensileError, match="if the curve does begin at that strain, give columns strain=1"):
+    with pytest.raises(TensileError, match="if the curve really starts at that strain, give columns strain=1"):
         read_curve(path)
     assert read_curve(path, columns="strain=1,stress=2[kPa]").stretch[0] == pytest.approx(2.0004)
 

@@ -140,8 +140,8 @@ def test_gauge_error_widens_the_modulus_and_nothing_else():
     assert plain.error("c1") / 8e3 < 0.005
     assert gauged.error("c1") / 8e3 == pytest.approx(0.03, rel=0.1)
     assert gauged.values["c1"] == pytest.approx(plain.values["c1"], rel=1e-3)
-    assert unseen(gauged)[0] == "gauge1 rests on its prior: without it, its interval would be wider"
-    assert not any("do not see" in text for text in unseen(gauged))
+    assert unseen(gauged)[0] == "gauge1 depends on its prior: without it, its interval would be wider"
+    assert not any("do not determine" in text for text in unseen(gauged))
 
 
 def test_profile_ends_where_the_law_does():
@@ -217,7 +217,7 @@ def test_a_fitted_material_warns_beyond_the_stretch_it_was_fitted_to(tmp_path):
     assert read.fitted_stretch == pytest.approx(report.material.fitted_stretch, rel=1e-12)
     for material in (report.material, read, Case.from_toml(case_of(read).to_toml()).material):
         (note,) = stretch_notes(case_of(material), [Row({"max_stretch": 1.0}), Row({"max_stretch": 4.18})])
-        assert "the largest stretch, 4.18, lies beyond 3, up to which this yeoh law was fitted" in note
+        assert "the largest stretch, 4.18, exceeds 3, the end of the fitted range of this yeoh law" in note
         assert not stretch_notes(case_of(material), [Row({"max_stretch": 2.9})])
 
 
@@ -230,14 +230,14 @@ WRONG = {
     "a stretch in percent": (
         100 * GOOD,
         25e3 * (GOOD - GOOD**-2),
-        "a stretch of 300 is beyond .* percent, divide them by 100",
+        "a stretch of 300 is more than .* percent, divide them by 100",
     ),
-    "a strain in percent": (100 * (GOOD - 1), 25e3 * (GOOD - GOOD**-2), "a stretch of 200 is beyond"),
-    "a strain": (GOOD - 1, 25e3 * (GOOD - GOOD**-2), "not above zero; what begins at 0 is a strain"),
-    "a strain from 2 % on": (FINE - 1, 25e3 * (FINE - FINE**-2), "these are strains; add 1 to them"),
+    "a strain in percent": (100 * (GOOD - 1), 25e3 * (GOOD - GOOD**-2), "a stretch of 200 is more than"),
+    "a strain": (GOOD - 1, 25e3 * (GOOD - GOOD**-2), "not above zero; values starting at 0 are strains"),
+    "a strain from 2 % on": (FINE - 1, 25e3 * (FINE - FINE**-2), "these seem to be strains; add 1"),
     "stress in MPa": (GOOD, 0.025 * (GOOD - GOOD**-2), "a factor 1000"),
-    "an offset": (GOOD, 25e3 * (GOOD - GOOD**-2 + 1), "take the load cell's offset away"),
-    "unequal": (GOOD, GOOD[1:], "21 stretches and 20 stresses"),
+    "an offset": (GOOD, 25e3 * (GOOD - GOOD**-2 + 1), "subtract the load cell's offset"),
+    "unequal": (GOOD, GOOD[1:], "21 stretches but 20 stresses"),
     "nothing": ([], [], "the curve is empty"),
     "a hole": (GOOD, [*GOOD[1:], float("nan")], "must be a finite number"),
     "words": (["a"] * 4, [1.0] * 4, "not a number"),

@@ -33,7 +33,7 @@ SENTENCES = {
     "run without --resume into another folder (--output)": "run without resume=True into another folder (folder)",
     "take a larger --contact-stiffness than 5": "take a larger Obstacle.stiffness than 5",
     "a smaller --dead-volume or --gas liquid": 'a smaller dead_volume or gas="liquid"',
-    "take --poisson nearer to 0.5, or --poisson 0.49": "take poisson nearer to 0.5, or poisson=0.49",
+    "use a --poisson closer to 0.5, or --poisson 0.49": "use a poisson closer to 0.5, or poisson=0.49",
     "--section wedge --angle 360deg shows all": 'section="wedge" angle=360 shows all',
     "strokes of a syringe (--supply syringe with --stroke-ml)": "strokes of a syringe (supply=Syringe(...) with strokes)",
     "0.005 per ml (--leak-per-ml)": "0.005 per ml (leak)",
@@ -80,12 +80,12 @@ def test_a_run_explains_its_end_to_each_reader(tmp_path):
 
 REFUSED = {
     'use control="auto" or "volume"': {"volumes": "0:10 ml", "control": "pressure"},
-    "give pressures or driven=LoadRequest(...) with it": {
+    "add pressures or driven=LoadRequest(...)": {
         "volumes": "0:10 ml",
-        "cycle": True,
+        "load_unload": True,
     },
     "a syringe (supply=Syringe(...)) and its strokes (strokes) belong together": {"strokes": "0:10 ml"},
-    "take a larger one (syringe)": {"strokes": "0:30 ml", "supply": sm.Syringe()},
+    "use a larger one (syringe)": {"strokes": "0:30 ml", "supply": sm.Syringe()},
     'use formulation="mixed", or poisson=0.49': {"pressures": "0:9 cm", "formulation": "displacement"},
     "leave out resume=True": {"pressures": "0:9 cm", "resume": True},
 }
@@ -120,8 +120,8 @@ def test_a_supply_is_called_by_its_name(flask):
 @pytest.mark.parametrize(
     ("supply", "gas", "ending"),
     [
-        (Flask(1e-3), "the gas of the flask", "jumps. Stay below"),
-        (sm.Syringe(), "the gas in syringe and tubes", "or take a smaller --dead-volume or --gas liquid"),
+        (Flask(1e-3), "the gas of the flask", "snaps through. Stay below"),
+        (sm.Syringe(), "the gas in syringe and tubes", "or use a smaller --dead-volume or --gas liquid"),
     ],
 )
 def test_a_limit_of_the_stroke_is_told_in_the_supplys_words(supply, gas, ending):
@@ -131,7 +131,7 @@ def test_a_limit_of_the_stroke_is_told_in_the_supplys_words(supply, gas, ending)
     path = types.SimpleNamespace(last=types.SimpleNamespace(state=None), value=lambda state: 1.0)
     end = types.SimpleNamespace(limit=types.SimpleNamespace(state=None), cause=None)
     text = explain(case, end, fields, path)
-    assert f"beyond it {gas} expands by itself" in text and text.endswith(ending)
+    assert f"beyond it {gas} expands and the device snaps through" in text and text.endswith(ending)
 
 
 def test_what_a_lost_path_is_told():

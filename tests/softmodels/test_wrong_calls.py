@@ -118,7 +118,8 @@ def fields_of(thing):
 
 CASE = {
     "control": "choice", "formulation": "choice", "solver": "choice", "components": "components",
-    "gauges": "thing", "band": "thing", "cycle": "flag", "program": "thing", "water_density": "quantity", "supply": "thing",
+    "gauges": "thing", "band": "thing", "load_unload": "flag", "program": "thing", "water_density": "quantity",
+    "supply": "thing",
 }  # fmt: skip
 RUN = {"progress": "function", "folder": "path", "resume": "flag", "branch": "flag"}
 FIT = {"material": "laws", "options": "options"}
@@ -238,8 +239,8 @@ def calls(loaded):
                 "device": "thing", "outlines": "curves"})  # fmt: skip
     yield Call(sm.FitOptions, {}, {
         "poisson": "number", "changes": "table", "robust": "flag", "profiles": "flag", "silicone": "name",
-        "stress_error": "text", "gauge_error": "number", "free": "names", "without": "names", "untrusted": "flag",
-        "heights_from": "choice"}, takes=[""])  # fmt: skip
+        "stress_error": "text", "gauge_error": "number", "free": "names", "exclude": "names", "untrusted": "flag",
+        "height_datum": "choice"}, takes=[""])  # fmt: skip
     yield Call(sm.TensileCurve, {"name": "pull", "mode": "uniaxial", "stretch": STRETCH, "stress": CURVE.stress},
                {"name": "text", "mode": "choice", "stretch": "numbers", "stress": "numbers"})  # fmt: skip
     yield Call(
@@ -361,7 +362,7 @@ def test_sentences_name_what_was_meant(call, words, nothing_starts):
 
 
 def test_columns_of_a_run_are_named(loaded):
-    with pytest.raises(sm.CaseError, match=r"no figure 'apex'; .*did you mean apex_mm"):
+    with pytest.raises(sm.CaseError, match=r"no column 'apex'; .*did you mean apex_mm"):
         loaded.where("apex", 1.0)
     with pytest.raises(IndexError, match=f"no state number {len(loaded)}; it must be a whole number from 0 to"):
         loaded[len(loaded)]
@@ -426,7 +427,7 @@ def test_what_is_gone_or_damaged(loaded, tmp_path):
     assert sm.load(folder).limit is None
     shutil.move(folder, tmp_path / "moved")
     for look in (lambda: run[0], lambda: run.at("7 cm"), lambda: run.save(tmp_path / "other")):
-        with pytest.raises(sm.ResultsError, match=r"cannot be read any more .*load it from where it is now"):
+        with pytest.raises(sm.ResultsError, match=r"can no longer be read .*load it from its new place"):
             look()
 
 

@@ -94,8 +94,8 @@ fit = functools.partial(sm.fit, material="neo-hookean")
     ("device", "measured", "how", "within"),
     [
         (MEMBRANE, of_the_membrane, {}, 0.004),
-        (BALLOON, of_the_balloon, {"heights_from": "apex"}, 2e-5),
-        (BELLOWS, of_the_bellows, {"heights_from": "apex"}, 0.02),
+        (BALLOON, of_the_balloon, {"height_datum": "apex"}, 2e-5),
+        (BELLOWS, of_the_bellows, {"height_datum": "apex"}, 0.02),
     ],
     ids=["membrane", "balloon", "bellows"],
 )
@@ -109,8 +109,8 @@ def test_outlines_of_another_model_give_the_modulus_back(device, measured, how, 
 
 def test_a_balloon_s_outlines_state_what_they_count_from():
     """Without a word they are refused; and heights above the table it stands on are no heights above its apex."""
-    with pytest.raises(sm.FitError, match=r"mm from flat, and heights of outlines count .* heights_from apex"):
+    with pytest.raises(sm.FitError, match=r"mm from flat, and heights of outlines count .* height_datum apex"):
         fit(BALLOON, of_the_balloon())
-    options = sm.FitOptions(profiles=False, free=BENCH, heights_from="apex")
+    options = sm.FitOptions(profiles=False, free=BENCH, height_datum="apex")
     with pytest.raises(sm.FitError, match="outlines are of another device"):
         fit(BALLOON, of_the_balloon(below=2 * (BALLOON.radius + WALL)), options=options)

@@ -22,7 +22,7 @@ from softmodels.path.stability import Stability
 DIRECT = "the direct solver"
 WITHOUT = "the same device without its parts"
 METHODS = ("direct", "iterative")
-UNLIKE = ("step", "following", "newton_iterations", "lowest_eigenvalue_Pa_per_mm2")
+UNLIKE = ("step", "control", "newton_iterations", "lowest_eigenvalue_Pa_per_mm2")
 """Columns of a path that are not the state's own, and the one that has a bound of its own."""
 LAW = sm.NeoHookean(30e3, 0.49)
 MEMBRANE = sm.Membrane(
@@ -242,5 +242,5 @@ def test_what_iterations_do_not_solve_ends_in_a_sentence(tmp_path, capsys):
     """Paper half a million times stiffer than the silicone, in flat cells."""
     assert run(Case.from_toml(STIFF), tmp_path / "finger", draw=False) == 1
     said = capsys.readouterr().err
-    assert "iterations with multigrid may fail where one material is far stiffer than another" in said
+    assert "multigrid may fail if one material is much stiffer than another" in said
     assert 'use solver="direct"' in said and "Traceback" not in said

@@ -167,17 +167,17 @@ def test_a_case_keeps_its_contact_and_refuses_what_makes_none(body_of):
     case = Case("disk", HollowDisk(), RUBBER, pressures_cm=(10.0,), components=[PLATE])
     assert Case.from_toml(case.to_toml()) == case
     for faces, plane, stiffness, words in (
-        ("", "z = 9 mm", 100.0, "faces that are stopped"),
+        ("", "z = 9 mm", 100.0, "needs faces and a plane"),
         ("top", "z = 9", 100.0, "'9' has no unit"),
-        ("top", "normal 0,0,0 at 9 mm", 100.0, "is no plane"),
-        ("top", "in 0..1, 0..1, 0..1 mm", 100.0, "is no plane"),
+        ("top", "normal 0,0,0 at 9 mm", 100.0, "is not a plane"),
+        ("top", "in 0..1, 0..1, 0..1 mm", 100.0, "is not a plane"),
         ("top", "z = 9 mm", 0.0, "shear moduli per size"),
     ):
         with pytest.raises(ComponentError, match=words):
             Obstacle(faces, plane, stiffness)
     for device, obstacle, words in (
         (HollowDisk(), Obstacle("top", "plane7"), "plane0, plane1"),
-        (SECTION, Obstacle("top", "x = 3 mm"), "square to its axis"),
+        (SECTION, Obstacle("top", "x = 3 mm"), "perpendicular to its axis"),
     ):
         with pytest.raises(CaseError, match=words):
             Case("disk", device, RUBBER, pressures_cm=(10.0,), components=[obstacle])

@@ -236,7 +236,7 @@ def test_like_series_are_one_pressure(part, run, body_of, solved):
 @pytest.mark.parametrize(
     ("tables", "message"),
     [
-        ({"cavity1": {"pressure_cm": [1, 2]}}, "1 cavities and the device has 2"),
+        ({"cavity1": {"pressure_cm": [1, 2]}}, "1 cavities, but the device has 2"),
         ({"cavity1": {"pressure_cm": 1}, "cavity3": {"pressure_cm": 1}}, "name the cavities cavity1, cavity2"),
         ({"cavity1": {"pressure_cm": [1, 2]}, "cavity2": {"pressure_cm": [1, 2, 3]}}, "cavity1 has 2 values"),
         (
@@ -251,10 +251,10 @@ def test_like_series_are_one_pressure(part, run, body_of, solved):
         ({"cavity1": {"pressure_cm": "a,b"}, "cavity2": {"volume_ml": 0}}, "is not numbers"),
         ({"cavity1": {"pressure_cm": True}, "cavity2": {"volume_ml": 0}}, "is not numbers"),
         ({"cavity1": {"height": 1}, "cavity2": {"volume_ml": 0}}, "needs one of pressure_cm or volume_ml"),
-        ({"cavity1": {"pressure_cm": 0}, "cavity2": {"volume_ml": 0}}, "zeros alone"),
+        ({"cavity1": {"pressure_cm": 0}, "cavity2": {"volume_ml": 0}}, "only zeros"),
         ({"cavity1": {"pressure_cm": 1e6}, "cavity2": {"volume_ml": 0}}, "a pressure of 1e.06 cm .* is too much"),
         ({"cavity1": {"pressure_cm": 1}, "cavity2": {"volume_ml": [0, 1e4]}}, "10000 ml against a cavity"),
-        ({"cavity1": {"pressure_cm": 1}, "cavity2": {"volume_ml": 0}, "cycle": True}, "without cycle"),
+        ({"cavity1": {"pressure_cm": 1}, "cavity2": {"volume_ml": 0}, "load_unload": True}, "without load_unload"),
         ({"cavity1": {"pressure_cm": 1}, "cavity2": {"volume_ml": 0}, "pressure_cm": 1}, "one of these"),
     ],
 )

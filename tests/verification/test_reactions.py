@@ -125,7 +125,7 @@ def test_turned_over_it_is_the_mirror_image(body_of, figure):
     for name, turned in (
         ("contact_force_N", 1.0),
         ("ball_force_z_N", -1.0),
-        ("ball_way_mm", 1.0),
+        ("ball_travel_mm", 1.0),
         ("head_z_mm", -1.0),
     ):
         figure("the device turned over", name, turned * above[name] / below[name] - 1, 0.01)

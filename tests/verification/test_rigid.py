@@ -157,12 +157,12 @@ def test_what_cannot_be(body_of):
 
     assert "no face 'lid'" in refused(face="lid") and "top" in refused(face="lid")
     assert "kind" in refused(kind="loose")
-    assert "direction belongs" in refused(direction=(0.0, 0.0, 1.0))
+    assert "direction needs" in refused(direction=(0.0, 0.0, 1.0))
     assert "three numbers" in refused(kind="guided", direction=(1.0, 0.0))
-    assert "leave the symmetry" in refused(kind="guided", direction=(1.0, 0.0, 0.0))
-    assert "needs the face" in refused(face="")
+    assert "breaks the symmetry" in refused(kind="guided", direction=(1.0, 0.0, 0.0))
+    assert "needs a face" in refused(face="")
     twice = (PLATE, dataclasses.replace(PLATE, name="other"))
-    with pytest.raises(ComponentError, match="meets another rigid part"):
+    with pytest.raises(ComponentError, match="touches another rigid part"):
         System(body_of(DISK), LAW, components=twice)
 
 

@@ -154,11 +154,11 @@ def test_a_case_keeps_its_shapes_and_refuses_what_makes_none(body_of):
     case = Case("disk", SECTION, LAW, pressures_cm=(10.0,), components=(BALL, tube))
     assert Case.from_toml(case.to_toml()) == case
     for changes, words in (
-        ({"faces": ""}, "needs the faces"),
+        ({"faces": ""}, "needs faces"),
         ({"at": (0.0, 1.0)}, "three coordinates"),
         ({"radius": 0.0}, "radius above zero"),
         ({"radius": -1.0}, "radius"),
-        ({"along": (0.0, 0.0, 0.0)}, "no direction"),
+        ({"along": (0.0, 0.0, 0.0)}, "not a direction"),
         ({"length": 0.01}, "a capsule has a length"),
         ({"shape": "capsule"}, "a capsule has a length"),
         ({"shape": "cube"}, "cube"),
@@ -176,7 +176,7 @@ def test_a_case_keeps_its_shapes_and_refuses_what_makes_none(body_of):
             Case("disk", device, LAW, pressures_cm=(10.0,), components=(shape,))
     for shape, words in (
         (dataclasses.replace(BALL, faces="lid"), "no face 'lid'"),
-        (dataclasses.replace(BALL, at=(0.0, 0.0, 0.02)), "at rest the device lies"),
+        (dataclasses.replace(BALL, at=(0.0, 0.0, 0.02)), "the undeformed device is"),
         (dataclasses.replace(tube, radius=0.01), "outside of the hollow cylinder"),
     ):
         with pytest.raises(ComponentError, match=words):

@@ -111,14 +111,14 @@ def test_what_cannot_be_meant_is_refused(tmp_path):
                 device, LAW, "0,5 cm", components=[sm.RigidShape("stl", "top", **{"at": AT, "file": file, **fields})]
             )
 
-    refused("needs that file", file="")
+    refused("needs its file", file="")
     refused("leave out radius", radius=0.01)
     refused("cannot be read", file=str(tmp_path / "none.stl"))
     refused("not watertight", file=broken)
-    refused("turn different ways", file=turned)
-    refused("mirror image", at=(0.001, 0.0, 0.0265))
-    refused("one of revolution", device=sm.HollowDisk(section="axisymmetric"))
-    refused("at rest the device lies in the shape", at=(0.0, 0.0, 0.012))
+    refused("not consistently oriented", file=turned)
+    refused("not mirror-symmetric", at=(0.001, 0.0, 0.0265))
+    refused("needs an axisymmetric shape", device=sm.HollowDisk(section="axisymmetric"))
+    refused("the undeformed device is in the shape", at=(0.0, 0.0, 0.012))
     refused("larger rounding", rounding=1e-5)
     with pytest.raises(ComponentError, match="no file"):
         sm.RigidShape("sphere", "top", AT, RADIUS, file=file)

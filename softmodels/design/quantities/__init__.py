@@ -1,4 +1,4 @@
-"""What designs are judged by, one idea a file; `QUANTITIES` has them by name."""
+"""Quantities of designs; `QUANTITIES` lists them by name."""
 
 from softmodels.design.quantities import (
     composite,

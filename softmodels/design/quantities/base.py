@@ -1,6 +1,6 @@
-"""What a design is judged by: a quantity that is named and has a unit, and how it is measured on a meshed device.
+"""Base classes of quantities: a name, a unit, and the evaluation on a meshed device.
 
-One more quantity is one class with `@register_quantity`, also from outside.
+Add a quantity as a class with `@quantity`, also in other modules.
 """
 
 from __future__ import annotations
@@ -44,22 +44,22 @@ class Slopes:
 
 
 class Measure(abc.ABC):
-    """A quantity made ready on a meshed device: what is compiled once."""
+    """A quantity prepared on a meshed device, with its compiled forms."""
 
     @abc.abstractmethod
     def slopes(self, state: State | None) -> Slopes:
-        """Value and derivatives; the state is loaded into the equations. None for what needs no state."""
+        """Return value and derivatives; the state is loaded into the equations. None if it needs no state."""
 
     def value(self, state: State | None) -> float:
-        """The value alone, once `slopes` has been asked for on this mesh."""
+        """Return only the value, after `slopes` on this mesh."""
         return self.slopes(state).value
 
 
 class TargetMeasure(Measure):
-    """Distances from something that is to be followed.
+    """Distances from a target.
 
     Attributes:
-        run: Over how many neighbours the target's errors keep together.
+        run: Correlation length of the target's errors, in points.
         sigma: Standard error of one in SI units; 0 where it is not known.
     """
 
@@ -68,11 +68,11 @@ class TargetMeasure(Measure):
 
     @abc.abstractmethod
     def residuals(self, state: State) -> Array:
-        """The distances in SI units, shape (k,)."""
+        """Return the distances in SI units, shape (k,)."""
 
     @abc.abstractmethod
     def moved(self, state: State, w: Array, X: Array) -> Array:
-        """Derivative of the distances, shape (k,).
+        """Return the derivative of the distances, shape (k,).
 
         Args:
             state: The state that is loaded.
@@ -83,7 +83,7 @@ class TargetMeasure(Measure):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DesignQuantity(abc.ABC):
-    """Something a design is judged by.
+    """A quantity of a design.
 
     Attributes:
         at: The state at which it is taken, a `Load` or a pressure in Pa.
@@ -93,9 +93,9 @@ class DesignQuantity(abc.ABC):
     unit: ClassVar[str]
     """SI unit of its values; "1" for a pure number."""
     help: ClassVar[str]
-    """What it is, a clause."""
+    """Its description, a clause."""
     of_state: ClassVar[bool] = True
-    """Whether it is of a state, so that ``at`` has to be given."""
+    """Whether it belongs to a state, so that ``at`` is required."""
 
     at: JudgedLoad | float | None = None
 
@@ -105,12 +105,12 @@ class DesignQuantity(abc.ABC):
 
     @property
     def load(self) -> JudgedLoad | None:
-        """The state at which it is taken."""
+        """The state at which it is evaluated."""
         return None if self.at is None else JudgedLoad.of(self.at)
 
     @property
     def title(self) -> str:
-        """What it is without its load, as in ``rise of tip``."""
+        """Its title without its load, as in ``rise of tip``."""
         return self.name.replace("_", " ")
 
     @property
@@ -120,11 +120,11 @@ class DesignQuantity(abc.ABC):
 
     @abc.abstractmethod
     def measure(self, design: DesignedBody) -> Measure:
-        """Make it ready on a meshed device; ValueError with a sentence where the device has no such thing."""
+        """Prepare it on a meshed device; raise ValueError with a message if the device does not have it."""
 
 
 def length(what: str, value: float | str) -> float:
-    """A length in m that is not negative, from a number or a text with a unit.
+    """Return a length in m that is not negative, from a number or a text with a unit.
 
     Raises:
         ValueError: It is something else.
@@ -136,7 +136,7 @@ def length(what: str, value: float | str) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Quantities that are functions of integrals over the body: values and derivatives from UFL forms alone.
+# Quantities that are functions of integrals over the body, with values and derivatives from UFL forms.
 
 
 Combine = Callable[[Array], tuple[float, Array]]
@@ -171,7 +171,7 @@ class FormMeasure(Measure):
         self._covectors = [design.motion.compiled(one) for one in forms]
 
     def _combined(self) -> tuple[float, Array]:
-        """The value in SI units and its slopes by the integrals."""
+        """Return the value in SI units and its slopes by the integrals."""
         system = self.design.system
         unit = system.stress_unit if self.counted_in_stress else 1.0
         value, rates = self.combine(np.array([system.integral(form) for form in self._forms]))
@@ -200,12 +200,12 @@ class FormMeasure(Measure):
         return Slopes(value, by_w, float(rates[-1] * by_P), by_X, self.note(value))
 
     def note(self, value: float) -> str:
-        """A sentence on how far the value can be trusted."""
+        """Return a warning on the value, or ""."""
         return ""
 
 
 def scaled(factor: float) -> Combine:
-    """The sum of the integrals times a factor."""
+    """Return the sum of the integrals times a factor."""
     return lambda values: (factor * float(values.sum()), np.full(len(values), factor))
 
 

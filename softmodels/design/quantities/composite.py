@@ -1,4 +1,4 @@
-"""Quantities made of others at several states: a mean over loads, the distance from a path that is to be followed."""
+"""Quantities composed of others at several states: a mean over loads, the distance from a target path."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ class CompositeQuantity(DesignQuantity):
     @property
     @abc.abstractmethod
     def parts(self) -> tuple[DesignQuantity, ...]:
-        """The others."""
+        """The component quantities."""
 
     @abc.abstractmethod
     def combined(self, values: Array) -> tuple[float, Array]:
-        """Value of the function of the parts' values, and its slopes by them."""
+        """Return the value of the function of the parts' values, and its slopes by them."""
 
     def squares(self, values: Array, slopes: Array) -> Squares | None:
-        """Of a target that is to be followed its residuals, from the parts' values (k,) and their gradients (k, m)."""
+        """Return the residuals of a target, from the parts' values (k,) and their gradients (k, m)."""
         return None
 
     def measure(self, design: DesignedBody) -> Measure:
-        raise TypeError("a quantity made of others is measured by its parts")
+        raise TypeError("a composite quantity is evaluated from its parts")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -81,7 +81,7 @@ class Mean(CompositeQuantity):
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TipPath(CompositeQuantity):
-    """Root mean square distance of a probe from a path that it is to follow.
+    """Root mean square distance of a probe from a target path.
 
     Attributes:
         of: The probe; the device's first one if empty.
@@ -94,7 +94,7 @@ class TipPath(CompositeQuantity):
 
     name: ClassVar = "tip_path"
     unit: ClassVar = "m"
-    help: ClassVar = "root mean square distance of a probe from a path that it is to follow"
+    help: ClassVar = "root mean square distance of a probe from a target path"
 
     of: str = ""
     target: tuple[tuple[float, float, float, float], ...] = ()
@@ -135,7 +135,7 @@ class TipPath(CompositeQuantity):
         return tuple(place for place, _ in self._wanted)
 
     def residuals(self, values: Array) -> Array:
-        """Distances of the coordinates from the path's, m."""
+        """Return the distances of the coordinates from the path's, m."""
         return values - np.array([there for _, there in self._wanted])
 
     def combined(self, values: Array) -> tuple[float, Array]:

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BlockedForce(DesignQuantity):
-    """Force along the lift on what holds the device's tip."""
+    """Blocked force along the lift at the device's held tip."""
 
     name: ClassVar = "blocked_force"
     unit: ClassVar = "N"
-    help: ClassVar = "force of the whole device along its lift on what holds its tip"
+    help: ClassVar = "blocked force of the whole device along its lift at its held tip"
 
     def measure(self, design: DesignedBody) -> Measure:
         import ufl
@@ -42,7 +42,7 @@ class BlockedForce(DesignQuantity):
         if actuator.blocked is None:
             raise ValueError("the device's tip is free, so it has no blocked force; hold it (a slab's tip = 'held')")
         along = _moved_role(design, actuator.blocked)
-        # The virtual work of a unit motion of what holds it, which is all that the residual has there.
+        # The virtual work of a unit motion of the support equals the residual there.
         forms = [-ufl.action(force, along) for force in potential.forces]
         unit = system.length_unit**2 * actuator.copies
         pressures = [ufl.action(load, along) for load in potential.loads]
@@ -50,7 +50,7 @@ class BlockedForce(DesignQuantity):
 
 
 def _moved_role(design: DesignedBody, role: str) -> fem.Function:
-    """Dofs of a unit motion of a role along the lift, zero elsewhere."""
+    """Return the dofs of a unit motion of a role along the lift, zero elsewhere."""
     from dolfinx import fem
 
     system = design.system
@@ -64,15 +64,15 @@ def _moved_role(design: DesignedBody, role: str) -> fem.Function:
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Stiffness(DesignQuantity):
-    """Force along the lift, spread over the face that is pushed, per rise of it at a given pressure."""
+    """Force along the lift, spread over the loaded face, per rise of it at a given pressure."""
 
     name: ClassVar = "stiffness"
     unit: ClassVar = "N/m"
-    help: ClassVar = "force along the lift on the face that is pushed (a slab's tip), per rise of it, the pressure kept"
+    help: ClassVar = "force along the lift on the loaded face (a slab's tip), per rise of it, at constant pressure"
 
     def measure(self, design: DesignedBody) -> Measure:
         if design.system.body.actuator.pushed is None:
-            raise ValueError("the device names no face that is pushed, so it has no stiffness")
+            raise ValueError("the device defines no loaded face, so it has no stiffness")
         return _StiffnessMeasure(design)
 
 

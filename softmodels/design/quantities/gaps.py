@@ -1,14 +1,14 @@
-"""Least gap between walls that face each other across air; below zero where they pass through each other.
+"""Smallest gap between facing walls; negative if they overlap.
 
 The gap at a place of the surface is that of `softmodels.runs.self_contact`: the signed distance to the closest place of a
-wall that it faces. The least of many has no derivative where two are equal. The quantity is therefore the smooth minimum of
-Kreisselmeier and Steinhauser (1979, doi 10.1016/S1474-6670(17)65584-8),
+wall that it faces. The minimum of several values is not differentiable where two are equal. The quantity is therefore the
+smooth minimum of Kreisselmeier and Steinhauser (1979, doi 10.1016/S1474-6670(17)65584-8),
 
     -ln(sum over places exp(-rho gap)) / rho,    rho = `SHARPNESS` / t,
 
-with the thickness t of the thinnest of these walls where the mesh was made. It is never above the least gap, and below it by
-ln(k)/rho where k places are equally close, so a design that keeps it above zero has no walls that overlap. The least gap itself
-is reported beside it.
+with the thickness t of the thinnest of these walls on the initial mesh. It never exceeds the smallest gap, and is below
+it by ln(k)/rho for k equally close places, so a design that keeps it positive has no overlapping walls. The smallest gap
+itself is reported too.
 """
 
 from __future__ import annotations
@@ -74,21 +74,17 @@ class GapMeasure(Measure):
         mesh = mesh if motion.dimension == 3 else mesh[:, [0, 2]]
         by_w = np.zeros(system.n)
         by_w[self._skew] = mesh @ system.body.skew_inverse
-        note = (
-            f"the least gap at a place is {1e3 * least:.4g} mm"
-            if np.isfinite(least)
-            else "no walls are near each other"
-        )
+        note = f"the smallest gap is {1e3 * least:.4g} mm" if np.isfinite(least) else "no walls are near each other"
         return Slopes(value, system.by_unknowns(by_w).copy(), 0.0, self._by_nodes(mesh), note)
 
     def _places(self) -> Array:
-        """Owned nodes of the grid on the mesh as it is now, device coordinates in m, shape (n, 3)."""
+        """Return the owned nodes of the grid on the current mesh, device coordinates in m, shape (n, 3)."""
         system = self.system
         here = self._grid.space.tabulate_dof_coordinates()[: self._grid.owned] * system.length_unit
         return system.body.actuator.device_points(here)
 
     def _by_nodes(self, rates: Array) -> Array:
-        """Derivatives by the grid's owned nodes, shape (n, d), as those by the mesh's own nodes; see `Slopes.X`."""
+        """Return the derivatives by the grid's owned nodes, shape (n, d), as those by the mesh's own nodes; see `Slopes.X`."""
         from dolfinx import fem, la
 
         b = fem.Function(self.design.motion.space).x
@@ -97,14 +93,15 @@ class GapMeasure(Measure):
         return np.array(b.array)
 
     def _smooth(self, shift: Array | None) -> tuple[float, float, Array | None]:
-        """Smooth and true least gap in m, and the smooth one's derivative by the places of the grid's nodes; on rank 0."""
+        """Return the smooth and true least gap in m, and the smooth one's derivative by the places of the grid's nodes; on rank
+        0."""
         assert shift is not None
         grid = self._grid
         if self._walls is None:
             planes = [plane.normal for plane in self.system.body.actuator.cut_planes]
             self._walls = FacingWalls(grid.points, grid.cells, grid.cell_name, planes)
         gaps, rates = self._near(self._walls, shift), np.zeros_like(shift)
-        if not len(gaps.values):  # as far as they are looked for
+        if not len(gaps.values):  # within the search distance
             return LAST_REACH * self._walls.size, np.inf, rates
         if not self._rho:
             self._rho = SHARPNESS / float(gaps.thickness.min())
@@ -117,7 +114,7 @@ class GapMeasure(Measure):
 
     @staticmethod
     def _near(walls: FacingWalls, shift: Array) -> Gaps:
-        """Gaps up to twice the least one, or as far as they are looked for."""
+        """Return the gaps up to twice the least one, or as far as they are looked for."""
         reach = REACH * walls.size
         while True:
             gaps = walls.gaps(shift, reach)
@@ -138,7 +135,8 @@ def _add_rates(rates: Array, walls: FacingWalls, gaps: Gaps, chosen: npt.NDArray
 
 
 def _interpolation(grid: Grid, design: DesignedBody) -> scipy.sparse.csr_matrix:
-    """Places of the grid's owned nodes from those of the mesh's own local nodes, shape (owned, nodes of `MeshMotion.space`)."""
+    """Return the places of the grid's owned nodes from those of the mesh's own local nodes, shape (owned, nodes of
+    `MeshMotion.space`)."""
     import basix.ufl
     from scipy.sparse import csr_matrix
 
@@ -158,13 +156,11 @@ def _interpolation(grid: Grid, design: DesignedBody) -> scipy.sparse.csr_matrix:
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LeastGap(DesignQuantity):
-    """Least gap between walls that face each other across air, as a smooth minimum; below zero where they overlap."""
+    """Smallest gap between facing walls, as a smooth minimum; negative if they overlap."""
 
     name: ClassVar = "least_gap"
     unit: ClassVar = "m"
-    help: ClassVar = (
-        "least gap between walls that face each other across air (smooth minimum); below zero where they overlap"
-    )
+    help: ClassVar = "smallest gap between facing walls (smooth minimum); negative if they overlap"
 
     def measure(self, design: DesignedBody) -> Measure:
         return GapMeasure(design)

@@ -1,4 +1,4 @@
-"""Quantities of the device alone, without a state: what the workshop can make."""
+"""Quantities of the undeformed device: manufacturing constraints."""
 
 from __future__ import annotations
 
@@ -27,21 +27,22 @@ if TYPE_CHECKING:
 
 
 STEP = 1e-6
-"""Of the central differences, in shares of the device's size, or of 1."""
+"""Step of the central differences, relative to the device's size, or to 1."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DeviceQuantity(DesignQuantity):
-    """What the device's parameters alone tell."""
+    """A quantity that depends only on the device's parameters."""
 
     of_state: ClassVar = False
 
     @abc.abstractmethod
     def values(self, device: Actuator) -> dict[str, float]:
-        """Values by key, the same keys for every design."""
+        """Return the values by key, the same keys for every design."""
 
     def derivatives(self, device: Actuator, names: Sequence[str]) -> dict[str, Array]:
-        """Derivatives of the values by parameters, by key: central differences, one-sided at the edge of what is a device."""
+        """Return the derivatives of the values by parameters, by key: central differences, one-sided at the limits of
+        valid devices."""
         here, columns = self.values(device), []
         for name in names:
             step = STEP * (device.size if is_length(device, name) else 1.0)
@@ -54,17 +55,17 @@ class DeviceQuantity(DesignQuantity):
         return dict(zip(here, np.array(columns).T.reshape(len(here), len(names)), strict=True))
 
     def measure(self, design: DesignedBody) -> Measure:
-        raise TypeError("a quantity of the device alone needs no mesh")
+        raise TypeError("a quantity of only the device needs no mesh")
 
 
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Clearances(DeviceQuantity):
-    """Every wall and every channel that has a least width."""
+    """Width of every wall and channel with a minimum."""
 
     name: ClassVar = "clearances"
     unit: ClassVar = "m"
-    help: ClassVar = "every wall and every channel that has a least width, one value each"
+    help: ClassVar = "width of every wall and channel with a minimum, one value each"
 
     def values(self, device: Actuator) -> dict[str, float]:
         return {f"clearance: {name}": value for name, value in device.clearances.items()}
@@ -127,6 +128,6 @@ class Mass(DesignQuantity):
         from dolfinx import fem
 
         body = design.system.body
-        # A constant one: a form of numbers alone has no mesh for UFL to find.
+        # A constant 1, because UFL cannot find the mesh of a form with numbers only.
         solid = fem.Constant(body.mesh, 1.0) * body.hoop * body.measures()[0]
         return FormMeasure(design, [solid], scaled(self.density * design.system.volume_unit))

@@ -1,4 +1,4 @@
-"""The pressure at which a device balloons, and how far it is from the pressures it works at."""
+"""Limit and bifurcation pressures, and their margins to the working pressure."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class OfLimit(DesignQuantity):
-    """Something of the limit point of the pressure."""
+    """A quantity of the limit point."""
 
     of_state: ClassVar = False
     margin: ClassVar = False
-    """Whether it is over the highest working pressure."""
+    """Whether it is relative to the highest working pressure."""
 
     def factor(self, working: float) -> float:
         """By which the limit pressure in Pa is multiplied; ``working`` is the highest working pressure."""
         return 1.0 / working if self.margin else 1.0
 
     def measure(self, design: DesignedBody) -> Measure:
-        raise TypeError("a quantity of the limit point follows from that point alone")
+        raise TypeError("a quantity of the limit point needs only that point")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class OfBifurcation(OfLimit):
-    """Something of the first bifurcation."""
+    """A quantity of the first bifurcation."""
 
 
 @register_quantity
@@ -39,7 +39,7 @@ class BifurcationPressure(OfBifurcation):
 
     name: ClassVar = "bifurcation_pressure"
     unit: ClassVar = "Pa"
-    help: ClassVar = "pressure at the first bifurcation, where the device leaves its symmetric shape"
+    help: ClassVar = "pressure at the first bifurcation, where the device buckles out of its symmetric shape"
 
 
 @register_quantity

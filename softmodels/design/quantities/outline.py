@@ -1,4 +1,4 @@
-"""How far a device's outline is from one that it is to have: a measured one, or one that is drawn."""
+"""Distance of a device's outline from a target outline, measured or drawn."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The outline of a device whose mesh follows its design: its nodes are those of the mesh, wherever it has moved to.
+# The outline of a device whose mesh follows its design.
 
 
 STRAIGHT = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
@@ -42,7 +42,7 @@ STRAIGHT = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
 
 
 class MovedSilhouette(Silhouette):
-    """The outer curve of a device that is being designed, see `Silhouette`: heights count from its own undeformed apex.
+    """The outer curve of a device under design, see `Silhouette`; heights count from its undeformed apex.
 
     Of a half slab it is the edge of its top in the mirror plane, from the clamped base to the tip.
 
@@ -67,19 +67,20 @@ class MovedSilhouette(Silhouette):
         """From the mesh's components to those of the outline's plane, shape (2, d)."""
 
     def follow(self) -> None:
-        """Take the nodes from where the mesh is now."""
+        """Update the nodes from the current mesh."""
         self.points = self._on_chain(self.design.motion.now(self._blocks))
         self.top = self.points[0, 0]
 
     def _on_chain(self, x: Array) -> Array:
-        """Dimensionless vectors of the mesh at the edges' own nodes, (m, 2 or 3, d), as device vectors of the chain, in m."""
+        """Return the dimensionless vectors of the mesh at the edges' own nodes, (m, 2 or 3, d), as device vectors of the chain,
+        in m."""
         local = np.einsum("sk,mkd->msd", self._mix, x) * self.system.length_unit
         if local.shape[-1] == 2:
             local = np.stack([local[..., 0], np.zeros(local.shape[:-1]), local[..., 1]], axis=-1)
         return self._arranged(everywhere(self.system.comm, local))
 
     def moved(self, w: Array, X: Array) -> Array:
-        """Derivative of the curve's nodes in m, shape (n, 3, 2).
+        """Return the derivative of the curve's nodes in m, shape (n, 3, 2).
 
         Args:
             w: Derivative of the state's dof values, with ghosts.
@@ -89,7 +90,7 @@ class MovedSilhouette(Silhouette):
         return self._in_plane(self._displacement(w) + rest - rest[0, 0])
 
     def transposed(self, covector: Array) -> tuple[Array, Array]:
-        """The transpose of `moved`: from a covector on the curve's nodes, shape (n, 3, 2), the same on all ranks.
+        """Return the transpose of `moved`: from a covector on the curve's nodes, shape (n, 3, 2), the same on all ranks.
 
         Returns:
             By the owned unknowns, zero at held ones, and by the mesh's nodes, flat over `MeshMotion.space`.
@@ -104,7 +105,7 @@ class MovedSilhouette(Silhouette):
         return system.by_unknowns(by_w[: system.n]).copy(), _added(motion.space, components, at_nodes)
 
     def _of_edges(self, values: Array) -> Array:
-        """The transpose of gathering and arranging: values on the chain to this rank's edges, (m, 3, 2)."""
+        """Return the transpose of gathering and arranging: values on the chain to this rank's edges, (m, 3, 2)."""
         back = values.copy()
         back[self._turned] = back[self._turned][:, [1, 0, 2]]
         comm, count = self.system.comm, len(self._dofs)
@@ -114,7 +115,7 @@ class MovedSilhouette(Silhouette):
 
 
 def _added(space: object, dofs: npt.NDArray[np.integer], values: Array) -> Array:
-    """Values added up at dofs, shape (local dofs,), complete on their owners."""
+    """Return the values added up at dofs, shape (local dofs,), complete on their owners."""
     from dolfinx import fem, la
 
     b = fem.Function(space).x
@@ -125,7 +126,7 @@ def _added(space: object, dofs: npt.NDArray[np.integer], values: Array) -> Array
 
 FEWEST = 3
 ONE_SIDED = 0.1
-"""An outline whose top is in this share of its width from its beginning shows one side, from the axis outwards."""
+"""Fraction of its width within which the top of a one-sided outline lies, from the axis outwards."""
 
 
 class OutlineMeasure(TargetMeasure):
@@ -145,11 +146,11 @@ class OutlineMeasure(TargetMeasure):
         try:
             self.silhouette = MovedSilhouette(design)
         except BodyError as error:
-            raise ValueError(f"there is no outline to follow: {error}") from None
+            raise ValueError(f"no target outline: {error}") from None
         if measured and not self.silhouette.flat:
             raise ValueError(
-                f"the undeformed top of the device is {self.silhouette.unevenness * 1e3:.3g} mm from flat, and heights of "
-                "measured outlines are counted from a flat surface; give points with heights above its undeformed apex"
+                f"the undeformed top of the device is {self.silhouette.unevenness * 1e3:.3g} mm from flat, but heights "
+                "of measured outlines count from a flat surface; give points with heights above its undeformed apex"
             )
         self.points = points
         if self.silhouette.round:
@@ -157,7 +158,8 @@ class OutlineMeasure(TargetMeasure):
             self.points = np.column_stack([np.abs(away), points[:, 1]])
 
     def _closest(self, state: State) -> tuple[Closest, npt.NDArray[np.int64], Array]:
-        """Closest points, and for each the piece of the curve that it is on with the weights of that piece's nodes."""
+        """Return the closest points, and for each the piece of the curve that it is on with the weights of that piece's
+        nodes."""
         self.silhouette.follow()
         curve: QuadraticCurve = self.silhouette.curve(state)
         if not self.silhouette.round:
@@ -205,12 +207,12 @@ class Outline(DesignQuantity):
         points: Or the points themselves, in m: distance from the axis (of a slab from the clamped base) and height above the
             undeformed apex.
         sigma: Standard error of a point across the outline in m, or a text with a unit; 0 to estimate it from what is left.
-        run: Over how many neighbours the points' errors keep together.
+        run: Correlation length of the points' errors, in points.
     """
 
     name: ClassVar = "outline"
     unit: ClassVar = "m"
-    help: ClassVar = "root mean square distance of the deformed outline from one that it is to have"
+    help: ClassVar = "root mean square distance of the deformed outline from a target outline"
 
     file: str = ""
     points: tuple[tuple[float, float], ...] = ()
@@ -233,7 +235,7 @@ class Outline(DesignQuantity):
                     "the points of an outline are pairs: distance from the axis and height, in m"
                 ) from None
         if len(points) < FEWEST or not np.isfinite(points).all():
-            raise ValueError(f"an outline needs at least {FEWEST} points, all of them finite")
+            raise ValueError(f"an outline needs at least {FEWEST} points, all finite")
         object.__setattr__(self, "points", tuple(map(tuple, points.tolist())))
 
     @property
@@ -247,7 +249,7 @@ class Outline(DesignQuantity):
 
 
 def _measured(file: Path) -> tuple[Array, float]:
-    """Points of a measured outline that rise, and over how many neighbours their errors keep together.
+    """Return the risen points of a measured outline, and the correlation length of their residuals in points.
 
     Raises:
         ValueError: No outline, one that is not trusted, or nothing rises.
@@ -256,12 +258,12 @@ def _measured(file: Path) -> tuple[Array, float]:
     outline = outline.measured()
     part = rising(outline)
     if part is None:
-        raise ValueError(f"{file}: nothing of this outline rises, so it has no shape to follow")
+        raise ValueError(f"{file}: no point of this outline rises, so it is not usable as a target")
     return np.column_stack([outline.x[part], outline.z[part]]), correlation([outline])
 
 
 def _middle(points: Array) -> float:
-    """Where a measured outline's axis is: the centroid of what lies under it, or 0 where it shows one side alone."""
+    """Return the axis position of a measured outline: the centroid under it, or 0 if it shows only one side."""
     x, z = points[:, 0], np.maximum(points[:, 1], 0.0)
     if x[np.argmax(z)] - x[0] < ONE_SIDED * np.ptp(x):
         return 0.0

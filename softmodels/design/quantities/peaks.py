@@ -1,7 +1,7 @@
 """Peak stretch and peak von Mises stress of a design, as `softmodels.runs.state_values` has them: means over the 0.5 % of the
 volume
-where they are largest. The largest value at a point has no limit as a mesh with a sharp corner is refined, so a search that
-keeps it on one mesh misses it on the next; and it has no derivative where two points are equal.
+where they are largest. The largest value at a point diverges under refinement at a sharp corner, so a limit satisfied
+on one mesh is violated on the next; and it is not differentiable where two points are equal.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 WORTH_A_NOTE = 0.02
-"""Share of the peak by which the largest value at a point may lie above it before that is reported."""
+"""Relative excess of the largest point value over the peak above which it is reported."""
 
 
 class PeakMeasure(FormMeasure):
@@ -82,7 +82,7 @@ class PeakMeasure(FormMeasure):
         return super().slopes(state)
 
     def _settle(self) -> None:
-        """Take q from the state that is loaded."""
+        """Compute q from the loaded state."""
         design, system = self.design, self.design.system
         values = self._values_of(design, principal_stretches(design.gradients()))
         _, q = volume_peak(system.comm, values, system.point_volumes())
@@ -95,8 +95,8 @@ class PeakMeasure(FormMeasure):
             return ""
         shown = f"{top / 1e3:.4g} kPa" if self.counted_in_stress else f"{top:.4g}"
         return (
-            f"the mean over the {100 * SHARE:g} % of the silicone where it is largest; the largest value at a point is {shown} "
-            "on this mesh, and grows with refinement at sharp corners and clamped edges"
+            f"the mean over the {100 * SHARE:g} % of the silicone where it is largest; the largest point value is {shown} "
+            f"on this mesh, and grows with refinement at sharp corners and clamped edges"
         )
 
 
@@ -150,7 +150,7 @@ class PeakVonMises(DesignQuantity):
     def measure(self, design: DesignedBody) -> Measure:
         import ufl
 
-        field = ufl.sqrt(_mises_square(design) + 1e-12)  # where it vanishes the root has no slope
+        field = ufl.sqrt(_mises_square(design) + 1e-12)  # the root is not differentiable at zero
         return PeakMeasure(design, field, _Mises(), counted_in_stress=True)
 
 
@@ -159,7 +159,7 @@ QUANTITIES.update({"max_stretch": PeakStretch, "von_mises": PeakVonMises})
 
 
 def _mises_square(design: DesignedBody) -> Expr:
-    """Square of the von Mises stress in shear moduli: of the deviator of (dW/dF) F^T / J."""
+    """Return the square of the von Mises stress in shear moduli: of the deviator of (dW/dF) F^T / J."""
     import ufl
 
     potential = design.system.potential

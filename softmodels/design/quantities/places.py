@@ -1,4 +1,4 @@
-"""Where named points of the device are: rises, places, and the figures a kind of device makes of them."""
+"""Positions of named points: rises, coordinates, and figures of a device derived from them."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 AXES = ("x", "y", "z")
 STEP = 1e-5
-"""Of the central differences of a device's figures by the places of its probes, in sizes of the device."""
+"""Step of the central differences of a device's figures by probe positions, relative to the size."""
 
 
 class PlacesMeasure(Measure):
-    """A function of where probes are.
+    """A function of probe positions.
 
     Args:
         design: The meshed device.
@@ -68,14 +68,14 @@ class PlacesMeasure(Measure):
 def _shifted(
     rest: dict[str, Array], moved: dict[str, Array], which: int, name: str, shift: Array
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Places and displacements with one probe's place (0) or displacement (1) shifted."""
+    """Return the places and displacements with one probe's place (0) or displacement (1) shifted."""
     found = [dict(rest), dict(moved)]
     found[which][name] = found[which][name] + shift
     return found[0], found[1]
 
 
 def _probe(design: DesignedBody, name: str) -> str:
-    """The probe's name; the device's own first one if empty."""
+    """Return the probe's name; the device's own first one if empty."""
     known = design.system.body.actuator.probes
     if not name:
         return design.system.body.actuator.gauge
@@ -87,7 +87,7 @@ def _probe(design: DesignedBody, name: str) -> str:
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Rise(DesignQuantity):
-    """How far a probe has moved along the lift.
+    """Displacement of a probe along the lift.
 
     Attributes:
         of: The probe; the device's first one if empty.
@@ -95,7 +95,7 @@ class Rise(DesignQuantity):
 
     name: ClassVar = "rise"
     unit: ClassVar = "m"
-    help: ClassVar = "how far a probe has moved along the lift"
+    help: ClassVar = "displacement of a probe along the lift"
 
     of: str = ""
 
@@ -111,7 +111,7 @@ class Rise(DesignQuantity):
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Height(DesignQuantity):
-    """Height of a probe under pressure: how high it was drawn, and how far it has risen.
+    """Height of a probe under pressure: undeformed height plus rise.
 
     A design changes both, so the device whose top is highest is not the one whose top rises most.
 
@@ -137,7 +137,7 @@ class Height(DesignQuantity):
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Place(DesignQuantity):
-    """Where a probe is.
+    """Coordinate of a probe.
 
     Attributes:
         of: The probe; the device's first one if empty.
@@ -168,7 +168,7 @@ class Place(DesignQuantity):
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DeviceFigure(DesignQuantity):
-    """A figure of this kind of device that follows from its probes, such as a slab's lift angle.
+    """A figure of this kind of device derived from its probes, such as a slab's lift angle.
 
     Attributes:
         of: Its column, such as ``lift_angle_deg``; the unit is the column's.
@@ -176,7 +176,7 @@ class DeviceFigure(DesignQuantity):
 
     name: ClassVar = "figure"
     unit: ClassVar = "1"
-    help: ClassVar = "a figure of this kind of device that follows from its probes, in its column's unit"
+    help: ClassVar = "a figure of this kind of device derived from its probes, in its column's unit"
 
     of: str = ""
 
@@ -190,7 +190,7 @@ class DeviceFigure(DesignQuantity):
         known = actuator.device_figures({name: (p[0], p[1], p[2]) for name, p in places.items()})
         if self.of not in known:
             raise ValueError(
-                f"figure {self.of!r} is none of this device; "
+                f"figure {self.of!r} is not defined for this device; "
                 + (f"it has {', '.join(known)}" if known else "it has none")
             )
 

@@ -1,4 +1,4 @@
-"""Tip paths from tables: places of a point over the pressure, as ``path.csv`` of a run has them or as typed by hand."""
+"""Read tip paths from tables: positions of a point over the pressure, from ``path.csv`` of a run or typed by hand."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ from softmodels.common.units import UnitError, number, quantity
 Row = tuple[float, float, float, float]
 
 ENOUGH = 3
-"""Rows at the pressures that a run was asked at that are enough; with fewer all of its rows are taken."""
+"""Minimum number of rows at requested pressures; with fewer, all rows are used."""
 PRESSURE = re.compile(r"pressure[_ ]*[\[(]?([A-Za-z]+)[\])]?")
 PLACE = re.compile(r"(?:(?!max_stretch)(\w+?)[_ ])?([xyz])[_ ]*[\[(]?([a-z]+)[\])]?")
 
 
 def read_tip_path(file: Path, of: str, cm: float = 0.0) -> tuple[tuple[Row, ...], str]:
-    """Rows of pressure in Pa and place in m (nan where there is no such column), by rising pressure, and the point's name.
+    """Return the rows of pressure in Pa and place in m (nan for missing columns), by rising pressure, and the point's
+    name.
 
     Columns are named by what they have and its unit: ``pressure_kPa``, ``x_mm`` or ``tip_x_mm``; or the units stand in a row
     below the names. Rows at rest, and those
@@ -61,29 +62,29 @@ def read_tip_path(file: Path, of: str, cm: float = 0.0) -> tuple[tuple[Row, ...]
         table.append([at, *place])
     kept = _rising(np.array(table), _asked([row for _, row in rows]))
     if not len(kept):
-        raise ValueError(f"{file} has no row at a pressure above zero, so there is no path to follow")
+        raise ValueError(f"{file} has no row at a pressure above zero; a tip path needs at least one")
     return tuple((float(p), float(x), float(y), float(z)) for p, x, y, z in kept), of
 
 
 def _rows(file: Path) -> tuple[Worksheet, list[tuple[int, dict[str, str]]]]:
-    """The sheet, and its rows by their columns' names, with the units in a row below them if that has them."""
+    """Return the sheet, and its rows by their columns' names, with the units in a row below them if that has them."""
     try:
         sheets = read_sheets(file)
         chosen = pick(file, sheets, lambda sheet: _table(sheet.rows))
-        if chosen is None:  # none has a path: the one with most columns, for a sentence on what is missing
+        if chosen is None:  # no sheet has a path: use the one with most columns for the message
             widest = max(sheets, key=lambda sheet: len(sheet.rows[0][1]) if sheet.rows else 0)
             chosen = widest, widest.rows
     except OSError as error:
         raise ValueError(f"{file} cannot be read: {reason(error)}") from None
     if len(chosen[1]) < 2:
         raise ValueError(
-            f"{file} has no rows; a path has a column of pressures and columns of places, such as pressure_kPa, x_mm"
+            f"{file} has no rows; a path needs a column of pressures and columns of positions, such as pressure_kPa, x_mm"
         )
     return chosen[0], records(chosen[1])
 
 
 def _table(rows: Sequence[Line]) -> Sequence[Line] | None:
-    """Names with their units and the rows below; None if no column is a pressure and a place."""
+    """Return the names with their units and the rows below; None if there is no column of pressures or positions."""
     if not rows:
         return None
     ways = [rows]
@@ -103,9 +104,7 @@ def _pressure_column(file: Path, names: Sequence[str], cm: float) -> tuple[str, 
         if unit in found and (unit != "cm" or cm):
             return found[unit], unit
     if "cm" in found:
-        raise ValueError(
-            f"{file} has its pressure in cm of a column whose liquid is not known; give pressure_Pa or pressure_kPa"
-        )
+        raise ValueError(f"{file} gives the pressure in cm of an unknown liquid; use pressure_Pa or pressure_kPa")
     raise ValueError(
         f"{file} has no column of pressures with its unit, such as pressure_kPa; it has {', '.join(names)}"
     )
@@ -120,12 +119,10 @@ def _place_columns(file: Path, names: Sequence[str], of: str) -> tuple[dict[str,
     chosen = of if of in points else "" if "" in points else next(iter(points)) if len(points) == 1 and not of else None
     if chosen is None:
         known = (
-            f"it has {', '.join(names)}"
-            if not points
-            else f"it has places of {', '.join(points)}; name one of them (of)"
+            f"it has {', '.join(names)}" if not points else f"it has positions of {', '.join(points)}; choose one (of)"
         )
         raise ValueError(
-            f"{file} has no columns of places{' of ' + of if of else ''}, such as {of or 'tip'}_x_mm or x_mm; {known}"
+            f"{file} has no columns of positions{' of ' + of if of else ''}, such as {of or 'tip'}_x_mm or x_mm; {known}"
         )
     return points[chosen], chosen or of
 
@@ -137,12 +134,12 @@ def _value(text: str, unit: str, wanted: str, cm: float) -> float:
 
 
 def _asked(rows: Sequence[Mapping[str, str]]) -> npt.NDArray[np.bool_]:
-    """Rows at the pressures that a run was asked at; all of a table that does not say."""
+    """Return the rows at the requested pressures of a run; all rows of other tables."""
     return np.array([row.get("requested", "1") not in ("0", "0.0", "False") for row in rows])
 
 
 def _rising(table: Array, asked: npt.NDArray[np.bool_]) -> Array:
-    """The rows above zero up to the highest pressure, each pressure once."""
+    """Return the rows above zero up to the highest pressure, each pressure once."""
     last = int(np.argmax(table[:, 0])) + 1
     kept = np.arange(len(table)) < last
     kept &= (table[:, 0] > 0.0) & (table[:, 0] > np.r_[0.0, np.maximum.accumulate(table[:, 0])[:-1]])

@@ -1,1 +1,1 @@
-"""Curves of test machines as measurements."""
+"""Fits to curves of test machines."""

@@ -1,4 +1,4 @@
-"""Measured curves of test specimens: from a machine's file to stretch and nominal stress, or a sentence why not."""
+"""Measured curves of test specimens: read a machine's file into stretch and nominal stress, or explain the error."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from softmodels.common.units import (
 from softmodels.materials.specimens import MODES
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Columns of a test machine's table: what a header means, in which unit, and which two make a curve.
+# Read the columns of a test machine's table: recognise headers and units, and select two for a curve.
 
 
 KINDS = {
@@ -50,9 +50,9 @@ KINDS = {
     "force": "N",
     "pressure": "Pa",
 }
-"""What a column can be, and the unit it is turned into. Strain and stress without ``true`` are the engineering ones."""
+"""Kinds of columns, and the unit of each. Strain and stress without ``true`` are the engineering ones."""
 
-DEFORMATIONS = ("stretch", "strain", "true-strain", "extension", "radius")  # the first one found in a file counts
+DEFORMATIONS = ("stretch", "strain", "true-strain", "extension", "radius")  # the first one in a file is used
 LOADS = ("stress", "true-stress", "force", "pressure")
 
 _WORDS = (
@@ -67,7 +67,7 @@ _WORDS = (
     ("pressure", r"\bpressure\b"),
 )
 NONE = "dimensionless"
-"""The unit of a column that is said to have none."""
+"""Unit of a column without one."""
 _UNITS = {"%": "percent", "percent": "percent", "-": NONE, "1": NONE, "mm/mm": NONE, "m/m": NONE, "n/mm2": "N/mm^2",
           "n/mm^2": "N/mm^2", "n/mm²": "N/mm^2"}  # fmt: skip
 _TAIL = re.compile(r"[ _](%|percent|g?pa|kpa|mpa|psi|ksi|bar|mbar|mn|kn|n|mm|cm|m|um)$", re.IGNORECASE)
@@ -75,7 +75,7 @@ _CASES = {"pa": "Pa", "kpa": "kPa", "mpa": "MPa", "gpa": "GPa", "kn": "kN", "n":
 
 
 class TensileError(Spoken, ValueError):
-    """A curve that cannot be used; the message is a sentence for the user."""
+    """An unusable curve; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,7 +97,7 @@ class CurveColumn:
 
 @dataclasses.dataclass(frozen=True)
 class CurveTable:
-    """A file's numbers: both columns as they stand, shape (n,), what they are, and the line of each row."""
+    """A file's numbers: both raw columns, shape (n,), their kinds, and the line of each row."""
 
     deformation: CurveColumn
     load: CurveColumn
@@ -107,7 +107,7 @@ class CurveTable:
 
 
 def recognise(header: str, place: int) -> CurveColumn | None:
-    """What a header means; None if it is neither deformation nor load."""
+    """Return the kind of a header; None if it is neither deformation nor load."""
     unit, words = "", header.strip().strip('"')
     bracket = re.search(r"[(\[]([^)\]]*)[)\]]", words)
     tail = _TAIL.search(words)
@@ -127,7 +127,7 @@ def recognise(header: str, place: int) -> CurveColumn | None:
 
 
 def _unit(text: str) -> str:
-    """A unit in Pint's spelling."""
+    """Return a unit in Pint's spelling."""
     unit = _UNITS.get(text.lower().strip(), text.strip())
     return _CASES.get(unit.lower(), unit) if len(unit) > 1 else unit.replace("n", "N")
 
@@ -149,7 +149,7 @@ def told_columns(text: str) -> dict[str, tuple[str, str | None]]:
 
 
 def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveTable:
-    """Find the header, whatever stands above it, and the numbers of the two columns that make a curve.
+    """Find the header, also below other lines, and the numbers of the two columns of a curve.
 
     Args:
         path: A text or a workbook, see `softmodels.common.tables.read_sheets`. A row of units may stand below the header.
@@ -177,15 +177,15 @@ def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveT
         names = " and ".join(repr(name) for name, _ in told.values())
         raise TensileError(f"{where} of the file has the columns {names}")
     raise TensileError(
-        f"{where} names a deformation and a load, such as 'strain (%)' and 'stress (MPa)'; "
-        "say which columns they are with --columns 'strain=1[%],stress=2[MPa]'"
+        f"{where} names a deformation and a load, such as 'strain (%)' and 'stress "
+        f"(MPa)'; choose the columns with --columns 'strain=1[%],stress=2[MPa]'"
     )
 
 
 def _header(rows: Sequence[Line]) -> tuple[int, CurveColumn, CurveColumn] | None:
     for i, (_, row) in enumerate(rows):
         if len(row) < 2 or any(_is_number(cell) for cell in row):
-            continue  # most lines of a long file, and quick to tell
+            continue  # fast check for most lines of a long file
         known = [column for place, cell in enumerate(row) if (column := recognise(cell, place))]
         if len(known) < 2:
             continue
@@ -208,7 +208,7 @@ def _first(known: Sequence[CurveColumn], kinds: Sequence[str]) -> str | None:
 def _told_header(
     rows: Sequence[Line], told: Mapping[str, tuple[str, str | None]]
 ) -> tuple[int, CurveColumn, CurveColumn] | None:
-    """Columns by name need a line that has them; by number, the first line of numbers."""
+    """Find the header of given columns: by name a line with these, by number the first line of numbers."""
     numbers = all(name.isdigit() for name, _ in told.values())
     for i, (_, row) in enumerate(rows):
         made = {}
@@ -241,7 +241,7 @@ def _told_header(
 def _numbers(
     sheet: Worksheet, after: int, deformation: CurveColumn, load: CurveColumn, sure: Collection[str]
 ) -> CurveTable:
-    """The numbers below a header; of the kinds in ``sure`` the units are known, whatever the file says."""
+    """Return the numbers below a header; units of the kinds in ``sure`` are given and override the file."""
     x: list[float] = []
     y: list[float] = []
     lines: list[int] = []
@@ -254,7 +254,7 @@ def _numbers(
                 deformation, load = columns = _with_units(columns, units, sure, sheet.place(number))
                 continue
             if not any(cell.startswith("=") or _is_number(cell) for cell in cells):
-                continue  # more words between the header and the numbers
+                continue  # further text between the header and the numbers
         values = []
         for cell, column in zip(cells, columns, strict=True):
             if not _is_number(cell):
@@ -262,7 +262,7 @@ def _numbers(
                 raise TensileError(f"{sheet.place(number)}: {cell!r} in the column {column.header!r} {why}")
             values.append(_value(cell, column, sheet))
         if not all(map(math.isfinite, values)):
-            raise TensileError(f"{sheet.place(number)} holds a value that is not finite ({', '.join(cells)})")
+            raise TensileError(f"{sheet.place(number)} has a value that is not finite ({', '.join(cells)})")
         x.append(values[0])
         y.append(values[1])
         lines.append(number)
@@ -276,7 +276,7 @@ def _cell(row: Sequence[str], column: CurveColumn) -> str:
 
 
 def _row_of_units(columns: Sequence[CurveColumn], cells: Sequence[str]) -> tuple[str, str] | None:
-    """Both columns' units if a row is one of units: in brackets, or one of them known for what its column holds."""
+    """Return both columns' units if a row holds units: in brackets, or one of them suiting its column."""
     bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in cells]
     if not any(one != cell or _is_unit(one, column) for one, cell, column in zip(bare, cells, columns, strict=True)):
         return None
@@ -292,7 +292,7 @@ def _is_unit(text: str, column: CurveColumn) -> bool:
 
 
 def _size(unit: str, column: CurveColumn) -> float | None:
-    """Of a unit in that of what a column holds; None if it is unknown or of another kind."""
+    """Return the conversion factor of a unit for a column's kind; None if unknown or of another kind."""
     try:
         return quantity(f"1 {unit}", KINDS[column.kind])
     except UnitError:
@@ -302,7 +302,7 @@ def _size(unit: str, column: CurveColumn) -> float | None:
 def _with_units(
     columns: Sequence[CurveColumn], units: Sequence[str], sure: Collection[str], where: str
 ) -> tuple[CurveColumn, CurveColumn]:
-    """Columns with the units below their headers, but for the kinds in ``sure``.
+    """Return the columns with the units below their headers, except the kinds in ``sure``.
 
     Raises:
         TensileError: A header has another unit.
@@ -324,7 +324,7 @@ def _with_units(
 
 
 def _value(cell: str, column: CurveColumn, sheet: Worksheet) -> float:
-    """A cell's number in the unit of its column; percents may have their sign."""
+    """Return a cell's number in the unit of its column; percents may have their sign."""
     text = cell.replace(",", ".") if sheet.separator != "," else cell
     number = float(text.removesuffix("%"))
     if not text.endswith("%") or column.unit == "percent":
@@ -343,7 +343,7 @@ def _is_number(text: str) -> bool:
 
 
 def in_si(values: Array, column: CurveColumn) -> Array:
-    """A column's numbers in the unit of its kind.
+    """Return a column's numbers in the unit of its kind.
 
     Raises:
         TensileError: The unit is missing or of another kind.
@@ -353,8 +353,8 @@ def in_si(values: Array, column: CurveColumn) -> Array:
         return values
     if not column.unit:
         raise TensileError(
-            f"the column {column.header!r} has no unit; write it into the header, such as '{column.kind} (kPa)', or tell it "
-            f"with --columns {column.kind}={column.place + 1}[kPa],..."
+            f"the column {column.header!r} has no unit; write it into the header, such as '{column.kind} (kPa)', or give "
+            f"it with --columns {column.kind}={column.place + 1}[kPa],..."
         )
     try:
         return values * quantity(f"1 {column.unit}", wanted)
@@ -370,24 +370,24 @@ SYNONYMS = {
     "balloon": "balloon",
 }  # fmt: skip
 INITIAL_MODULUS_RANGE = (1e3, 5e6)
-"""Shear moduli in Pa of silicones and soft rubbers: a curve that starts outside has a mistaken unit."""
+"""Range of shear moduli in Pa of silicones and soft rubbers; outside, a wrong unit is assumed."""
 LEAST_POINTS = 4
 TURN = 0.02
-"""A curve turns back where its stretch falls by more than this share of the whole range."""
+"""Decrease of the stretch, relative to the range, that counts as a reversal."""
 BREAK = 0.5
-"""A specimen is torn where the stress falls below this share of the largest."""
+"""Fraction of the largest stress below which a specimen counts as broken."""
 ELONGATED, SLACK = 0.5, 0.3
-"""A strain column whose least value is above the first begins where no test does; a stretch column below the second."""
+"""Maximum first value of a strain column, and minimum of a stretch column."""
 AT_REST = 0.05
-"""Share of the largest stress below which a specimen is free of stress; none that is pressed to `SLACK` is."""
+"""Fraction of the largest stress below which a specimen counts as stress-free."""
 PERCENT = 30.0
-"""No silicone bears such a strain: a column that reaches it holds percent."""
+"""Strain no silicone can take: a column that reaches it is in percent."""
 
 
 @checked
 @dataclasses.dataclass(frozen=True)
 class Specimen:
-    """What a file does not say about the specimen.
+    """Specimen data not in the file.
 
     Attributes:
         cross_section: Undeformed cross-section in m2, for forces.
@@ -435,19 +435,19 @@ class TensileCurve:
             raise TensileError(f"the name of a curve is {brief(self.name)}; it must be a text")
         if not isinstance(self.mode, str) or self.mode not in MODES:
             known = known_are(self.mode, MODES)
-            raise TensileError(f"{self.name}: the test is {brief(self.mode)}, which is none; {known}")
+            raise TensileError(f"{self.name}: the test {brief(self.mode)} is unknown; {known}")
         for name, kind in (("stretch", Quantity()), ("stress", Quantity("Pa"))):
             object.__setattr__(self, name, self._column(name, getattr(self, name), kind))
         if len(self.stretch) != len(self.stress):
             raise TensileError(
-                f"{self.name}: {len(self.stretch)} stretches and {len(self.stress)} stresses; a curve has as many of both"
+                f"{self.name}: {len(self.stretch)} stretches but {len(self.stress)} stresses; give equal numbers"
             )
         if not len(self.stretch):
             raise TensileError(f"{self.name}: the curve is empty; give stretches and stresses")
         keep_arrays(self)
 
     def _column(self, name: str, values: object, kind: Quantity) -> Array:
-        """One of the two columns, a copy, so that nobody changes it from outside.
+        """Return a copy of one of the two columns, protected from changes.
 
         Raises:
             TensileError: It holds something else than finite numbers.
@@ -461,30 +461,32 @@ class TensileCurve:
         except FieldError as error:
             raise TensileError(f"{self.name}: {error}") from None
         if not np.isfinite(found).all():
-            raise TensileError(f"{self.name}: {name} holds a number that is not finite")
+            raise TensileError(f"{self.name}: {name} has a number that is not finite")
         return found
 
     def check(self) -> TensileCurve:
-        """The curve itself, if it can be one of a silicone in the unit that it claims; every way into a fit asks this.
+        """Return the curve itself after checking that it is plausible for silicone in its unit.
 
         Raises:
             TensileError: Why not.
         """
         if len(self.stretch) < LEAST_POINTS:
-            raise TensileError(f"{self.name}: the curve has {len(self.stretch)} points, and {LEAST_POINTS} are needed")
+            raise TensileError(
+                f"{self.name}: the curve has {len(self.stretch)} points; at least {LEAST_POINTS} are needed"
+            )
         low, high = self.stretch.min(), self.stretch.max()
         if high > PERCENT:
             raise TensileError(
-                f"{self.name}: a stretch of {high:.4g} is beyond what any silicone can take ({PERCENT:g}); if these are "
+                f"{self.name}: a stretch of {high:.4g} is more than any silicone can take ({PERCENT:g}); if these are "
                 "percent, divide them by 100 (a strain in percent is a stretch of 1 + strain / 100)"
             )
         if low <= 0.0:
-            hint = "; what begins at 0 is a strain: add 1 to it" if low == 0.0 else ""
+            hint = "; values starting at 0 are strains: add 1" if low == 0.0 else ""
             raise TensileError(f"{self.name}: a stretch of {low:.4g} is not above zero{hint}")
         if low < SLACK and abs(self.stress[np.argmin(self.stretch)]) < AT_REST * np.abs(self.stress).max():
             raise TensileError(
-                f"{self.name}: the stretch begins at {low:.4g} without stress, where a stretch begins near 1: these are "
-                "strains; add 1 to them"
+                f"{self.name}: the stretch starts at {low:.4g} without stress instead of near 1: "
+                f"these seem to be strains; add 1"
             )
         if (np.diff(self.stretch) < 0.0).any():
             raise TensileError(f"{self.name}: the stretch does not rise from row to row; give one loading ramp, sorted")
@@ -496,7 +498,7 @@ class TensileCurve:
         return self
 
     def within(self, low: float, high: float) -> TensileCurve:
-        """The part between two stretches.
+        """Return the part between two stretches.
 
         Raises:
             TensileError: Too few points are left.
@@ -504,8 +506,8 @@ class TensileCurve:
         keep = (self.stretch >= low) & (self.stretch <= high)
         if keep.sum() < LEAST_POINTS:
             raise TensileError(
-                f"{self.name}: {keep.sum()} of its points lie between stretch {low:g} and {high:g}, and {LEAST_POINTS} are "
-                f"needed; it goes from {self.stretch[0]:.4g} to {self.stretch[-1]:.4g}"
+                f"{self.name}: {keep.sum()} of its points are between stretch {low:g} and {high:g}; at least "
+                f"{LEAST_POINTS} are needed. It covers {self.stretch[0]:.4g} to {self.stretch[-1]:.4g}"
             )
         return dataclasses.replace(self, stretch=self.stretch[keep], stress=self.stress[keep])
 
@@ -545,7 +547,7 @@ def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
     values = in_si(x, column)
     if column.kind in ("strain", "true-strain") and values.max() > PERCENT:
         raise TensileError(
-            f"the column {column.header!r} reaches a strain of {values.max():.4g}; if it holds percent, say so: "
+            f"the column {column.header!r} reaches a strain of {values.max():.4g}; if it is in percent, give "
             f"--columns {column.kind}={column.place + 1}[%],..."
         )
     if column.kind == "strain":
@@ -563,7 +565,7 @@ def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
     else:
         stretch = values
     if stretch.min() <= 0.0:
-        hint = "; a column that begins at 0 holds strains" if column.kind == "stretch" else ""
+        hint = "; a column starting at 0 holds strains" if column.kind == "stretch" else ""
         raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.min():.4g}{hint}")
     if column.kind != "strain" and stretch.max() > PERCENT:
         raise TensileError(f"the column {column.header!r} gives a stretch of {stretch.max():.4g}; check its unit")
@@ -571,9 +573,9 @@ def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
 
 
 def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) -> None:
-    """Refuse a column that does not begin where its header says that it should: a ramp begins at rest, or near it.
+    """Reject a column that does not start near the undeformed state, as its header requires.
 
-    Whoever says with --columns what the columns are is believed.
+    Columns given with --columns are not checked.
     """
     values = in_si(x, column)
     place, name = column.place + 1, column.header
@@ -581,36 +583,36 @@ def _check_start(x: Array, y: Array, column: CurveColumn, specimen: Specimen) ->
         shown = f"{x.min():.5g}" + (" %" if column.unit == "percent" else "")
         unit = "[%]" if column.unit == "percent" else ""
         raise TensileError(
-            f"the column {name!r} begins at {shown}, where a strain begins near 0: it seems to hold stretches; rename it to "
-            f"'stretch' or give --columns stretch={place}{unit},...; if the curve does begin at that strain, give "
+            f"the column {name!r} starts at {shown} instead of near 0, so it seems to hold stretches; rename it to "
+            f"'stretch' or give --columns stretch={place}{unit},...; if the curve really starts at that strain, give "
             f"--columns {column.kind}={place}{unit},..."
         )
     length = specimen.gauge_length
     if column.kind == "extension" and length and values.min() >= ELONGATED * length:
         raise TensileError(
-            f"the column {name!r} begins at {x.min():.5g} {column.unit}, where an extension begins near 0: it seems to hold "
-            f"the specimen's length; take the first length away from it, or give "
-            f"--columns extension={place}[{column.unit}],... if the curve does begin there"
+            f"the column {name!r} begins at {x.min():.5g} {column.unit} instead of near 0, so it seems to "
+            f"hold the specimen's length; subtract the first length, or give "
+            f"--columns extension={place}[{column.unit}],... if the curve really starts there"
         )
     at_rest = abs(y[np.argmin(values)]) < AT_REST * np.abs(y).max()
     if column.kind == "stretch" and 0.0 < values.min() < SLACK and at_rest:
         raise TensileError(
-            f"the column {name!r} begins at {x.min():.5g} without stress, where a stretch begins near 1: it seems to hold "
-            f"strains; rename it to 'strain' or give --columns strain={place},..."
+            f"the column {name!r} begins at {x.min():.5g} without stress instead of near 1, so it seems "
+            f"to hold strains; rename it to 'strain' or give --columns strain={place},..."
         )
 
 
 def _nominal(y: Array, column: CurveColumn, stretch: Array, test: str, specimen: Specimen) -> Array:
     values = in_si(y, column)
     if (column.kind == "pressure") != (test == "balloon"):
-        raise TensileError(f"a {test} test and a column {column.header!r} do not go together")
+        raise TensileError(f"a {test} test cannot have a column {column.header!r}")
     if column.kind == "pressure":
         if specimen.radius is None or specimen.thickness is None:
             raise TensileError("a balloon needs its undeformed --radius and --thickness")
         # The sheet's nominal stress in a thin sphere: P = 2 (t/R) S / stretch^2.
         return np.asarray(values * stretch**2 * specimen.radius / (2 * specimen.thickness))
     if column.kind == "true-stress":
-        return np.asarray(values / stretch)  # the pulled side's share of the area, volume kept
+        return np.asarray(values / stretch)  # ratio of the deformed area at constant volume
     if column.kind == "force":
         if specimen.cross_section is None:
             raise TensileError(f"the column {column.header!r} is a force; give the specimen's --cross-section")
@@ -619,13 +621,13 @@ def _nominal(y: Array, column: CurveColumn, stretch: Array, test: str, specimen:
 
 
 def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str]]:
-    """The loading ramp: up to the first turn or the break, in rising order."""
+    """Return the loading ramp, up to the first reversal or the break, in rising order."""
     remarks = []
     span = float(np.ptp(stretch))
     if span < 1e-3:
         raise TensileError(f"the stretch does not change ({stretch.min():.4g} to {stretch.max():.4g})")
     if stretch[-1] < stretch[0] and np.all(np.diff(stretch) <= TURN * span):
-        stretch, stress = stretch[::-1], stress[::-1]  # compression, written as it was done
+        stretch, stress = stretch[::-1], stress[::-1]  # compression in the order of the test
     fallen = np.maximum.accumulate(stretch) - stretch > TURN * span
     if fallen.any():
         end = int(np.argmax(stretch[: np.argmax(fallen) + 1])) + 1
@@ -634,7 +636,7 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str]]:
                 "the stretches are not in order; sort the rows, or cut one loading ramp out of the cycles"
             )
         remarks.append(
-            f"{len(stretch) - end} points after the stretch turns back at {stretch[end - 1]:.4g} are left out"
+            f"{len(stretch) - end} points after the reversal of the stretch at {stretch[end - 1]:.4g} are left out"
         )
         stretch, stress = stretch[:end], stress[:end]
     peak = int(np.argmax(stress))
@@ -642,15 +644,15 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str]]:
         end = peak + 1
         remarks.append(f"{len(stretch) - end} points after the break at stretch {stretch[peak]:.4g} are left out")
         stretch, stress = stretch[:end], stress[:end]
-    order = np.argsort(stretch, kind="stable")  # what is left of disorder is the strain's own noise
+    order = np.argsort(stretch, kind="stable")  # the remaining disorder is noise of the strain
     stretch, stress = stretch[order], stress[order]
     if len(stretch) < LEAST_POINTS:
-        raise TensileError(f"the loading ramp has {len(stretch)} points, and {LEAST_POINTS} are needed")
+        raise TensileError(f"the loading ramp has {len(stretch)} points; at least {LEAST_POINTS} are needed")
     return stretch, stress, remarks
 
 
 def _check_rest(curve: TensileCurve) -> None:
-    """Refuse a stress at rest: a load cell that was not tared."""
+    """Reject a stress in the undeformed state, as from a load cell that was not tared."""
     top = float(np.abs(curve.stress).max())
     if top == 0.0:
         raise TensileError("every stress is zero")
@@ -660,12 +662,12 @@ def _check_rest(curve: TensileCurve) -> None:
         at_rest = float(np.abs(curve.stress[near]).min())
         if at_rest > 0.1 * top and curve.stretch.max() > 1.2:
             raise TensileError(
-                f"the stress at stretch 1 is {at_rest / 1e3:.4g} kPa, not zero; take the load cell's offset away first"
+                f"the stress at stretch 1 is {at_rest / 1e3:.4g} kPa instead of zero; subtract the load cell's offset first"
             )
 
 
 def small_modulus(curve: TensileCurve) -> float:
-    """Shear modulus in Pa of the neo-Hookean curve through the first part of a ramp (to stretch 1.5, or its first half)."""
+    """Return the shear modulus in Pa of a neo-Hookean fit to the first part of a ramp (to stretch 1.5, or its first half)."""
     top = max(1.5, float(curve.stretch[curve.stretch > 1][:LEAST_POINTS].max(initial=1.0)))
     part = (curve.stretch <= top) & (np.abs(curve.stretch - 1) > 1e-9)
     L, last = curve.stretch[part], {"uniaxial": -2.0, "planar": -3.0, "equibiaxial": -5.0}[curve.mode]
@@ -678,10 +680,10 @@ def small_modulus(curve: TensileCurve) -> float:
 def _check_modulus(curve: TensileCurve) -> None:
     modulus = small_modulus(curve)
     if not modulus > 0.0:
-        raise TensileError("the stress falls as the specimen is pulled; check its sign and the columns")
+        raise TensileError("the stress decreases with the stretch; check its sign and the columns")
     low, high = INITIAL_MODULUS_RANGE
     if not low <= modulus <= high:
         raise TensileError(
-            f"the curve begins with a shear modulus of {modulus / 1e3:.3g} kPa; silicones and soft rubbers have "
+            f"the curve starts with a shear modulus of {modulus / 1e3:.3g} kPa; silicones and soft rubbers have "
             f"{low / 1e3:g} to {high / 1e3:g} kPa, so check the unit of the stress (a factor 1000?)"
         )

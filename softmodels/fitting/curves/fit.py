@@ -1,4 +1,4 @@
-"""Laws fitted to curves of test machines, compared, and held against their silicone: one call from curves to a report."""
+"""Fit laws to tensile curves, compare them, and check their plausibility: from curves to a report."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ from softmodels.materials.stability import judge
 
 
 MODULUS = 30e3
-"""Shear modulus in Pa that a fit starts from where there are no curves."""
+"""Starting shear modulus in Pa without curves."""
 
 
 def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[dict[str, float]]:
-    """Starting values of a law from the curves alone, best first."""
+    """Return the starting values of a law from the curves, best first."""
     curves = [source.curve for source in sources]
 
     def design(material: Material, names: Sequence[str]) -> Array:
@@ -137,19 +137,20 @@ def fit_law_to_curves(
 
 
 def spread(fit: LeastSquaresFit) -> float:
-    """Standard deviation of a fit's residuals that outliers hardly change (median absolute deviation)."""
+    """Return a robust standard deviation of a fit's residuals (median absolute deviation)."""
     return max(1.4826 * float(np.median(np.abs(fit.residuals[: fit.count]))), 1e-9)
 
 
 type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
-"""Measured curves, or files with uniaxial ones; one or several."""
+"""One or several measured curves, or files with uniaxial ones."""
 
 LARGEST_RATIO = 100.0
-"""Curves of one material whose first moduli differ by more than this cannot have the same unit."""
+"""Maximum ratio of the initial moduli of curves of one material; above it a wrong unit is assumed."""
 
 
 def prepared(curves: Curves, stretch: tuple[float, float] | None = None) -> list[TensileCurve]:
-    """Curves of one material, checked, within a range of stretch; dense ones averaged (see `thinned`), averaged ones kept.
+    """Return the curves of one material, checked, within a range of stretch; dense ones averaged (see `thinned`), averaged ones
+    kept.
 
     Args:
         curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
@@ -166,8 +167,8 @@ def prepared(curves: Curves, stretch: tuple[float, float] | None = None) -> list
     if max(moduli) > LARGEST_RATIO * min(moduli):
         low, high = (read[moduli.index(pick)].name for pick in (min(moduli), max(moduli)))
         raise TensileError(
-            f"{low} begins with a shear modulus of {min(moduli) / 1e3:.3g} kPa and {high} with {max(moduli) / 1e3:.3g} kPa; "
-            "they cannot be one material, so check their units"
+            f"{low} starts with a shear modulus of {min(moduli) / 1e3:.3g} kPa and {high} with {max(moduli) / 1e3:.3g} "
+            f"kPa; these cannot be one material, so check their units"
         )
     within = [curve if stretch is None else curve.within(*stretch) for curve in read]
     return [thinned(curve) if curve.noise is None else curve for curve in within]
@@ -183,14 +184,14 @@ def fit_curves(
     stretch: tuple[float, float] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> FitReport:
-    """Fit every law to all curves together, and to each alone where they contradict each other.
+    """Fit every law to all curves together, and to each separately if they contradict each other.
 
     Args:
         curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
         material: A law's name or class, or several of them; ``"all"`` compares all.
         options: How.
         stretch: Range of stretch to fit over; None for the whole curves.
-        progress: Is told what is fitted next.
+        progress: Is called with the name of the next fit.
 
     Returns:
         The laws with their error bars, best first; ``report.material`` is the one to simulate with.
@@ -205,7 +206,7 @@ def fit_curves(
         several("curves", curves, (TensileCurve, Path, str), "a curve or its file"), span("stretch", stretch)
     )
     if not ready:
-        raise FitError("there is nothing to fit to; give a tensile curve or outlines")
+        raise FitError("there are no measurements; give a tensile curve or outlines")
     task = _Task(ready, law_choices(material, options.poisson), options, progress or _silent)
     return task.report()
 
@@ -235,7 +236,7 @@ class _Task:
         known = expected(self.options.silicone)
         fits, scale = self._fit_all(), None
         if self.options.robust:
-            # What counts as an outlier is the closest law's to say, for all laws alike.
+            # The closest law determines the outliers for all laws.
             scale = min(map(spread, fits))
             fits = self._fit_all("soft_l1", scale)
         comparison = compare(fits, self._on_yardstick(fits))
@@ -261,7 +262,8 @@ class _Task:
         return fits
 
     def _on_yardstick(self, fits: Sequence[LeastSquaresFit]) -> list[LeastSquaresFit] | None:
-        """The laws on the yardstick that they are compared by; None for one law alone, which nothing is compared with."""
+        """Return the laws fitted for the comparison; None for a single
+        law."""
         if len(fits) < 2:
             return None
         return [
@@ -292,7 +294,7 @@ class _Task:
 
 def _how(options: FitOptions) -> str:
     size = {
-        "auto": "weighted by 2 % of the stress and the curve's noise, their size from the scatter",
+        "auto": "weighted by 2 % of the stress and the curve's noise, scaled by the scatter",
         "constant": "unweighted least squares on the nominal stress, its error from the scatter",
     }.get(options.stress_error, f"stress error {options.stress_error}")
     robust = ", outliers counted by their size" if options.robust else ""

@@ -1,4 +1,4 @@
-"""Tensile curves as a source of residuals."""
+"""Residuals of laws against tensile curves."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from softmodels.materials.laws import MaterialError
 from softmodels.materials.specimens import respond, strain_of
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The standard error of measured stresses: as stated, or from the curve's own noise.
+# Standard error of measured stresses: as given, or from the curve's noise.
 
 
 RELATIVE = 0.02
-"""Share of the stress that a test is off by if nobody says: cross-section, load cell, crosshead strain."""
+"""Default relative error of a test's stress: cross-section, load cell, crosshead strain."""
 
 LEAST_ABSOLUTE = 0.003
-"""Least absolute error, as a share of the largest stress: a load cell's resolution."""
+"""Minimum absolute error, relative to the largest stress: a load cell's resolution."""
 
 DENSE = 30
-"""From this many points on, the noise of a curve can be told from its bend."""
+"""Minimum number of points to separate the noise of a curve from its curvature."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,7 +56,9 @@ class StressError:
     def from_text(cls, text: str) -> StressError:
         """Read ``"2%+0.5kPa"``, ``"0.5kPa"``, ``"auto"``, or ``"constant"``: unweighted least squares on nominal stress."""
         if not isinstance(text, str):
-            raise TensileError(f"stress error is {brief(text)}; it is a text such as '2%+0.5kPa', 'auto' or 'constant'")
+            raise TensileError(
+                f"stress error is {brief(text)}; it must be a text such as '2%+0.5kPa', 'auto' or 'constant'"
+            )
         if text == "auto":
             return cls(RELATIVE, None, False)
         if text == "constant":
@@ -69,15 +71,17 @@ class StressError:
                 else:
                     absolute = quantity(part, "Pa")
         except UnitError as error:
-            raise TensileError(f"stress error {text!r}: {error}; or write 2%+0.5kPa, auto or constant") from None
+            raise TensileError(f"stress error {text!r}: {error}; write 2%+0.5kPa, auto or constant") from None
         if relative < 0.0 or absolute < 0.0 or relative + absolute == 0.0:
             raise TensileError(f"stress error {text!r} must be above zero")
         if absolute == 0.0:
-            raise TensileError(f"stress error {text!r} vanishes at rest; add an absolute part, such as {text}+0.1kPa")
+            raise TensileError(
+                f"stress error {text!r} is zero without stress; add an absolute part, such as {text}+0.1kPa"
+            )
         return cls(relative, absolute, True)
 
     def of(self, curve: TensileCurve) -> Array:
-        """Error in Pa of each point of a curve."""
+        """Return the error in Pa of each point of a curve."""
         absolute = self.absolute
         if absolute is None:
             absolute = max(noise(curve), LEAST_ABSOLUTE * float(np.abs(curve.stress).max()))
@@ -85,7 +89,7 @@ class StressError:
 
 
 def noise(curve: TensileCurve) -> float:
-    """Standard deviation in Pa of a dense curve's noise, from third differences, which a smooth bend leaves small.
+    """Return the standard deviation in Pa of a dense curve's noise, from third differences, which suppress smooth curvature.
 
     The median makes jumps count little. 0 where the points are too few to tell noise from the bend. Averaged curves carry
     that of their readings.
@@ -121,7 +125,7 @@ class TensileResiduals:
 
     @property
     def averaged_away(self) -> float:
-        """Standard deviation in Pa of the readings' noise that a thinned curve no longer shows."""
+        """Standard deviation in Pa of the readings' noise that thinning has averaged out."""
         return noise(self.curve) * math.sqrt(1 - 1 / self.curve.readings)
 
     @property
@@ -152,7 +156,7 @@ def residuals_of(
     gauge_error: float = 0.0,
     level: bool = False,
 ) -> tuple[list[TensileResiduals], Extra]:
-    """Sources for curves, and the factors on their stress if these are uncertain by ``gauge_error`` (a share).
+    """Return the sources for curves, and the factors on their stress with relative error ``gauge_error``.
 
     With ``level``, and errors of unknown size, every curve weighs the same, however many points it has: a densely sampled
     curve must not silence a sparse one.
@@ -169,38 +173,38 @@ def residuals_of(
 
 
 def stretches_of(curves: Sequence[TensileCurve]) -> tuple[float, float] | None:
-    """Range of stretch that curves cover together; None for no curves."""
+    """Return the range of stretch that curves cover together; None for no curves."""
     if not curves:
         return None
     return min(float(c.stretch.min()) for c in curves), max(float(c.stretch.max()) for c in curves)
 
 
 def largest_strain(curves: Sequence[TensileCurve]) -> float:
-    """Largest I1 - 3 in the curves."""
+    """Return the largest I1 - 3 in the curves."""
     return max(float(strain_of(curve.mode, curve.stretch).max()) for curve in curves)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Raw curves of test machines made smaller: readings averaged over equal steps of stretch, and what that costs.
+# Thin raw curves of test machines: average readings over equal steps of stretch, and report the error.
 #
-# A machine writes as many readings as its clock allows. Ten thousand of them on one pull are no more witnesses than a hundred,
-# for what a pull gets wrong (cross-section, grips, the specimen's own history) keeps together over much of the curve.
+# A machine writes as many readings as its clock allows. Ten thousand readings of one test carry no more information than a
+# hundred, because its errors (cross-section, grips, the specimen's history) are correlated over much of the curve.
 
 
 MOST_POINTS = 100
-"""Curves with more points than this are averaged over steps of stretch."""
+"""Number of points above which a curve is averaged over steps of stretch."""
 FINEST = 800
-"""Most steps that are tried where a curve bends too sharply for fewer."""
+"""Maximum number of steps for sharply bent curves."""
 KEPT = 0.002
-"""The averaged curve follows the readings to this share of the largest stress, or more steps are taken."""
+"""Tolerance of the averaged curve, relative to the largest stress; otherwise more steps are used."""
 
 
 def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
-    """A curve of at most about ``most`` points, with a remark that says how many became how many, and by which rule.
+    """Return a curve of at most about ``most`` points, with a remark on the averaging.
 
     Stretch and stress are averaged over equal steps of stretch; a step without a reading gives no point. Where the averages,
     joined by straight lines, miss the curve's smoothed readings by more than `KEPT` of the largest stress, the steps are
-    halved. A curve of few points stays as it is.
+    halved. A curve of few points is unchanged.
     """
     if len(curve.stretch) <= most:
         return curve
@@ -213,8 +217,8 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
         steps *= 2
     scatter = _scatter(curve, stretch, stress)
     remark = (
-        f"{len(curve.stretch)} readings averaged over {steps} equal steps of stretch, {len(stretch)} points; the readings "
-        f"scatter about them by {scatter / 1e3:.2g} kPa rms, and the averages miss the curve by {missed / 1e3:.2g} kPa at most"
+        f"{len(curve.stretch)} readings averaged over {steps} equal steps of stretch, {len(stretch)} points; scatter "
+        f"of the readings {scatter / 1e3:.2g} kPa rms, averaging error at most {missed / 1e3:.2g} kPa"
     )
     remarks = (*curve.remarks, remark)
     return dataclasses.replace(
@@ -228,13 +232,13 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
 
 
 def averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array]:
-    """Mean stretch and mean stress in Pa of each of ``steps`` equal steps of stretch that has a reading."""
+    """Return the mean stretch and mean stress in Pa of each of ``steps`` equal steps of stretch that has a reading."""
     stretch, stress, _ = _averaged(curve, steps)
     return stretch, stress
 
 
 def _averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array, npt.NDArray[np.int64]]:
-    """Mean stretch, mean stress and number of readings of every step that has any."""
+    """Return the mean stretch, mean stress and number of readings of every step that has any."""
     edges = np.linspace(curve.stretch[0], curve.stretch[-1], steps + 1)
     place = np.clip(np.searchsorted(edges, curve.stretch, "right") - 1, 0, steps - 1)
     counts = np.bincount(place, minlength=steps)
@@ -244,9 +248,10 @@ def _averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array, npt.NDArra
 
 
 def _missed(curve: TensileCurve, stretch: Array, stress: Array, halves: int) -> float:
-    """Largest distance in Pa between the averages, joined by straight lines, and averages over halves of their steps."""
+    """Return the largest distance in Pa between the averages, joined by straight lines, and averages over halves of their
+    steps."""
     finer, fine, counts = _averaged(curve, halves)
-    # A half step with few readings tells its own noise and not the curve's bend.
+    # A half step with few readings shows its noise instead of the curve's curvature.
     firm = (counts >= max(1, int(np.median(counts)) // 2)) & (finer >= stretch[0]) & (finer <= stretch[-1])
     off = np.abs(np.interp(finer, stretch, stress) - fine)[firm]
     chance = 4 * _scatter(curve, stretch, stress) / np.sqrt(counts[firm])
@@ -254,26 +259,26 @@ def _missed(curve: TensileCurve, stretch: Array, stress: Array, halves: int) -> 
 
 
 def _scatter(curve: TensileCurve, stretch: Array, stress: Array) -> float:
-    """Root mean square distance in Pa of the readings from the averages, joined by straight lines."""
+    """Return the root mean square distance in Pa of the readings from the averages, joined by straight lines."""
     return float(np.sqrt(np.mean((np.interp(curve.stretch, stretch, stress) - curve.stress) ** 2)))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What laws are compared by: the same stretches and the same errors for every curve, however it was sampled and fitted.
+# Common basis for comparing laws: the same stretches and errors for every curve, independent of its sampling and fit.
 
 
 STEPS = 25
-"""Equal steps of stretch that every curve with enough points is judged on."""
+"""Number of equal steps of stretch for every curve with enough points."""
 TELLS, RESOLVES = 0.01, 0.005
-"""What a tensile test can tell of a law: this share of the stress, and this share of the largest stress."""
+"""Common error of tensile tests: relative to the stress, and relative to the largest stress."""
 
 
 def on_yardstick(fitted: LeastSquaresFit, sources: Sequence[TensileResiduals]) -> LeastSquaresFit:
-    """A law fitted anew on the curves of `evened`, with what a tensile test can tell as its errors.
+    """Return a law refitted to the curves of `evened`, with the common errors of tensile tests.
 
     Laws are compared by these fits, so that the choice of errors does not choose the law. Nor does the sampling: 37,512, 375
     and 93 readings of one pull give nearly the same values at the same stretches, and what one reading cannot tell counts as
-    not told, however many readings there are. Bounds, priors and fixed values stay.
+    not reported, however many readings there are. Bounds, priors and fixed values stay.
     """
     even = [dataclasses.replace(s, curve=(curve := evened(s.curve)), errors=_told(curve)) for s in sources]
     loss, label = fitted.loss, fitted.label
@@ -281,7 +286,7 @@ def on_yardstick(fitted: LeastSquaresFit, sources: Sequence[TensileResiduals]) -
 
 
 def evened(curve: TensileCurve) -> TensileCurve:
-    """A curve as `STEPS` averages over equal steps of stretch; of fewer than two points a step, the curve as it is.
+    """Return a curve as `STEPS` averages over equal steps of stretch; unchanged with fewer than two points per step.
 
     Every stretch counts the same then, also where a machine wrote more readings near the start. Each average stands at the
     middle of its step: the mean of its few readings lies beside that, which would judge a sparse curve elsewhere than a dense
@@ -300,6 +305,6 @@ def evened(curve: TensileCurve) -> TensileCurve:
 
 
 def _told(curve: TensileCurve) -> Array:
-    """What a test can tell in Pa at each point of a curve, shape (n,)."""
+    """Return the common error in Pa at each point of a curve, shape (n,)."""
     least = max(RESOLVES * float(np.abs(curve.stress).max()), noise(curve))
     return np.hypot(TELLS * curve.stress, least)

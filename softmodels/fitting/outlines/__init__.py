@@ -1,1 +1,1 @@
-"""Outlines and heights of an inflated device as measurements."""
+"""Fits to outlines and heights of an inflated device."""

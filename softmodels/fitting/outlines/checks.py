@@ -1,4 +1,4 @@
-"""Outlines held against the device before any law is fitted: its shape at the measured heights hardly depends on the law."""
+"""Check outlines against the device before fitting: its shape at a measured height hardly depends on the law."""
 
 from __future__ import annotations
 
@@ -29,29 +29,29 @@ from softmodels.fitting.result import Judgement, LeastSquaresFit
 from softmodels.runs.grid import QuadraticCurve
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Heights against pressures as a witness that needs no law: which single photographs contradict the others.
+# Detect single photographs that contradict the others from heights and pressures, without a law.
 #
-# What pressure a device takes for a height is, up to one factor, a matter of its shape: the reading, less what dead loads take
-# of it, over the simulated pressure at the same height is an apparent shear modulus. Over the heights it follows a smooth curve
-# whatever the silicone is, and before and past limit points alike. A wrong pressure, a wrong photograph or two that have
-# changed places leave it.
+# The pressure of a device at a height depends, up to a factor, on its shape: the reading, minus the share of dead
+# loads, over the simulated pressure at the same height is an apparent shear modulus. It is a smooth function of the
+# height for any silicone, before and past limit points. A wrong pressure, a wrong photograph or two exchanged ones
+# deviate from it.
 
 
 SMOOTH = (0.30, 0.04, 0.01, 0.01)
-"""Relative errors of a course with one to four terms: what a silicone's own curve may leave of it."""
+"""Relative errors of a smooth curve with one to four terms, for the nonlinearity of silicones."""
 TERMS = {3: 1, 4: 2, 5: 2, 6: 2, 7: 3, 8: 3}
-"""Terms of the course by the number of rows; 4 for more of them. Fewer than three rows have none."""
+"""Number of terms by the number of rows; 4 for more rows. None for fewer than three rows."""
 OUTSIDE = 5.0
-"""Rows further than this many errors from the others' course contradict it."""
+"""Distance from the others' curve, in errors, above which a row contradicts it."""
 MOST_SUBSETS = 3000
 GROSS = 1.15
-"""At its ends a course is not sure: there only factors beyond this are told from a silicone's own curve."""
+"""At its ends the curve is uncertain: only factors above this count there."""
 
 
 MEETS = 0.15
-"""Relative distance within which an exchanged row says what the others lead to for the other one."""
+"""Relative tolerance for detecting exchanged rows."""
 CLEARLY = 2.0
-"""One exchange of two rows must leave this many times less scatter than any other."""
+"""Minimum ratio of the scatter of any other exchange to that of the best one."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class HeightRow:
         height_error: Standard error of the height in m.
         unit: Simulated pressure in Pa at this height for a shear modulus of 1 Pa, that of dead loads left out.
         borne: Pressure in Pa that the dead loads take at this height.
-        silent: Whether that is so much that the reading tells nothing of the silicone.
+        silent: Whether that share is so large that the reading is uninformative about the silicone.
     """
 
     source: str
@@ -80,17 +80,17 @@ class HeightRow:
 
     @property
     def elastic(self) -> float:
-        """What the silicone takes of the reading, in Pa."""
+        """Share of the reading carried by the silicone, in Pa."""
         return self.pressure - self.borne
 
     def reading(self, modulus: float) -> float:
-        """The pressure in Pa that an apparent shear modulus in Pa leads to."""
+        """Return the pressure in Pa for an apparent shear modulus in Pa."""
         return modulus * self.unit + self.borne
 
 
 @dataclasses.dataclass(frozen=True)
 class WrongReading:
-    """A row that the others contradict: its name, reading in Pa, and the pressure in Pa that they lead to."""
+    """A row contradicted by the others: its name, reading and expected pressure in Pa."""
 
     source: str
     pressure: float
@@ -102,7 +102,7 @@ class WrongReading:
 
 
 def wrong_readings(rows: Sequence[HeightRow]) -> list[WrongReading]:
-    """The rows that the smooth course of the others contradicts; none if fewer than three rows make a course."""
+    """Return the rows contradicted by the smooth curve of the others; empty for fewer than three rows."""
     rows = _telling(rows)
     if len(rows) < min(TERMS):
         return []
@@ -121,7 +121,8 @@ def wrong_readings(rows: Sequence[HeightRow]) -> list[WrongReading]:
 
 
 def expected_without(rows: Sequence[HeightRow], names: Sequence[str], row: HeightRow) -> float:
-    """Pressure in Pa at a row's height that all rows but those of these names lead to; its own if none of them tells any."""
+    """Return the pressure in Pa at a row's height predicted without the named rows; its own if none is
+    usable."""
     rows = _telling(rows)
     inside = np.array([one.source not in names and one.elastic > 0.0 for one in rows])
     if not inside.any():
@@ -130,7 +131,8 @@ def expected_without(rows: Sequence[HeightRow], names: Sequence[str], row: Heigh
 
 
 def exchanged(rows: Sequence[HeightRow]) -> tuple[WrongReading, WrongReading] | None:
-    """Two rows whose pressures, exchanged, leave none that contradicts the others; None if there are no such, or several."""
+    """Return the two rows whose exchange removes all contradictions; None if there is no
+    unique pair."""
     rows, found = _telling(rows), []
     for a, b in itertools.combinations(range(len(rows)), 2):
         swapped = list(rows)
@@ -154,7 +156,7 @@ def _telling(rows: Sequence[HeightRow]) -> list[HeightRow]:
 
 
 def _spread(rows: Sequence[HeightRow]) -> float:
-    """Root mean square of all rows' distances from their course, in errors."""
+    """Return the rms distance of all rows from their curve, in errors."""
     terms = _terms(len(rows))
     A = _basis(np.array([row.height for row in rows]), max(row.height for row in rows), terms)
     error = np.array([_error(row, terms) for row in rows])
@@ -164,12 +166,12 @@ def _spread(rows: Sequence[HeightRow]) -> float:
 
 
 def expected_modulus(rows: Sequence[HeightRow], inside: npt.NDArray[np.bool_], height: float) -> float:
-    """Apparent shear modulus in Pa that the rows ``inside`` lead to at a height in m."""
+    """Return the apparent shear modulus in Pa predicted by the rows ``inside`` at a height in m."""
     kept = [row for row, sure in zip(rows, inside, strict=True) if sure and row.elastic > 0.0]
     terms = min(_terms(len(rows)), max(len(kept) - 1, 1))
     width = max(row.height for row in rows)
     low, high = (pick(row.height for row in kept) for pick in (min, max))
-    if not low <= height <= high:  # no further than a straight line carries
+    if not low <= height <= high:  # no further than linear extrapolation
         terms = min(terms, 2)
     A = _basis(np.array([row.height for row in kept]), width, terms)
     error = np.array([_error(row, terms) for row in kept])
@@ -187,13 +189,13 @@ def _basis(heights: Array, width: float, terms: int) -> Array:
 
 
 def _error(row: HeightRow, terms: int) -> float:
-    """Relative standard error of a row's apparent modulus: its reading's, its height's and the course's."""
+    """Return the relative standard error of a row's apparent modulus, from its reading, its height and the curve."""
     reading = 2.0 * row.pressure_error / max(abs(row.elastic), row.pressure_error)
     return math.sqrt(reading**2 + (2.0 * row.height_error / row.height) ** 2 + SMOOTH[terms - 1] ** 2)
 
 
 def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
-    """Which rows lie on the course that most of them share; None if no half of them does."""
+    """Return which rows lie on the curve shared by most; None if less than half do."""
     count, terms = len(rows), _terms(len(rows))
     sane = [i for i, row in enumerate(rows) if row.elastic > 0.0]
     if len(sane) <= count / 2 or len(sane) < terms:
@@ -211,14 +213,14 @@ def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
             continue
         away = np.abs(y - A @ course) / error
         inside = away < OUTSIDE
-        # The course that holds the most rows, of those the closest.
+        # The curve with the most rows; of those the closest.
         cost = float(np.minimum(away, OUTSIDE).sum())
         if best is None or cost < best[0]:
             best = cost, inside
     if best is None or best[1].sum() <= max(count / 2, terms):
         return None
     inside = best[1]
-    for _ in range(3):  # from exact through few points to least squares through all that agree
+    for _ in range(3):  # from interpolation of a few points to least squares of all consistent ones
         pick = np.flatnonzero(inside).tolist()
         course, *_ = np.linalg.lstsq(A[pick] / error[pick][:, None], y[pick] / error[pick], rcond=None)
         inside = np.abs(y - A @ course) / error < OUTSIDE
@@ -228,7 +230,7 @@ def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
 
 
 def _subsets(indices: Sequence[int], size: int) -> list[tuple[int, ...]]:
-    """All subsets, or as many of them, always the same, as are worth looking at."""
+    """Return all subsets, or a fixed selection of them."""
     if math.comb(len(indices), size) <= MOST_SUBSETS:
         return list(itertools.combinations(indices, size))
     rng = np.random.default_rng(0)
@@ -236,9 +238,9 @@ def _subsets(indices: Sequence[int], size: int) -> list[tuple[int, ...]]:
 
 
 NARROWEST, WIDEST = 0.82, 1.22
-"""Measured over simulated width at half the height, beyond which no unit of length a bench has explains it."""
+"""Maximum ratio of measured to simulated width at half the height."""
 SPACING = 2e-5
-"""Distance in m of places on a simulated outline."""
+"""Spacing in m of points on a simulated outline."""
 
 
 def series_of(
@@ -249,7 +251,7 @@ def series_of(
     pressure_errors: Array,
     errors: Array,
 ) -> tuple[list[HeightRow], list[QuadraticCurve]]:
-    """The series with the pressure that the device takes for each height, and its curve there.
+    """Return the series with the device's pressure at each height, and its curve there.
 
     Args:
         model: The device and any law.
@@ -281,7 +283,7 @@ def series_of(
 
 
 def series_of_shapes(model: DeviceModel, shapes: Sequence[Shape]) -> list[HeightRow]:
-    """The series of outlines, whose shapes must be the device's.
+    """Return the series of outlines, whose shapes must be the device's.
 
     Raises:
         UnsoundError: They are of another device.
@@ -303,14 +305,14 @@ def _check_widths(shapes: Sequence[Shape], curves: Sequence[QuadraticCurve], dev
     i = int(np.argmin(np.abs(share - np.median(share))))
     extent = f"between {share.min():.2f} and {share.max():.2f} times as wide" if len(share) > 1 else "so"
     raise UnsoundError(
-        f"these outlines are of another device: {shapes[i].source} rises {shapes[i].height * 1e3:.4g} mm and is "
+        f"these outlines belong to another device: {shapes[i].source} rises {shapes[i].height * 1e3:.4g} mm and is "
         f"{measured[i] * 1e3:.4g} mm wide at half its height, where the case's {device} is {simulated[i] * 1e3:.4g} mm wide "
         f"(all outlines: {extent}); give the case of the part in the photographs, or check the unit of their grid"
     )
 
 
 def _width(points: Array, level: float) -> float:
-    """Distance in m of the outermost points (n, 2) above a level."""
+    """Return the distance in m of the outermost points (n, 2) above a level."""
     up = np.flatnonzero(points[:, 1] > level)
     return float(points[up[-1], 0] - points[up[0], 0]) if len(up) else 0.0
 
@@ -321,15 +323,15 @@ def _simulated_width(curve: QuadraticCurve, level: float) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a fit had to correct on the bench, in words: reported where it is much, refused where no bench is so.
+# Bench corrections of a fit, in words: reported if large, rejected if implausible.
 
 
 REPORTED = 1.0
-"""Corrections beyond this many standard errors of their prior are reported."""
+"""Corrections above this many standard errors of their prior are reported."""
 PLAIN = 0.01
-"""So are shares beyond this."""
+"""So are fractions above this."""
 BELIEVED = 5.0
-"""Corrections of pressures beyond this many standard errors of their prior are refused: outlines do not show them."""
+"""Corrections of pressures above this many standard errors of their prior are rejected, because outlines do not show them."""
 
 
 def _share(what: str) -> Callable[[float], str]:
@@ -364,7 +366,7 @@ WORDS: dict[str, tuple[Callable[[float], str], str]] = {
 
 
 def corrections(fit: LeastSquaresFit) -> list[str]:
-    """A sentence on each correction that is larger than expected."""
+    """Return a sentence on each correction that is larger than expected."""
     said = []
     for p, away in _away(fit):
         value = fit.values[p.name]
@@ -372,27 +374,27 @@ def corrections(fit: LeastSquaresFit) -> list[str]:
             says, advice = WORDS[p.own_name]
             of = f"{p.device}: " if p.device else ""
             said.append(
-                f"{of}corrected: the fit takes {says(value)} ({abs(away):.1f} times what is expected of a bench); {advice}"
+                f"{of}corrected: the fit assumes {says(value)} ({abs(away):.1f} times the expected error); {advice}"
             )
     return said
 
 
 def unbelievable(fit: LeastSquaresFit) -> list[str]:
-    """A sentence on each correction of the pressures that no bench needs."""
+    """Return a sentence on each implausible correction of the pressures."""
     said = []
     for p, away in _away(fit):
         if p.own_name not in ("scale", "zero") and abs(away) > BELIEVED:
             says, advice = WORDS[p.own_name]
             of = f"{p.device}: " if p.device else ""
             said.append(
-                f"{of}to follow the outlines the fit takes {says(fit.values[p.name])} {abs(away):.0f} times what is "
-                f"believable: pressures and outlines contradict each other; {advice}, or fix it (--fix {p.name})"
+                f"{of}to fit the outlines, the fit assumes {says(fit.values[p.name])} {abs(away):.0f} times "
+                f"the plausible value: pressures and outlines contradict each other; {advice}, or fix it (--fix {p.name})"
             )
     return said
 
 
 def _away(fit: LeastSquaresFit) -> list[tuple[Parameter, float]]:
-    """Corrections with how many standard errors of their prior they are."""
+    """Return the corrections with how many standard errors of their prior they are."""
     return [
         (p, (fit.values[p.name] - p.prior.mean) / p.prior.error)
         for p in fit.free
@@ -401,28 +403,28 @@ def _away(fit: LeastSquaresFit) -> list[tuple[Parameter, float]]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Which photographs contradict the others, where a fit of all of them is beyond chance: named, with what they should say.
+# Find photographs that contradict the others if a fit of all is beyond chance, with their expected values.
 #
-# Two witnesses. The course of pressures over heights needs no law and finds gross mistakes (`pressure_course`). The
-# fit finds fine ones: its exact derivatives tell how well it would follow the others without each of them, and a fit without
-# those that it names confirms it. A law that cannot follow a silicone fails smoothly, most at the ends of the series: there a
-# small misfit names no photograph.
+# Two methods. The smooth curve of pressures over heights needs no law and finds gross errors (`pressure_course`).
+# The fit finds small ones: its exact derivatives predict the misfit without each photograph, and a fit without the
+# suspects confirms it. A law that does not suit a silicone fails smoothly, most at the ends of the series: a small misfit there
+# is not blamed on a photograph.
 
 
 FEWEST = 4
-"""Photographs from which one can be told to contradict the others."""
+"""Minimum number of photographs to identify a contradicting one."""
 FACTORS = (
     (10.0, "ten times as much: a decimal place, or millimetres for centimetres"),
     (0.1, "a tenth of it: a decimal place, or centimetres for millimetres"),
     (2.0, "twice as much"),
-    (0.5, "half of it: the level of one tube alone"),
+    (0.5, "half of it: the level of only one tube"),
 )
 NEAR = 0.08
-"""Factors closer than this, relative, are taken for a known one."""
+"""Relative tolerance for recognising a known factor."""
 ALIKE = 0.015
-"""Shares by which a row's reading may differ from the pressure of its outline while the outline is what is wrong."""
+"""Relative difference of a reading from its outline's pressure up to which the outline is blamed."""
 DECISIVE = 10.0
-"""Rises of the deviance beyond which one explanation is worse than another."""
+"""Increase of the deviance above which one explanation is worse than another."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -441,18 +443,18 @@ class WrongRows:
 
     @property
     def advice(self) -> str:
-        """What to do."""
-        without = " ".join(f"--without {name}" for name in self.names)
-        return f"correct the list of photographs, or fit without: {without}"
+        """The fix."""
+        without = " ".join(f"--exclude {name}" for name in self.names)
+        return f"correct the list of photographs, or exclude them: {without}"
 
     @property
     def whole(self) -> str:
-        """What is wrong, and what to do."""
+        """The error and the fix."""
         return f"{self.sentence}; {self.advice}"
 
 
 def by_course(rows: Sequence[HeightRow]) -> WrongRows | None:
-    """The rows that the course of the others contradicts; None if there are none."""
+    """Return the rows contradicted by the curve of the others; None if there are none."""
     found = wrong_readings(rows)
     if not found:
         return None
@@ -469,7 +471,7 @@ def _gross(one: WrongReading) -> bool:
 def by_fit(
     fit: LeastSquaresFit, names: Sequence[str], rows: Sequence[HeightRow], good: Callable[[Sequence[str]], bool]
 ) -> WrongRows | None:
-    """The photographs without which the fit is as good as its errors, by leaving them out in turn.
+    """Return the photographs without which the fit matches its errors, by excluding them in turn.
 
     Args:
         fit: The fit to all of them.
@@ -488,9 +490,7 @@ def by_fit(
             continue
         if rivals and any(good(rival) for rival in rivals[:2]):
             all_named = tuple(dict.fromkeys(name for one in (chosen, *rivals) for name in one))
-            return WrongRows(
-                all_named, f"{' or '.join(all_named)} contradicts the others, and nothing tells which of them"
-            )
+            return WrongRows(all_named, f"{' or '.join(all_named)} contradicts the others; the data do not show which")
         sentences = [_fine(name, rows) for name in chosen]
         return WrongRows(chosen, "; ".join(filter(None, sentences))) if all(sentences) else None
     return None
@@ -499,7 +499,8 @@ def by_fit(
 def left_out(
     fit: LeastSquaresFit, names: Sequence[str], photographs: Sequence[str]
 ) -> list[tuple[float, tuple[str, ...]]]:
-    """Deviance of the others without one or two photographs, by the fit's derivatives; the lowest first, one before two."""
+    """Return the deviance of the others without one or two photographs, by the fit's derivatives; the lowest first, one before
+    two."""
     labels, found = np.array([*names, *[""] * (len(fit.residuals) - fit.count)]), []
     size = np.linalg.norm(fit.jacobian, axis=0)
     J, r = fit.jacobian / np.where(size == 0.0, 1.0, size), fit.residuals
@@ -514,7 +515,7 @@ def left_out(
 
 
 def _fine(name: str, rows: Sequence[HeightRow]) -> str:
-    """What is wrong with a photograph that a fit names; empty if a law that fails may be as much the reason."""
+    """Return the error of a photograph found by a fit; empty if an unsuitable law may be the reason."""
     i = next(k for k, row in enumerate(rows) if row.source == name)
     one = WrongReading(name, rows[i].pressure, expected_without(rows, [name], rows[i]))
     order = sorted(range(len(rows)), key=lambda k: rows[k].height)
@@ -524,7 +525,7 @@ def _fine(name: str, rows: Sequence[HeightRow]) -> str:
     if abs(one.factor - 1.0) > ALIKE:
         return _sentence(one)
     return (
-        f"{name}: the others lead neither to its outline nor to its reading, {reading(one.pressure)}, though their heights "
+        f"{name}: the others predict neither its outline nor its reading, {reading(one.pressure)}, though their heights "
         "agree within a few percent: the part or the camera was moved for it, or its pressure is slightly off"
     )
 
@@ -532,36 +533,36 @@ def _fine(name: str, rows: Sequence[HeightRow]) -> str:
 def _sentence(one: WrongReading) -> str:
     known = next((words for factor, words in FACTORS if abs(one.factor / factor - 1.0) < NEAR), "")
     if one.factor < 0.0:
-        known = "its sign is wrong" if abs(one.factor + 1.0) < NEAR else "it is below zero"
+        known = "its sign is wrong" if abs(one.factor + 1.0) < NEAR else "it is negative"
     share = known or f"{one.factor:.3g} times as much"
     return (
-        f"{one.source} contradicts the others: they lead to {reading(one.expected)} at its height, its row says "
-        f"{reading(one.pressure)}, {share}"
+        f"{one.source} contradicts the others: expected {reading(one.expected)} at its height, its "
+        f"row has {reading(one.pressure)}, {share}"
     )
 
 
 def _exchange(one: WrongReading, two: WrongReading) -> str:
     return (
-        f"{one.source} and {two.source} look exchanged: the others lead to {reading(one.expected)} for the first and "
-        f"{reading(two.expected)} for the second, and their rows say {reading(one.pressure)} and {reading(two.pressure)}"
+        f"{one.source} and {two.source} seem exchanged: expected {reading(one.expected)} for the first and "
+        f"{reading(two.expected)} for the second, but their rows have {reading(one.pressure)} and {reading(two.pressure)}"
     )
 
 
 def reading(pressure: float) -> str:
-    """A pressure as the bench reads it."""
+    """Return a pressure in the bench's units, as text."""
     return f"{pressure / pascal_per_cm():.4g} cm of water ({pressure / 1e3:.4g} kPa)"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Whether a fit to outlines or heights may be used: chi squared, what the device and the bench can be, and wrong rows.
+# Acceptance of a fit to outlines or heights: chi squared, plausible device and bench, and wrong rows.
 
 
 MODEL_SHAPE = 0.03
-"""Root mean square distance from an outline, over its height, that a law and a mesh may leave."""
+"""Maximum rms distance from an outline relative to its height, for law and mesh errors."""
 MODEL_PRESSURE = 0.05
-"""The same of a reading."""
+"""The same for a reading."""
 ERRORS = 5.0
-"""Misfits below this many standard errors are none, however small the height."""
+"""Misfits below this many standard errors are ignored, for any height."""
 
 
 def judge_outlines(
@@ -570,7 +571,7 @@ def judge_outlines(
     rows: Sequence[Sequence[HeightRow]],
     good: Callable[[Sequence[str]], bool],
 ) -> Judgement:
-    """Hold a fit to outlines against chance, and against what a device and a bench can be.
+    """Check a fit to outlines against chance, and for a plausible device and bench.
 
     Args:
         sources: The outlines of each device.
@@ -591,36 +592,36 @@ def judge_outlines(
         ]
     for k in bad:
         wrong = by_course(rows[k]) or by_fit(fit, _photographs(sources, k, fit), rows[k], good)
-        if wrong:  # what the fit has bent to follow it means nothing
+        if wrong:  # the parameters of such a fit are meaningless
             return Judgement((wrong.whole,), tuple(warnings))
     objections = (*(text for k in bad for text in _beyond(sources[k], fit)), *unbelievable(fit))
     return Judgement(objections, tuple(warnings), () if objections else tuple(corrections(fit)))
 
 
 def judge_heights(source: HeightResiduals, fit: LeastSquaresFit) -> Judgement:
-    """Hold a fit to heights against what a law and a mesh may leave."""
+    """Check a fit to heights against law and mesh errors."""
     left = np.abs(fit.residuals[: fit.count]) / 1e3
     i = int(np.argmax(left / source.measured))
     if left[i] > MODEL_PRESSURE * source.measured[i] + ERRORS * source.height_errors[i]:
         one = source.heights[i]
         return Judgement(
             (
-                f"the law does not follow the heights: {one.source} is {one.height * 1e3:.4g} mm high and would be "
-                f"{left[i] * 1e3:.3g} mm off at {reading(one.pressure)}; check the pressures, the geometry of the case and "
-                "whether it is the part in the photographs, or try another law",
+                f"the law does not follow the heights: {one.source} is {one.height * 1e3:.4g} mm high, with a "
+                f"residual of {left[i] * 1e3:.3g} mm at {reading(one.pressure)}; check the pressures, the geometry of the "
+                f"case and whether it is the part in the photographs, or try another law",
             )
         )
     return Judgement()
 
 
 def within_chance(sources: Sequence[OutlineResiduals], fit: LeastSquaresFit) -> bool:
-    """Whether a fit follows every photograph and the readings within their errors, with a bench that can be."""
+    """Return whether a fit matches every photograph and the readings within their errors, with a plausible bench."""
     parts = zip(sources, residuals_by_source(sources, fit.residuals), strict=True)
     return not any(fits_badly(*pair) for one in parts for pair in misfits(*one).values()) and not unbelievable(fit)
 
 
 def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: LeastSquaresFit) -> list[str]:
-    """Name of the photograph of each measured residual of the k-th source; that of a reading is its photograph's."""
+    """Return the name of the photograph of each measured residual of the k-th source; that of a reading is its photograph's."""
     source, before = sources[k], sum(one.count for one in sources[:k])
     outlines = source.groups.tolist()[: source.count - len(source.shapes)]
     names = [*[""] * before, *outlines, *(shape.source for shape in source.shapes)]
@@ -628,7 +629,7 @@ def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: LeastSquaresF
 
 
 def _beyond(source: OutlineResiduals, fit: LeastSquaresFit) -> list[str]:
-    """What is beyond any law's and any mesh's error."""
+    """Return the misfits beyond any law's and mesh's error."""
     matches = source.matches(fit.values)
     away = [float(np.sqrt(np.mean(one.distances**2))) for one in matches]
     limits = [MODEL_SHAPE * one.shape.height + ERRORS * float(np.median(one.shape.error)) for one in matches]
@@ -636,9 +637,10 @@ def _beyond(source: OutlineResiduals, fit: LeastSquaresFit) -> list[str]:
     if shapes:
         i = max(shapes, key=lambda k: away[k] / limits[k])
         return [
-            f"{len(shapes)} of {len(matches)} outlines do not have the shape that the case's device takes: "
-            f"{matches[i].shape.source} lies {away[i] * 1e3:.3g} mm (root mean square) off the closest state, at a height of "
-            f"{matches[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case wrong?"
+            f"{len(shapes)} of {len(matches)} outlines do not have the shape of the case's "
+            f"device: {matches[i].shape.source} is {away[i] * 1e3:.3g} mm (root mean square) off the closest state, at a "
+            f"height of {matches[i].shape.height * 1e3:.4g} mm; are they of another device, or is the geometry of the case "
+            f"wrong?"
         ]
     off = [one.pressure - one.true_pressure for one in matches]
     share = [
@@ -650,6 +652,6 @@ def _beyond(source: OutlineResiduals, fit: LeastSquaresFit) -> list[str]:
         return []
     shape = matches[i].shape
     return [
-        f"the pressures do not go with the outlines: {shape.source} would take {reading(shape.pressure + off[i])}, its row "
-        f"says {reading(shape.pressure)}, and no single row explains it; check the list of photographs, or try another law"
+        f"the pressures do not match the outlines: {shape.source} needs {reading(shape.pressure + off[i])}, its "
+        f"row has {reading(shape.pressure)}, and no single row explains it; check the list of photographs, or try another law"
     ]

@@ -1,7 +1,7 @@
-"""A device solved again and again with other parameters: its states at added volumes, or at pressures, with derivatives.
+"""Repeated solution of a device for changing parameters: states at added volumes or pressures, with derivatives.
 
-Added volumes count from the undeformed cavity. Dead loads keep their newtons whatever the parameters are; the path then begins
-where the device hangs, and heights count from there (`softmodels.fitting.outlines.device`).
+Added volumes count from the undeformed cavity. Dead loads are constant in newtons; the path then starts at the
+preloaded state, and heights count from there (`softmodels.fitting.outlines.device`).
 """
 
 from __future__ import annotations
@@ -57,17 +57,17 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A state found by Newton's method from a guess, without a path: only what it finds at once counts.
+# Solve a state directly by Newton's method from a guess, without a path.
 
 
 AT_ONCE = 6
-"""Newton iterations in which a state has to be found from a guess, or else the path is followed."""
+"""Maximum Newton iterations from a guess; otherwise the path is followed."""
 LARGEST_CORRECTION = 0.5
-"""How far from the guess such a state may lie, as a share of its change: further, it may be another branch."""
+"""Maximum distance of such a state from the guess, relative to its change; beyond, it may be on another branch."""
 
 
 def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> State | None:
-    """The state on a line next to a guess; None if it is not found at once, or lies elsewhere.
+    """Return the state on a line next to a guess; None if it does not converge directly, or is elsewhere.
 
     Args:
         solver: The device.
@@ -88,23 +88,23 @@ def near(solver: Solver, base: State, line: Control, w: Array, P: float) -> Stat
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where a measured device hangs under its dead loads at zero pressure, and the height that its outlines count from.
+# The preloaded state of a measured device at zero pressure, and the zero of its outlines' heights.
 #
-# Gravity, masses and forces keep their newtons, so that in shear moduli they change with the material: where the device hangs,
-# and with it every state of its path, is another one for every modulus. A photograph at zero pressure shows the device as it
-# hangs, and its upper edge is the measurement's zero. So simulated heights count from that edge too, and it moves with the
+# Gravity, masses and forces are constant in newtons, so in shear moduli they change with the material: the preloaded
+# state, and every state of the path, depends on the modulus. A photograph at zero pressure shows the preloaded
+# device, whose upper edge is the measurement's zero. So simulated heights count from that edge too, which moves with the
 # parameters.
 
 
 HEAVY = 0.005
-"""Pressure of a device's own weight over its height, in shear moduli, from which a fit without gravity is told of it."""
+"""Pressure of a device's own weight over its height, in shear moduli, above which a fit without gravity gives a warning."""
 MIDDLE = 0.8
-"""Share of a shadow's width that has to be straight at zero pressure, as where the measurement looks for its zero."""
+"""Fraction of a shadow's width that has to be straight at zero pressure, as in the measurement's zero."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Hung:
-    """The device at zero pressure: parameter values, state, outer curve; and the state's derivatives, once asked for."""
+    """The device at zero pressure: parameter values, state, outer curve; and the state's derivatives once computed."""
 
     values: dict[str, float]
     state: State
@@ -118,47 +118,47 @@ class Hanging:
     Args:
         silhouette: Its outer curve.
         sensitivity: Its derivatives.
-        heights_from: One of `softmodels.fitting.problem.HEIGHTS_FROM`; empty for the shadow, or for the apex where the
+        height_datum: One of `softmodels.fitting.problem.HEIGHTS_FROM`; empty for the shadow, or for the apex where the
             undeformed top is not flat.
 
     Raises:
-        OutlineFitError: ``heights_from`` for a device without loads whose top is flat: it makes no difference.
+        OutlineFitError: ``height_datum`` for a device without loads whose top is flat: it makes no difference.
 
     Attributes:
         loaded: Whether it has dead loads; without any it is undeformed, and all heights count from there.
         from_apex: Whether the user has stated that heights count from the apex, so that the top need not be flat.
     """
 
-    def __init__(self, silhouette: Silhouette, sensitivity: Sensitivity, heights_from: str = ""):
+    def __init__(self, silhouette: Silhouette, sensitivity: Sensitivity, height_datum: str = ""):
         self.silhouette, self.sensitivity = silhouette, sensitivity
         self.solver, self.system = sensitivity.solver, silhouette.system
         self.loaded = bool(self.system.dead.loads)
-        if heights_from and not self.loaded and silhouette.flat:
+        if height_datum and not self.loaded and silhouette.flat:
             raise OutlineFitError(
-                "what heights count from (--heights-from) matters where the device hangs under loads or its undeformed top is "
-                "not flat; this one is flat and the case has none, so leave it out, or add [gravity]"
+                "--height-datum matters only with dead loads or an undeformed top that is not flat; "
+                "this top is flat and the case has none, so leave it out, or add [gravity]"
             )
-        self.from_apex = heights_from in ("apex", "undeformed")
-        self.heights_from = heights_from or ("shadow" if silhouette.flat else "apex")
+        self.from_apex = height_datum in ("apex", "undeformed")
+        self.height_datum = height_datum or ("shadow" if silhouette.flat else "apex")
         self._now: _Hung | None = None
 
     def couple(self) -> None:
-        """Give the loads the size that they have in the system's present shear modulus."""
+        """Scale the loads to the system's current shear modulus."""
         if self.loaded:
             dead = self.system.dead
             self.system.coupling = Coupling.proportional(self.system.body.actuator.ratios, dead.amounts / dead.units)
 
     def state(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> State:
-        """The state at zero pressure; the system has these parameters and lengths.
+        """Return the state at zero pressure; the system has these parameters and lengths.
 
         Raises:
-            CannotEvaluate: The device does not bear its loads.
+            CannotEvaluate: No equilibrium under the dead loads.
         """
         return self._found(values, lengths).state
 
     def level(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> float:
-        """Height in m above the undeformed apex that heights count from; see `state`."""
-        if not self.loaded or self.heights_from == "undeformed":
+        """Return the height in m above the undeformed apex that heights count from; see `state`."""
+        if not self.loaded or self.height_datum == "undeformed":
             return 0.0
         curve = self._found(values, lengths).curve
         piece, weights = self._place(curve)
@@ -167,7 +167,7 @@ class Hanging:
     def level_rates(
         self, values: Mapping[str, float], lengths: Mapping[str, float], names: Sequence[str]
     ) -> dict[str, float]:
-        """Derivatives of the level by parameters; see `state`.
+        """Return the derivatives of the level by parameters; see `state`.
 
         Raises:
             CannotEvaluate: The linear solver failed.
@@ -180,49 +180,50 @@ class Hanging:
                 hung.rates.update(self.sensitivity.rates(hung.state, pressure_control(0.0), left)[1])
             except NoConvergence as failure:
                 raise CannotEvaluate(f"the state at zero pressure has no derivatives: {failure}") from None
-        if self.heights_from == "undeformed":
+        if self.height_datum == "undeformed":
             return dict.fromkeys(names, 0.0)
-        # A highest place moves along the curve without changing its height.
+        # The highest place moves along the curve without a first-order change of height.
         piece, weights = self._place(hung.curve)
         moved = {name: self.silhouette.rate(hung.rates[name].w, name if name in lengths else "") for name in names}
         return {name: float(weights @ rate[piece, :, 1]) for name, rate in moved.items()}
 
     def check(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> None:
-        """Refuse heights from a shadow that is not straight at zero pressure: no photograph there has given the zero plane.
+        """Reject heights from a shadow that is not straight at zero pressure, because the zero plane is then undefined.
 
         Raises:
             OutlineFitError: It is not.
             CannotEvaluate: See `state`.
         """
-        if not self.loaded or self.heights_from != "shadow":
+        if not self.loaded or self.height_datum != "shadow":
             return
         places, edge = edge_heights(self._found(values, lengths).curve)
         bend = float(np.ptp(edge[places[:, 0] < MIDDLE * self.silhouette.width]))
         if bend > STRAIGHT:
             raise OutlineFitError(
-                f"as the device hangs under its loads its top is {bend * 1e3:.2g} mm from straight at zero pressure, so that "
-                "no photograph there shows the zero plane; say what heights count from: --heights-from undeformed if the "
-                "zero plane is that of the undeformed top, --heights-from apex if heights are rises of the apex"
+                f"the top of the preloaded device is {bend * 1e3:.2g} mm from straight at zero pressure, "
+                f"so no photograph shows the zero plane; choose the zero of heights: --height-datum undeformed if the "
+                "zero plane is that of the undeformed top, --height-datum apex if heights are rises of the apex"
             )
 
     def told(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> str:
-        """The loads, and what heights count from, as a sentence; without loads whether the weight matters; see `state`."""
+        """Return a sentence on the loads and the zero of heights; without loads on a missing weight;
+        see `state`."""
         if not self.loaded:
             apex = "" if self.silhouette.flat else "the undeformed top is not flat; heights count from its apex"
             return "; ".join(filter(None, (apex, self._weightless())))
         dead, level = self.system.dead, self.level(values, lengths)
         loads = ", ".join(f"{one.where} ({n:.3g} N)" for one, n in zip(dead.loads, dead.amounts, strict=True))
         side = "below" if level < 0.0 else "above"
-        away = f"{abs(level) * 1e3:.3g} mm {side} the undeformed top" if level else "as high as the undeformed top"
+        away = f"{abs(level) * 1e3:.3g} mm {side} the undeformed top" if level else "level with the undeformed top"
         zero = {
             "shadow": f"the upper edge of its shadow at zero pressure, {away}",
             "apex": f"its apex at zero pressure, {away}",
             "undeformed": "the undeformed top",
         }
-        return f"the device hangs under {loads}, given and not fitted; heights count from {zero[self.heights_from]}"
+        return f"dead loads {loads}, given and not fitted; heights count from {zero[self.height_datum]}"
 
     def _weightless(self) -> str:
-        """A sentence where a device without gravity is so soft that its own weight shows, else empty."""
+        """Return a warning if a device without gravity is so soft that its weight matters; else ""."""
         tall = float(np.ptp(self.silhouette.points @ np.asarray(self.system.body.actuator.lift)))
         weight = SILICONE_DENSITY * STANDARD_GRAVITY * tall
         share = weight / self.system.stress_unit
@@ -230,12 +231,12 @@ class Hanging:
             return ""
         much = f"{weight:.3g} Pa, {100 * share:.1f} % of the shear modulus"
         return (
-            "the case has no [gravity], so the silicone's own weight is left out: its pressure over the part's height is "
-            f"{much}, and the fit may be off by that order"
+            "the case has no [gravity], so the silicone's own weight is neglected: its pressure over the part's height "
+            f"is {much}, and the error of the fit may be of that order"
         )
 
     def _place(self, curve: QuadraticCurve) -> tuple[int, Array]:
-        piece, s = crest(curve) if self.heights_from == "shadow" else (0, -1.0)
+        piece, s = crest(curve) if self.height_datum == "shadow" else (0, -1.0)
         return piece, shapes(s)
 
     def _found(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> _Hung:
@@ -245,7 +246,7 @@ class Hanging:
         return self._now
 
     def _nearby(self, values: Mapping[str, float]) -> State | None:
-        """The state next to that of the last values, if there is one to be found at once."""
+        """Return the state near that of the last values, if Newton's method finds it directly."""
         base = self._now
         if base is None or not base.rates:
             return None
@@ -253,25 +254,28 @@ class Hanging:
         return near(self.solver, base.state, pressure_control(0.0), w, 0.0)
 
     def _followed(self) -> State:
-        """The state at the end of a path on which the loads grow."""
+        """Solve the state at the end of a path on which the loads grow."""
         system = self.system
         amounts = np.concatenate([np.zeros(len(system.body.actuator.ratios)), system.dead.amounts / system.dead.units])
         try:
             return inflate_from(self.solver, hang(self.solver, [("its loads", amounts)]))
         except HangingEnd as end:
             self.couple()
-            raise CannotEvaluate(f"the device does not bear {end.what} beyond {end.share:.3g} of them: {end}") from None
+            raise CannotEvaluate(
+                f"the device has no equilibrium under {end.what}; converged up to {end.share:.3g} of the "
+                f"full load: {end}"
+            ) from None
 
 
 SAME = 1e-9
-"""Requested values closer than this, relative to the largest, are one state."""
+"""Requested values closer than this, relative to the largest, share a state."""
 MODULUS = 30e3
-"""Shear modulus in Pa of paths that only serve the shapes of a device without loads."""
+"""Shear modulus in Pa of paths used only for the shapes of a device without loads."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Solved:
-    """States found together: parameter values, what was requested (SI), and derivatives by the state's identity."""
+    """States solved together: parameter values, requested values (SI), and derivatives by the state's identity."""
 
     values: dict[str, float]
     quantity: str
@@ -303,21 +307,21 @@ class DeviceModel:
     Args:
         solver: The device; its material's values do not matter.
         choice: The law.
-        heights_from: What heights count from, see `Hanging`.
-        modulus: Shear modulus in Pa near to that of the device; matters under loads alone.
+        height_datum: What heights count from, see `Hanging`.
+        modulus: Shear modulus in Pa near to that of the device; matters only under dead loads.
 
     Attributes:
         paths: How many paths have been followed.
         hanging: The device at zero pressure.
     """
 
-    def __init__(self, solver: Solver, choice: LawChoice, heights_from: str = "", modulus: float = MODULUS):
+    def __init__(self, solver: Solver, choice: LawChoice, height_datum: str = "", modulus: float = MODULUS):
         self.solver, self.system, self.choice = solver, solver.system, choice
         self.silhouette = Silhouette(solver.system)
         self.reshaping = Reshaping(solver.system.body, solver.system.body.actuator.variable)
         self.lengths = self.reshaping.nominal
         self.sensitivity = Sensitivity(solver, self.reshaping)
-        self.hanging, self.modulus = Hanging(self.silhouette, self.sensitivity, heights_from), modulus
+        self.hanging, self.modulus = Hanging(self.silhouette, self.sensitivity, height_datum), modulus
         self.names = (*choice.names, "poisson", *self.lengths)
         self.rest_volume = solver.system.rest().V
         self.paths = 0
@@ -326,17 +330,17 @@ class DeviceModel:
         self._base: _Solved | None = None
 
     def material(self, values: Mapping[str, float]) -> Material:
-        """The material of parameter values; Poisson's ratio is the law's unless given."""
+        """Return the material of parameter values; Poisson's ratio is the law's unless given."""
         poisson = values.get("poisson", self.choice.poisson)
         return dataclasses.replace(self.choice, poisson=poisson).material(values)
 
     @property
     def loaded(self) -> bool:
-        """Whether the device bears dead loads."""
+        """Whether the device has dead loads."""
         return self.hanging.loaded
 
     def set_parameters(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Make these the device's material and lengths; returns the lengths.
+        """Set the device's material and lengths; return the lengths.
 
         Raises:
             CannotEvaluate: There is no such material or device.
@@ -348,28 +352,28 @@ class DeviceModel:
         self.hanging.couple()
         lengths = {name: values.get(name, nominal) for name, nominal in self.lengths.items()}
         if lengths and min(lengths.values()) <= 0.0:
-            raise CannotEvaluate(f"a length of {min(lengths.values()):g} m makes no device")
+            raise CannotEvaluate(f"a length of {min(lengths.values()):g} m gives an invalid device")
         self.reshaping.move(lengths)
         own = {"poisson": self.system.material.poisson, **{name: values[name] for name in self.choice.names}}
         self._present = {**own, **lengths}
         return lengths
 
     def path(self, quantity: str) -> Continuation:
-        """The path of the present parameters, from where the device hangs, not begun yet.
+        """Return the path of the current parameters from the preloaded state, not started yet.
 
         Raises:
-            CannotEvaluate: The device does not bear its loads.
+            CannotEvaluate: No equilibrium under the dead loads.
         """
         start = self.hanging.state(self._present, self._lengths) if self.loaded else None
         self.paths += 1
         return Continuation(self.solver, DIRECT[quantity], start=start)
 
     def height(self, state: State) -> float:
-        """How high the apex stands above the zero plane at a state of the present parameters, in m."""
+        """Return the height of the apex above the zero plane at a state of the current parameters, in m."""
         return float(self.curve(state, self._lengths).nodes[0, 0, 1])
 
     def told(self, values: Mapping[str, float]) -> str:
-        """The dead loads, and what heights count from; or that a weight is missing. A sentence, or empty."""
+        """Return a sentence on the dead loads and the zero of heights, or on a missing weight; or ""."""
         lengths = self.set_parameters(values)
         return self.hanging.told(self._present, lengths)
 
@@ -380,7 +384,7 @@ class DeviceModel:
     def states(
         self, values: Mapping[str, float], requested: Sequence[float] | Array, quantity: str = "volume"
     ) -> list[State]:
-        """The states with added volumes in m3, or at pressures in Pa, in any order, on one path.
+        """Return the states with added volumes in m3, or at pressures in Pa, in any order, on one path.
 
         Raises:
             CannotEvaluate: One of them is not on the path.
@@ -404,24 +408,25 @@ class DeviceModel:
         return states
 
     def begins(self, path: Continuation) -> float:
-        """Added volume at which a path begins, dimensionless: that of the hanging device."""
+        """Return the added volume at the start of a path, dimensionless: that of the preloaded device."""
         return path.start.V - self.rest_volume if path.start else 0.0
 
     def _followed(self, goals: Sequence[float], quantity: str) -> list[State]:
-        """The states on one path from rest. Under volume control it passes limit points; pressures mean its first branch."""
+        """Solve the states on one path from rest. Volume control passes limit points; pressures mean its
+        first branch."""
         path = self.path(quantity)
         hangs = self.begins(path) if quantity == "volume" else 0.0
         if goals[0] <= hangs:
-            raise CannotEvaluate("an added volume is not above that at which the device hangs")
+            raise CannotEvaluate("an added volume is not above that of the preloaded device")
         try:
             return [point.state for point in trace(path, goals) if point.requested]
         except (PathEnd, NoConvergence) as end:
-            raise CannotEvaluate(f"no equilibrium at an added {quantity} that was measured: {end}") from None
+            raise CannotEvaluate(f"no equilibrium at a measured added {quantity}: {end}") from None
 
     def _nearby(
         self, values: Mapping[str, float], goals: Sequence[float], quantity: str, place: npt.NDArray[np.int64]
     ) -> list[State]:
-        """The states one by one from those at the last values that had all derivatives; empty if one of them fails.
+        """Solve the states one by one from the last ones with all derivatives; empty if one fails.
 
         A fit's steps are small: Newton's method from the linear guess needs no path. Only states that it finds at once count.
         """
@@ -448,7 +453,7 @@ class DeviceModel:
         return found
 
     def curve(self, state: State, lengths: Mapping[str, float]) -> QuadraticCurve:
-        """The outer curve of a state of the present parameters above the zero plane, in m."""
+        """Return the outer curve of a state of the present parameters above the zero plane, in m."""
         curve = self.silhouette.curve(state, lengths)
         level = self.hanging.level(self._present, self._lengths)
         return QuadraticCurve(curve.nodes - [0.0, level]) if level else curve
@@ -458,7 +463,8 @@ class DeviceModel:
         return state.P * self.system.stress_unit
 
     def slopes(self, state: State, names: Sequence[str], quantity: str = "volume") -> ModelSlopes:
-        """Derivatives of a state of the present values (see `set_parameters`), at fixed added volume or at fixed pressure.
+        """Return the derivatives of a state of the present values (see `set_parameters`), at fixed added volume or at fixed
+        pressure.
 
         Raises:
             CannotEvaluate: The linear solver failed.
@@ -482,21 +488,21 @@ class DeviceModel:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Dead loads of a measured device: constants of the bench, which act in every photograph, that at zero pressure too.
+# Dead loads of a measured device: constant in every photograph, that at zero pressure included.
 
 
 def measured_parts(
     components: Sequence[Component], actuator: Actuator, material: Material | None
 ) -> tuple[Component, ...]:
-    """A case's parts as a fit takes them: the weight that of the case's silicone, whatever the fitted law is called.
+    """Return a case's parts for a fit, with the density of the case's silicone for any fitted law.
 
     Args:
         components: Of the case.
-        actuator: The device as it is fitted.
+        actuator: The device being fitted.
         material: The case's; None if nothing is known of it.
 
     Raises:
-        FitError: A load that tilts the outline, or one of which nobody says how large it was.
+        FitError: A load that tilts the outline, or one without a given size.
     """
     for load in (part for part in components if isinstance(part, LoadPart)):
         _check(load, actuator)
@@ -510,8 +516,8 @@ def _check(load: LoadPart, actuator: Actuator) -> None:
         and abs(float(np.asarray(load.vector) @ np.asarray(actuator.lift))) > 1 - ALONG
     ):
         raise FitError(
-            f"the case has a {load.where} that does not act along the device's axis; a fit takes outlines to be the same on "
-            "both sides of it, so photograph the device upright, or leave the load out if it is small"
+            f"the case has a {load.where} that does not act along the device's axis; fits assume symmetric "
+            "outlines, so photograph the device upright, or leave out the load if it is small"
         )
     if isinstance(load, FaceLoad) and not load.kept:
         raise FitError(
@@ -525,13 +531,13 @@ def _check(load: LoadPart, actuator: Actuator) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A device that was measured, ready to be solved with the parameters of a law.
+# A measured device, ready to be solved with the parameters of a law.
 
 
 @checked
 @dataclasses.dataclass(frozen=True)
 class MeasuredDevice:
-    """What was inflated.
+    """A measured device.
 
     Attributes:
         actuator: Its geometry.
@@ -540,7 +546,7 @@ class MeasuredDevice:
         formulation: See `softmodels.case.case.Case`.
         components: What else is added to it.
         solver: See `softmodels.case.case.Case`.
-        heights_from: What heights count from where it hangs under loads or its top is not flat, see
+        height_datum: What heights count from where it hangs under loads or its top is not flat, see
             `softmodels.fitting.outlines.device.Hanging`.
     """
 
@@ -550,11 +556,11 @@ class MeasuredDevice:
     formulation: str = "mixed"
     components: tuple[Component, ...] = ()
     solver: str = "auto"
-    heights_from: str = ""
+    height_datum: str = ""
 
     @classmethod
     def of(cls, device: Actuator | Case | MeasuredDevice) -> MeasuredDevice:
-        """A device, alone or of a case; one that turns about its axis as its section.
+        """Return a device, or that of a case; an axisymmetric one as its section.
 
         Raises:
             FitError: A case with loads that a fit does not take.
@@ -566,7 +572,7 @@ class MeasuredDevice:
         if isinstance(device, Case):
             if rubbing := [part.where for part in device.components if part.remembers]:
                 raise FitError(
-                    f"{rubbing[0]} has friction, whose derivatives by the material a fit does not know; leave it out "
+                    f"{rubbing[0]} has friction, whose derivatives by the material are not available; leave it out "
                     "(friction = 0)"
                 )
             case, section = device, as_section(device.actuator)
@@ -576,15 +582,15 @@ class MeasuredDevice:
         one_of("device", device, Actuator, "a device, such as sm.HollowDisk(), or a Case")
         return cls(as_section(device), device.name)
 
-    def counting_from(self, heights_from: str) -> MeasuredDevice:
-        """The same device with heights that count from there; see `heights_from`, empty to leave it."""
-        return dataclasses.replace(self, heights_from=heights_from or self.heights_from)
+    def counting_from(self, height_datum: str) -> MeasuredDevice:
+        """Return the device with another zero of heights; see `height_datum`; empty to keep it."""
+        return dataclasses.replace(self, height_datum=height_datum or self.height_datum)
 
     def model(self, choice: LawChoice, comm: MPI.Comm) -> DeviceModel:
-        """The device under a law, meshed and compiled.
+        """Return the device under a law, meshed and compiled.
 
         Raises:
-            FitError: It cannot be meshed or compiled; or ``heights_from`` makes no difference to it.
+            FitError: It cannot be meshed or compiled; or ``height_datum`` makes no difference to it.
         """
         from softmodels.mechanics.body import Body, BodyError
         from softmodels.mechanics.compiling import CompilingError, compiling
@@ -601,7 +607,7 @@ class MeasuredDevice:
                 around = (self.components,)
                 system = System(body, material, self.formulation, *around)
                 modulus = self.material.shear_modulus_0 if self.material and system.dead.loads else MODULUS
-                return DeviceModel(Solver(system, self.solver), choice, self.heights_from, modulus)
+                return DeviceModel(Solver(system, self.solver), choice, self.height_datum, modulus)
         except (BodyError, CompilingError, ComponentError, MeshingError, GeometryError, OSError) as error:
             raise FitError(str(error)) from error
         finally:
@@ -609,7 +615,7 @@ class MeasuredDevice:
 
 
 def as_section(actuator: Actuator) -> Actuator:
-    """A device that turns about its axis as its section, which gives the same outline in a hundredth of the time."""
+    """Return an axisymmetric device as its section, which gives the same outline in 1 % of the time."""
     section = about(actuator).get("section")
     turns = section is not None and "axisymmetric" in getattr(section.kind, "choices", ())
     return dataclasses.replace(actuator, section="axisymmetric") if turns else actuator  # type: ignore[call-arg]

@@ -1,4 +1,4 @@
-"""Laws fitted to outlines or heights of a device, compared and judged: one call from measurements to a report."""
+"""Fit laws to outlines or heights of a device, compare and check them: from measurements to a report."""
 
 from __future__ import annotations
 
@@ -96,13 +96,13 @@ if TYPE_CHECKING:
 
 
 UNHEARD = 1e6
-"""Factor on the error of a pressure that does not count."""
+"""Factor on the error of an ignored pressure."""
 
 
 def volume_parameters(
     source: OutlineResiduals, volumes: Sequence[float] | Array, hangs: float = 0.0
 ) -> list[Parameter]:
-    """The hidden added volumes with a start for each, m3; ``hangs`` is that of the device at zero pressure."""
+    """Return the hidden added volumes with a start for each, m3; ``hangs`` is that of the device at zero pressure."""
     return [
         Parameter(
             name, "m^3", start, hangs + 0.05 * (start - hangs), hangs + 4.0 * (start - hangs), hidden=True,
@@ -172,7 +172,7 @@ def _held(change: Change) -> bool:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# One law tried on a device's outlines or heights: its fit, and whether that may be used.
+# Fit one law to a device's outlines or heights, and check its acceptance.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -200,7 +200,7 @@ def try_outlines(
     loss: str = "linear",
     rows: Sequence[Sequence[HeightRow]] = (),
 ) -> LawTrial[OutlineResiduals]:
-    """Fit a law to all outlines, and look for those that contradict the others where the fit is beyond chance.
+    """Fit a law to all outlines, and search for contradicting ones if the fit is beyond chance.
 
     Args:
         sources: The devices under the law, each with its outlines.
@@ -214,7 +214,7 @@ def try_outlines(
         UnsoundError: The outlines are of another device; or the fit fails, and a photograph contradicts the others.
         FitError: The fit fails.
     """
-    all_nuisances(sources, bench)  # names that nothing has, before anything is solved
+    all_nuisances(sources, bench)  # unknown names, before anything is solved
     series = tuple(tuple(one) for one in rows or [series_of_shapes(one.model, one.shapes) for one in sources])
     wrong = [found for found in map(by_course, series) if found]
     doubted = [name for found in wrong for name in found.names]
@@ -238,12 +238,10 @@ def try_outlines(
             return False
 
     try:
-        if any(
-            found.gross for found in wrong
-        ):  # a fit that bends to follow such a row takes a minute and means nothing
+        if any(found.gross for found in wrong):  # a fit distorted by such a row takes a minute and is meaningless
             chosen, fit = fitted(doubted)
             return LawTrial(
-                tuple(chosen), fit, Judgement((f"{said} (the numbers reported are of such a fit)",)), series
+                tuple(chosen), fit, Judgement((f"{said} (the reported numbers are of such a fit)",)), series
             )
         chosen, fit = fitted((), doubted)
     except FitError as error:
@@ -276,12 +274,12 @@ def try_heights(
 
 
 PROFILE_POINTS = 6
-"""Values at which a parameter is held for its profile: each is a fit of its own."""
+"""Number of values of a parameter in its profile, each a separate fit."""
 type Device = Actuator | Case | MeasuredDevice
 type Outlines = Sequence[Outline | Path | str] | Path | str
 HEIGHTS_ALONE = (
-    "heights alone cannot tell a leak, an offset or a unit of the pressures, a unit of length or the zero plane from the "
-    "silicone: nothing of it is corrected, and the intervals are widened by what is believable of each; whole outlines see more"
+    "heights cannot separate a leak, an offset or scale of the pressures, a length scale or the zero plane "
+    "from the silicone: these are not corrected, and the intervals are widened by their priors; outlines determine more"
 )
 
 
@@ -296,11 +294,11 @@ def fit(
     curves: Curves = (),
     comm: MPI.Comm | None = None,
 ) -> FitReport:
-    """Fit laws to outlines of one device or of several of one cast at all pressures, perhaps together with tensile curves.
+    """Fit laws to outlines of one device or of several of one cast at all pressures, optionally with tensile curves.
 
-    Several devices have the material in common; what the bench got wrong and lengths are each device's own: parameters called
+    Several devices have the material in common; errors of the bench and lengths are fitted per device: parameters called
     ``leak``, ``zero`` ... of one device are ``NAME.leak``, ``NAME.zero`` ... of several. ``options.free`` and
-    ``options.changes`` are about all of them, or by such a name about one; ``options.without`` takes ``NAME/4.jpg``. NAME is
+    ``options.changes`` are about all of them, or by such a name about one; ``options.exclude`` takes ``NAME/4.jpg``. NAME is
     that of the case, or the geometry's; a name that two have gets a number (``disk-2``).
 
     Args:
@@ -321,7 +319,7 @@ def fit(
     """
     _check_how(options, comm)
     pairs = _pairs(device, outlines)
-    measured = [MeasuredDevice.of(one).counting_from(options.heights_from) for one, _ in pairs]
+    measured = [MeasuredDevice.of(one).counting_from(options.height_datum) for one, _ in pairs]
     names = device_names([one.name for one in measured])
     task = _Task(
         tuple(dataclasses.replace(one, name=name) for one, name in zip(measured, names, strict=True)),
@@ -330,9 +328,9 @@ def fit(
         tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"))),
     )
     if len(pairs) == 1:
-        found = [_outlines_of(pairs[0][1], options.untrusted, options.without)]
+        found = [_outlines_of(pairs[0][1], options.untrusted, options.exclude)]
     else:
-        without = _without_by_device(options.without, names)
+        without = _without_by_device(options.exclude, names)
         found = [
             [
                 dataclasses.replace(one, source=f"{name}/{one.source}")
@@ -344,7 +342,7 @@ def fit(
 
 
 def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
-    """What was inflated, each with its outlines.
+    """Return the devices, each with its outlines.
 
     Raises:
         FitError: Pairs that are none, or outlines beside them.
@@ -359,21 +357,21 @@ def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
             "'outlines_b')]"
         )
     if not isinstance(outlines, Sequence) or len(outlines):
-        raise FitError("each of several devices comes with its own outlines in a pair; leave the argument outlines out")
+        raise FitError("with several devices, give pairs of device and outlines, and leave out the argument outlines")
     return [(one, given) for one, given in device]
 
 
-def _outlines_of(given: Outlines, untrusted: bool, without: Sequence[str]) -> list[Outline]:
+def _outlines_of(given: Outlines, untrusted: bool, exclude: Sequence[str]) -> list[Outline]:
     outlines = several("outlines", given, (Outline, Path, str), "an outline, or a file or folder of outlines")
     found = [outline for outline in outlines if isinstance(outline, Outline)]
     files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]
     if files or not found:
-        return [*found, *read_outlines(files, untrusted, without)]
-    return [found[i] for i in kept([(outline.source, None) for outline in found], without)]
+        return [*found, *read_outlines(files, untrusted, exclude)]
+    return [found[i] for i in kept([(outline.source, None) for outline in found], exclude)]
 
 
 def device_names(names: Sequence[str]) -> list[str]:
-    """What devices are called in a fit of several: their names, numbered where two have the same."""
+    """Return the names of several devices, numbered if two have the same."""
     found: list[str] = []
     for name in names:
         number, one = 1, name
@@ -384,19 +382,19 @@ def device_names(names: Sequence[str]) -> list[str]:
     return found
 
 
-def _without_by_device(without: Sequence[str], names: Sequence[str]) -> list[list[str]]:
-    """Names of photographs to leave out, by device.
+def _without_by_device(exclude: Sequence[str], names: Sequence[str]) -> list[list[str]]:
+    """Return the names of photographs to exclude, by device.
 
     Raises:
         OutlineFitError: A name that does not begin with that of a device.
     """
-    for text in without:
+    for text in exclude:
         if not any(text.startswith(f"{name}/") for name in names):
             raise OutlineFitError(
-                f"--without {text}: with several devices, name the photograph's device too, such as {names[0]}/{text}; the "
+                f"--exclude {text}: with several devices, give the photograph's device too, such as {names[0]}/{text}; the "
                 f"devices are {', '.join(names)}"
             )
-    return [[text.removeprefix(f"{name}/") for text in without if text.startswith(f"{name}/")] for name in names]
+    return [[text.removeprefix(f"{name}/") for text in exclude if text.startswith(f"{name}/")] for name in names]
 
 
 @checked
@@ -424,10 +422,10 @@ def fit_heights(
     """
     _check_how(options, comm)
     if isinstance(heights, Path | str):
-        heights = read_heights(Path(heights), options.untrusted, options.without)
+        heights = read_heights(Path(heights), options.untrusted, options.exclude)
     heights = several("heights", heights, Height, "a height, or the table heights.csv")
     task = _Task(
-        (MeasuredDevice.of(device).counting_from(options.heights_from),),
+        (MeasuredDevice.of(device).counting_from(options.height_datum),),
         law_choices(material, options.poisson),
         options,
         (),
@@ -436,7 +434,7 @@ def fit_heights(
 
 
 def _check_how(options: object, comm: object) -> None:
-    """Refuse, with `ArgumentError`, what are no options and no communicator."""
+    """Raise `ArgumentError` for invalid options or communicator."""
     one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
     if comm is not None and not callable(getattr(comm, "allreduce", None)):
         raise wrong("comm", comm, "a communicator of MPI, or None for all processes")
@@ -456,18 +454,18 @@ class _Task:
         return expected(self.options.silicone, next((one.material for one in self.devices if one.material), None))
 
     def notes(self, more: Sequence[str] = ()) -> list[str]:
-        """What is not known, and what was left out."""
-        left_out = [f"{name} is left out, as --without says" for name in self.options.without]
+        """Return the warnings, and the excluded photographs."""
+        left_out = [f"{name} is excluded by --exclude" for name in self.options.exclude]
         named = dict.fromkeys(one.material for one in self.devices if one.material)
         if len(named) > 1 and self.options.silicone is None:
             more = [
                 *more,
-                f"the cases name {len(named)} materials; the fit is held against that of {self.devices[0].name}",
+                f"the cases have {len(named)} materials; the fit is compared with that of {self.devices[0].name}",
             ]
         return [*filter(None, (caution(self.known), *more)), *left_out]
 
     def changes(self, choice: LawChoice) -> Changes:
-        """The changes without those of other laws."""
+        """Return the changes without those of other laws."""
         foreign = all_parameters().keys() - set(choice.names)
         return {name: change for name, change in self.options.changes.items() if name not in foreign}
 
@@ -490,9 +488,9 @@ class _Task:
         robust = ", outliers counted by their size" if self.options.robust else ""
         free = ", ".join(self.options.free) or "nothing"
         tests = f"; curves with {self.options.gauge_words.removeprefix(', ')}" if self.curves else ""
-        how = f"whole outlines and readings, each by its stated error{robust}; free beside the law: {free}{tests}"
+        how = f"outlines and readings, weighted by their stated errors{robust}; free besides the law: {free}{tests}"
         report = self._report(trials, notes, how)
-        # Solved again where a profile was the last to be asked for, by all ranks together.
+        # Solve again on all ranks if a profile was evaluated last.
         states = {
             law.choice.name: [
                 one for source in trials[law.choice.name].sources for one in source.matches(law.fit.values)
@@ -508,8 +506,8 @@ class _Task:
             checked = check_heights(heights, model.silhouette.width)
             trials[choice.name] = try_heights(model, checked, self.changes(choice), self.options.loss)
         how = (
-            "mean square deviation of the largest deflections at the readings as they are, errors from the scatter and from "
-            "what the bench may get wrong"
+            "mean square deviation of the largest deflections at the raw readings, errors from the "
+            "scatter and from the bench's priors"
         )
         return self._report(trials, self.notes([HEIGHTS_ALONE]), how)
 
@@ -525,7 +523,7 @@ class _Task:
         return FitReport(tuple(laws), comparison, self.curves, how, devices=devices, notes=tuple(map(spoken, notes)))
 
     def _in_words(self, source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> tuple[str, str]:
-        """A device with what was measured, and what its loads and heights are, the latter perhaps empty."""
+        """Return a device with its measurements, and a sentence on its loads and heights, or ""."""
         name, kind = source.device or self.devices[0].name, type(source.model.system.body.actuator).__name__
         told = source.model.told(source.own(fit.values))
         return f"{name}: {kind}, {source.in_words}", f"{source.device}: {told}" if source.device and told else told
@@ -536,7 +534,7 @@ class _Task:
         first = trial.sources[0].model
         choice: LawChoice = first.choice
         stretch = max(_largest_stretch(source, fit) for source in trial.sources)
-        strain = 2 * stretch**2 + stretch**-4 - 3  # as if equibiaxial, which is the most that this stretch can mean
+        strain = 2 * stretch**2 + stretch**-4 - 3  # assuming equibiaxial tension, the upper bound for this stretch
         low, high = stretches_of(self.curves) or (1.0, stretch)
         over = (min(low, 1.0), max(high, stretch))
         material = dataclasses.replace(first.material(fit.values), fitted_stretch=over)
@@ -550,7 +548,7 @@ class _Task:
     def _misfits[Source: (OutlineResiduals, HeightResiduals)](
         self, trial: LawTrial[Source], fit: LeastSquaresFit
     ) -> tuple[DeviceMisfit, ...]:
-        """Of heights none: their errors follow from the misfit."""
+        """Return the misfits; none for heights, whose errors follow from the misfit."""
         sources: list[OutlineResiduals] = []
         for source in trial.sources:
             if isinstance(source, OutlineResiduals):
@@ -563,7 +561,7 @@ class _Task:
 
 
 def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> float:
-    """Largest principal stretch of the device in the state of the largest deflection."""
+    """Return the largest principal stretch of the device in the state of the largest deflection."""
     from softmodels.runs.fields import Fields
 
     state = source.largest_state(fit.values)

@@ -1,8 +1,8 @@
-"""Whole outlines of a simulated device against measured ones, at all pressures, as a source of residuals.
+"""Residuals of simulated against measured outlines at all pressures.
 
 Errors in variables: each photograph has a hidden added volume. Its state is solved at that volume, which passes limit
-points; the state's outline is held against all points of the photograph, and its pressure against the reading, once, so
-that the reading's error is common to all points. What the bench may have got wrong is a parameter with a prior:
+points; the state's outline is compared with all points of the photograph, and its pressure once with the reading, so
+that the reading's error is common to all points. Systematic errors of the bench are parameters with priors:
 
     pressure   = reading (1 - pressure_scale) - pressure_offset - leak reading^2 / largest reading
     x measured = centre + (1 + scale) x,    z measured = zero + (1 + scale) z
@@ -59,7 +59,7 @@ from softmodels.path.points import PathEnd
 from softmodels.runs.grid import QuadraticCurve
 
 READINGS = "pressures"
-"""Label of the group of residuals that hold the pressures."""
+"""Label of the group of pressure residuals."""
 
 
 class OutlineResiduals:
@@ -69,7 +69,7 @@ class OutlineResiduals:
         model: The device and its law.
         shapes: Measured outlines, prepared.
         label: What it is.
-        device: What comes before the names of what is this device's own in a fit of several (`named`); empty for one alone.
+        device: What comes before the names of what is this device's own in a fit of several (`named`); empty for a single one.
 
     Raises:
         OutlineFitError: The device's top is not flat when undeformed, and nothing states that heights count from its apex.
@@ -97,22 +97,22 @@ class OutlineResiduals:
         return len(self.groups)
 
     def named(self, name: str) -> str:
-        """A parameter's name in the fit: the material's are common to all devices, the others its own."""
+        """Return a parameter's name in the fit: the material's are common to all devices, the others its own."""
         return name if not self.device or name in (*self.model.choice.names, "poisson") else f"{self.device}.{name}"
 
     def own(self, values: Mapping[str, float]) -> dict[str, float]:
-        """The fit's values by the names that they have in this device alone."""
+        """Return the fit's values by their names in this device."""
         return {name: values[self.named(name)] for name in self._own_names}
 
     @property
     def in_words(self) -> str:
-        """How much was measured."""
+        """The amount of measurements, in words."""
         top = max(shape.height for shape in self.shapes)
         values = f"{self.count - len(self.shapes)} independent values"
         return f"{len(self.shapes)} outlines to {top * 1e3:.4g} mm at {self.most / 1e3:.4g} kPa, {values}"
 
     def largest_state(self, values: Mapping[str, float]) -> State:
-        """The state of the largest volume at parameter values."""
+        """Return the state of the largest volume at parameter values."""
         return max((fitting.state for fitting in self.matches(values)), key=lambda state: state.V)
 
     def evaluate(
@@ -130,7 +130,7 @@ class OutlineResiduals:
         return residuals, self._jacobian(values, matches) if derivatives else None, self.groups
 
     def matches(self, values: Mapping[str, float]) -> list[MatchedPhotograph]:
-        """Each photograph with its state at parameter values."""
+        """Return each photograph with its state at parameter values."""
         key = tuple(float(values[name]) for name in self.parameters)
         if self._known is None or self._known[0] != key:
             own = self.own(values)
@@ -174,17 +174,17 @@ class OutlineResiduals:
 def _check_flat(model: DeviceModel) -> None:
     if not model.silhouette.flat and not model.hanging.from_apex:
         raise OutlineFitError(
-            f"the undeformed top of the device is {model.silhouette.unevenness * 1e3:.3g} mm from flat, and heights of "
-            "outlines count from a flat surface unless you state another: --heights-from apex if they count from the apex "
+            f"the undeformed top of the device is {model.silhouette.unevenness * 1e3:.3g} mm from flat, and heights "
+            "of outlines count from a flat surface unless another is given: --height-datum apex if they count from the apex "
             "at zero pressure; or fit to the rises of the apex instead, as a table of heights"
         )
 
 
 class MatchedPhotograph:
-    """One photograph held against one state.
+    """A photograph compared with a state.
 
     Attributes:
-        residuals: Of the outline, one per bin: model less measured, across the outline.
+        residuals: Of the outline, one per bin: model minus measured, across the outline.
         reading: Residual of the pressure.
     """
 
@@ -216,11 +216,11 @@ class MatchedPhotograph:
         keep_arrays(self)
 
     def moved(self, rate: Array) -> Array:
-        """Derivative of the outline's residuals as the curve's nodes move."""
+        """Return the derivative of the outline's residuals as the curve's nodes move."""
         return self.shape.mean(-self.factor * self.closest.moved(self.shadow.rate(rate)))
 
     def bench(self) -> dict[str, tuple[Array | float, float]]:
-        """Derivatives of the outline's residuals and of the reading's by what the bench may have got wrong."""
+        """Return the derivatives of the outline's residuals and of the reading's by the systematic errors of the bench."""
         error, reading = self.shape.pressure_error, self.shape.pressure
         normal = self.closest.normal
         along = (normal * self.points).sum(axis=1)
@@ -235,12 +235,13 @@ class MatchedPhotograph:
 
 
 def residuals_by_source(sources: Sequence[OutlineResiduals], residuals: Array) -> list[Array]:
-    """The residuals of each source of a fit whose first sources they are."""
+    """Return the residuals of each source of a fit whose first sources they are."""
     return np.split(residuals, np.cumsum([source.count for source in sources]))[: len(sources)]
 
 
 def misfits(source: OutlineResiduals, residuals: Array) -> dict[str, tuple[float, int]]:
-    """Chi squared of each photograph's outline, and of the readings, with the number of residuals, the source's the first."""
+    """Return the chi squared of each photograph's outline, and of the readings, with the number of residuals, the source's the
+    first."""
     found = {}
     for name in dict.fromkeys(source.groups.tolist()):
         part = residuals[: source.count][source.groups == name]
@@ -249,36 +250,36 @@ def misfits(source: OutlineResiduals, residuals: Array) -> dict[str, tuple[float
 
 
 def fits_badly(chi2: float, count: int) -> bool:
-    """Whether chi squared of this many residuals is beyond chance (one in a thousand, by Wilson & Hilferty 1931)."""
+    """Return whether chi squared of this many residuals is beyond chance (one in a thousand, by Wilson & Hilferty 1931)."""
     k = max(count, 1)
     return chi2 > k * (1 - 2 / (9 * k) + 3.1 * math.sqrt(2 / (9 * k))) ** 3
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What the bench and the device may have got wrong, as parameters with what is believable of each.
+# Systematic errors of bench and device, as parameters with priors.
 
 
 LEAK_ERROR = 0.02
-"""Prior of the leak: share of the largest pressure lost there."""
+"""Prior of the leak: relative loss at the largest pressure."""
 
 SCALE_ERROR = 0.005
-"""Prior of the unit of length (a board's pitch, a magnification) where the outlines state no error of it."""
+"""Prior of the unit of length (a board's pitch, a magnification) if the outlines state no error of it."""
 
 ZERO_ERROR = 20e-6
-"""Prior of the zero plane's height in m, or the outlines' error of the level where that is more."""
+"""Prior of the zero plane's height in m, or the outlines' error of the level if larger."""
 
 PRESSURE_SCALE_ERROR = DENSITY_ERROR / WATER_DENSITY
-"""Prior of the unit of pressure: a column's density is one number for all readings."""
+"""Prior of the pressure scale: a column's density is common to all readings."""
 
 LENGTH_ERROR = 0.02
-"""Prior of a length of the device, relative, where it is freed."""
+"""Relative prior of a free length of the device."""
 
 POISSON_BOUNDS = (0.3, 0.5)
 
 
 @dataclasses.dataclass(frozen=True)
 class Bench:
-    """Which uncertainties of device and bench are fitted; the others keep their nominal value.
+    """Fitted uncertainties of device and bench; the others keep their nominal value.
 
     By default those that any bench has. Free ones have priors (`nuisances`), but for the centre, which outlines show by
     themselves.
@@ -295,7 +296,7 @@ DEFAULT_BENCH = Bench()
 
 
 def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
-    """Parameters of bench and device with their default priors; those that are not free are fixed.
+    """Return the parameters of bench and device with their default priors; those that are not free are fixed.
 
     Raises:
         OutlineFitError: A name that is none of them.
@@ -304,7 +305,7 @@ def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
     known = (*BENCH, "poisson", *model.lengths)
     for name in bench.free:
         if name not in known:
-            raise OutlineFitError(f"nothing of the bench or the device is called {name!r}; {known_are(name, known)}")
+            raise OutlineFitError(f"no bench or device parameter is called {name!r}; {known_are(name, known)}")
     reading = min(shape.pressure_error for shape in shapes)
     width = model.silhouette.width
     centre = float(np.median([shape.centre for shape in shapes]))
@@ -336,7 +337,7 @@ def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
 
 
 def all_nuisances(sources: Sequence[OutlineResiduals], bench: Bench) -> list[Parameter]:
-    """Those of all devices of a fit: what is free is so for each device that has it, or by its full name for one.
+    """Return the parameters of all devices of a fit; a free one is free for every device, or by its full name for one.
 
     Raises:
         OutlineFitError: A name that no device has.
@@ -356,32 +357,33 @@ def all_nuisances(sources: Sequence[OutlineResiduals], bench: Bench) -> list[Par
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Where a fit to outlines starts: volumes from the heights, then the law's numbers from the pressures, without a search.
+# Starting values of a fit to outlines: volumes from the heights, then the law's parameters from the pressures, without a
+# search.
 #
-# How a device bulges at a given volume hardly depends on how stiff it is: one path of the law at any modulus gives the added
-# volume of each measured height. At given volumes the pressure is linear in those numbers of a law that are stresses, up to
-# the small change of shape (virtual work), so that they follow from the readings by linear least squares.
+# The shape of a device at a given volume hardly depends on its stiffness: one path of the law at any modulus gives the added
+# volume of each measured height. At given volumes the pressure is linear in a law's stress parameters, up to the
+# small change of shape (virtual work), so they follow from the readings by linear least squares.
 #
-# Dead loads bear a share of the pressure that the law's numbers do not change, to first order: at a given volume the pressure
-# is homogeneous in stresses and loads together (Euler). How a loaded device hangs does depend on how stiff it is, so its path
-# is followed again with the modulus that the readings lead to, until that settles.
+# Dead loads carry a share of the pressure that does not depend on the law's parameters, to first order: at a given volume the
+# pressure is homogeneous in stresses and loads together (Euler). The preloaded state does depend on the stiffness, so its path
+# is repeated with the modulus from the readings until that converges.
 
 
 SETTLED = 0.03
-"""Relative change of the modulus below which the shapes of a loaded device are those of the readings."""
+"""Relative change of the modulus at convergence of a loaded device."""
 ROUNDS = 12
 MOST_BORNE = 0.7
-"""Pressure that dead loads may take, as a share of what the silicone takes, where a reading tells of the silicone."""
+"""Maximum pressure share of dead loads, relative to the silicone's, for a usable reading."""
 FARTHEST = 3.0
 """Largest factor on the modulus in one round."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Plain:
-    """A device under the plainest material that is as stiff as its readings, at the measured heights.
+    """A device of neo-Hookean material with the modulus from its readings, at the measured heights.
 
     Attributes:
-        values: The law's numbers, of one modulus alone.
+        values: The law's numbers, from only a modulus.
         volumes: Added volumes in m3, shape (n,).
         hangs: Added volume in m3 at zero pressure; 0 without loads.
         states: The states there.
@@ -398,7 +400,7 @@ class Plain:
 
     @property
     def silent(self) -> npt.NDArray[np.bool_]:
-        """Where the loads take so much of the pressure that a reading tells nothing of the silicone, shape (n,)."""
+        """Whether dead loads carry so much of the pressure that a reading is unusable, shape (n,)."""
         return np.abs(self.borne) > MOST_BORNE * self.elastic
 
 
@@ -411,7 +413,7 @@ def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> Plain:
         pressures: Readings in Pa, by which the modulus of a loaded device settles.
 
     Raises:
-        OutlineFitError: The device cannot rise as high as was measured, or does not bear its loads however stiff it is.
+        OutlineFitError: The device cannot reach the measured height, or no stiffness fits its loads.
     """
     why = ""
     for _ in range(ROUNDS):
@@ -425,15 +427,15 @@ def plain_path(model: DeviceModel, heights: Array, pressures: Array) -> Plain:
         if not model.loaded:
             return found
         told = ~found.silent if not found.silent.all() else found.elastic == found.elastic.max()
-        # A median: one wrong reading must not change the shapes.
+        # A median, so that one wrong reading does not change the shapes.
         factor = float(np.median((pressures[told] - found.borne[told]) / found.elastic[told]))
         if not abs(factor - 1.0) > SETTLED:
             return found
         model.modulus *= min(max(factor, 1 / FARTHEST), FARTHEST)
-        why = f"the modulus does not settle near {model.modulus / 1e3:.4g} kPa"
+        why = f"the modulus does not converge near {model.modulus / 1e3:.4g} kPa"
     raise OutlineFitError(
-        f"the loads of the case and the measured pressures lead to no stiffness ({why}); check masses, density and forces, and "
-        "which way gravity pulls"
+        f"no stiffness fits the case's loads and the measured pressures ({why}); check masses, density and forces, "
+        f"and the direction of gravity"
     )
 
 
@@ -458,7 +460,7 @@ def starts(
     errors: Array,
     held: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[list[dict[str, float]], Plain]:
-    """Starting values of the law, best first, and the path that they come from.
+    """Return the starting values of the law, best first, and the path that they come from.
 
     Args:
         model: The device and its law.
@@ -493,10 +495,11 @@ def starts(
 
 
 def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> tuple[Array, float]:
-    """Added volumes in m3 at which the device, with these values, is as high as measured (m), and that at which it hangs.
+    """Return the added volumes in m3 at which the device has the measured heights (m), and that of the preloaded
+    state.
 
     Raises:
-        CannotEvaluate: It does not bear its loads.
+        CannotEvaluate: No equilibrium under the dead loads.
         OutlineFitError: It does not rise so high.
     """
     from scipy.interpolate import PchipInterpolator
@@ -520,23 +523,23 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
         why = f" ({end})"
     if not rises or rises[-1] < highest:
         raise OutlineFitError(
-            f"the device of the case does not rise above {max(rises, default=0.0) * 1e3:.4g} mm{why}, but an outline is "
+            f"the case's device does not rise above {max(rises, default=0.0) * 1e3:.4g} mm{why}, but an outline is "
             f"{highest * 1e3:.4g} mm high: check the geometry and the photographs' scale"
         )
     found = np.asarray(PchipInterpolator(rises, volumes)(np.maximum(heights, 0.0)))
     if not math.isfinite(found.sum()) or found.min() <= volumes[0]:
-        raise OutlineFitError("an outline has no height to tell the cavity's volume by")
+        raise OutlineFitError("an outline has no height, so its volume is undetermined")
     return found, volumes[0]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The thesis' own objective: the mean square deviation of the largest deflections at the measured pressures.
+# Fit of heights, the thesis' objective: mean square deviation of the largest deflections at the measured pressures.
 #
-# Heights are held against states at the readings as they are, all with the same weight. It has no place for states past a limit
-# point, and what the bench gets wrong in all photographs alike (a leak, an offset, a unit, the zero plane) it can neither see
-# nor correct: the scatter about the fitted law does not show it. What is believable of each is carried into the error bars to
-# first order (considered parameters: Schmidt 1966; Tapley, Schutz & Born 2004, Statistical Orbit Determination, chapter 6).
-# `softmodels.fitting.outlines.residuals` has both, and sees the whole outline.
+# Heights are compared with states at the raw readings, all with the same weight. States past a limit point are
+# not possible, and systematic errors of the bench (a leak, an offset, a scale, the zero plane) can be neither
+# detected nor corrected: they do not show in the scatter. Their priors are propagated into the error bars to first
+# order (considered parameters: Schmidt 1966; Tapley, Schutz & Born 2004, Statistical Orbit Determination, chapter 6).
+# `softmodels.fitting.outlines.residuals` has both, and uses the whole outline.
 
 
 STIFFER = (1.0, 1.1, 1.3, 2.0)
@@ -554,13 +557,13 @@ class Height:
     height_error: float = 1e-5
 
 
-def read_heights(path: Path, untrusted: bool = False, without: Sequence[str] = ()) -> list[Height]:
-    """Read the ``heights.csv`` that ``python -m measurement photos`` writes; refused photographs are left out.
+def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = ()) -> list[Height]:
+    """Read the ``heights.csv`` that ``python -m measurement photos`` writes; rejected photographs are left out.
 
     Args:
         path: The table.
         untrusted: Take heights that the measurement does not trust.
-        without: Names of photographs to leave out.
+        exclude: Names of photographs to leave out.
 
     Raises:
         OutlineFitError: No such table; a number that is none; a height that is not trusted, unless ``untrusted``.
@@ -570,10 +573,10 @@ def read_heights(path: Path, untrusted: bool = False, without: Sequence[str] = (
     except OSError as error:
         raise OutlineFitError(f"{path} cannot be read: {reason(error)}") from None
     if chosen is None or len(chosen[1]) < 2:
-        raise OutlineFitError(f"{path} is no table of heights; it needs the columns pressure_Pa and height_m")
+        raise OutlineFitError(f"{path} is not a table of heights; it needs the columns pressure_Pa and height_m")
     sheet, rows = chosen[0], records(chosen[1])
     found = []
-    keep = set(kept([(row.get("file") or sheet.place(number), None) for number, row in rows], without))
+    keep = set(kept([(row.get("file") or sheet.place(number), None) for number, row in rows], exclude))
     for place, (line, row) in enumerate(rows):
         if place not in keep:
             continue
@@ -583,8 +586,8 @@ def read_heights(path: Path, untrusted: bool = False, without: Sequence[str] = (
             continue
         if trusted != "yes" and not untrusted:
             raise OutlineFitError(
-                f"{path}, {where}: this height is not to be trusted ({row.get('remarks') or 'no reason given'}); "
-                "leave it out, or take it with --untrusted"
+                f"{path}, {where}: this height is untrusted ({row.get('remarks') or 'no reason given'}); "
+                f"exclude it, or use it with --untrusted"
             )
         try:
             pressure, height = number(row["pressure_Pa"]), number(row["height_m"])
@@ -603,7 +606,7 @@ def _has_heights(rows: Sequence[Line]) -> bool:
 
 
 def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
-    """The heights that say something, those at rest left out.
+    """Return the usable heights, without those at rest.
 
     Raises:
         OutlineFitError: None is left, two have one pressure, or the unit is mistaken.
@@ -611,12 +614,12 @@ def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
     for one in heights:
         if one.pressure < 0.0 and one.height > FLOOR:
             raise OutlineFitError(
-                f"{one.source} rises {one.height * 1e3:.4g} mm at a pressure below zero, {one.pressure:.5g} Pa: is its sign "
-                f"wrong, or are its tubes exchanged? Correct it, or fit without: --without {one.source}"
+                f"{one.source} rises {one.height * 1e3:.4g} mm at a negative pressure, {one.pressure:.5g} Pa: is "
+                f"its sign wrong, or are its tubes exchanged? Correct it, or exclude it: --exclude {one.source}"
             )
     risen = [one for one in heights if one.pressure > 0.0 and one.height > 0.0]
     if not risen:
-        raise OutlineFitError("no height is above zero at a pressure above zero, so there is nothing to fit to")
+        raise OutlineFitError("no height is above zero at a pressure above zero; give at least one")
     highest = max(one.height for one in risen)
     if highest > TALLEST * width or highest < 1e-4 * width:
         raise OutlineFitError(
@@ -626,7 +629,7 @@ def check_heights(heights: Sequence[Height], width: float) -> list[Height]:
     for one, two in itertools.pairwise(risen):
         if two.pressure - one.pressure <= 1e-6 * two.pressure:
             raise OutlineFitError(
-                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa; give one"
+                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa; give only one"
             )
     return risen
 
@@ -651,16 +654,16 @@ class HeightResiduals:
 
     @property
     def in_words(self) -> str:
-        """How much was measured."""
+        """The amount of measurements, in words."""
         top = float(self.measured.max())
         return f"{len(self.heights)} heights to {top * 1e3:.4g} mm at {self.pressures[-1] / 1e3:.4g} kPa"
 
     def own(self, values: Mapping[str, float]) -> Mapping[str, float]:
-        """The fit's values by the names that they have in this device: the same."""
+        """Return the fit's values by their names in this device, which are the same."""
         return values
 
     def largest_state(self, values: Mapping[str, float]) -> State:
-        """The state of the largest pressure at parameter values."""
+        """Return the state of the largest pressure at parameter values."""
         return self.model.states(values, self.pressures, "pressure")[-1]
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
@@ -685,7 +688,8 @@ class HeightResiduals:
         return residuals, J, labels
 
     def shared(self, values: Mapping[str, float]) -> Array:
-        """Change of the residuals by one standard error of each thing that the bench gets wrong alike in all, shape (n, 5)."""
+        """Return the change of the residuals by one standard error of each systematic bench error,
+        shape (n, 5)."""
         states = self.model.states(values, self.pressures, "pressure")
         self.model.set_parameters(values)
         rise = 1e3 * np.array(

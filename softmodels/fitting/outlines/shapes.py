@@ -1,7 +1,7 @@
-"""Measured outlines made ready for a fit: checked, cut to what rises, and averaged over as many points as share an error.
+"""Prepare measured outlines for a fit: check them, cut them to the risen part, and average correlated points.
 
-Neighbouring points of an outline are smoothed together, so that many of them are worth one. The fit gets means over bins
-three times as long as the errors keep together (their integrated autocorrelation), each with the error of such a mean.
+Neighbouring points of an outline are correlated by smoothing. The fit uses means over bins of
+three correlation lengths (integrated autocorrelation), each with the error of such a mean.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.problem import FitError, autocorrelation_time
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Files of outlines, and which photographs of them are left out.
+# Read files of outlines, and exclude photographs.
 
 
 class OutlineFitError(FitError):
-    """Outlines that cannot be fitted; the message is a sentence for the user."""
+    """Outlines cannot be fitted; the message is for the user."""
 
 
-def read_outlines(files: Sequence[Path], untrusted: bool = False, without: Sequence[str] = ()) -> list[Outline]:
+def read_outlines(files: Sequence[Path], untrusted: bool = False, exclude: Sequence[str] = ()) -> list[Outline]:
     """Read outlines' files; folders stand for all outlines in them.
 
     Args:
         files: Files and folders.
         untrusted: Take outlines that the measurement does not trust.
-        without: Names of photographs or files to leave out.
+        exclude: Names of photographs or files to leave out.
 
     Raises:
         OutlineFitError: No file, one that is no outline, or one that is not trusted, unless ``untrusted`` allows it.
@@ -46,46 +46,46 @@ def read_outlines(files: Sequence[Path], untrusted: bool = False, without: Seque
     for file in files:
         found = sorted(p for p in file.glob("*.csv") if p.name != "heights.csv") if file.is_dir() else [file]
         if not found:
-            raise OutlineFitError(f"the folder {file} holds no outlines; python -m measurement photos makes them")
+            raise OutlineFitError(f"the folder {file} holds no outlines; create them with python -m measurement photos")
         names += found
     if not names:
-        raise OutlineFitError("nothing to fit to; give outlines that python -m measurement photos has made")
+        raise OutlineFitError("no measurements; give outlines made by python -m measurement photos")
     outlines = []
     for name in names:
         try:
             outlines.append(Outline.from_csv(name))
         except OutlineError as error:
             raise OutlineFitError(str(error)) from None
-    keep = kept([(outline.source, name) for name, outline in zip(names, outlines, strict=True)], without)
+    keep = kept([(outline.source, name) for name, outline in zip(names, outlines, strict=True)], exclude)
     names, outlines = [names[i] for i in keep], [outlines[i] for i in keep]
     doubted = [(name, outline) for name, outline in zip(names, outlines, strict=True) if not outline.trusted]
     if doubted and not untrusted:
         name, outline = doubted[0]
         more = f", and {len(doubted) - 1} more" if len(doubted) > 1 else ""
         raise OutlineFitError(
-            f"{name} is not to be trusted ({'; '.join(outline.reasons)}){more}; leave it out, or take it with --untrusted"
+            f"{name} is untrusted ({'; '.join(outline.reasons)}){more}; exclude it, or use it with --untrusted"
         )
     return outlines
 
 
-def kept(rows: Sequence[tuple[str, Path | None]], without: Sequence[str]) -> list[int]:
-    """Which rows, photographs with their files, are not left out by name.
+def kept(rows: Sequence[tuple[str, Path | None]], exclude: Sequence[str]) -> list[int]:
+    """Return which rows, photographs with their files, are not excluded by name.
 
     Raises:
         OutlineFitError: A name that is none of them, or nothing is left.
     """
     left = {}
-    for name in without:
+    for name in exclude:
         found = [
             i for i, (source, file) in enumerate(rows) if name in (source, Path(source).stem, str(file), *_names(file))
         ]
         if not found:
             known = ", ".join(source for source, _ in rows)
-            raise OutlineFitError(f"--without {name}: there is no such photograph; there are {known}")
+            raise OutlineFitError(f"--exclude {name}: there is no such photograph; there are {known}")
         left.update(dict.fromkeys(found))
     keep = [i for i in range(len(rows)) if i not in left]
     if rows and not keep:
-        raise OutlineFitError("--without leaves nothing to fit to")
+        raise OutlineFitError("--exclude removes all measurements; keep at least one")
     return keep
 
 
@@ -94,42 +94,42 @@ def _names(file: Path | None) -> tuple[str, ...]:
 
 
 FLOOR = 1e-4
-"""Heights in m above which an outline counts: below, the support and the flat surface around are seen too."""
+"""Minimum height in m of used points: below, the support and the surrounding flat surface are visible too."""
 
 FLOOR_ERRORS = 5.0
-"""The same in standard errors, so that noise does not decide what counts."""
+"""The same in standard errors, so that noise is not selected."""
 
 FEWEST = 12
-"""Points above the floor that make an outline."""
+"""Minimum number of points above the floor of an outline."""
 
 BIN = 3.0
 """Length of a bin in units of the errors' autocorrelation."""
 
 KNOT = 60
-"""Points per knot of the spline that is taken for the outline's shape where its noise is looked at."""
+"""Points per knot of the spline that represents the outline's shape when estimating its noise."""
 
 LONGEST = 60.0
-"""Longest autocorrelation believed, in points."""
+"""Maximum autocorrelation length, in points."""
 
 TALLEST = 10.0
-"""Heights above this many widths of the device are no outline of it."""
+"""Maximum height of an outline, in widths of the device."""
 
 SHALLOWEST = 1e-4
-"""Largest heights below this many widths of the device are no inflation of it."""
+"""Minimum largest height of a series, in widths of the device."""
 
 STRONGEST = 5e6
-"""Pressures in Pa above which no silicone device is inflated."""
+"""Maximum pressure in Pa of a silicone device."""
 
 CLOSE = 1e-6
-"""Readings of two outlines closer than this, relative, are one pressure."""
+"""Relative tolerance of equal readings."""
 
 ALIKE = 0.1
-"""Heights closer than this, relative, are one state; past a limit point one pressure has two, which are further apart."""
+"""Relative tolerance of equal heights; two states at one pressure past a limit point differ more."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Shape:
-    """One outline as the fit sees it.
+    """An outline prepared for the fit.
 
     Attributes:
         source: Its name.
@@ -162,11 +162,11 @@ class Shape:
 
     @property
     def name(self) -> str:
-        """What the photograph is called in sentences."""
+        """Name of the photograph in messages."""
         return f"{self.pressure / pascal_per_cm():.4g} cm of water ({self.source})"
 
     def mean(self, values: Array) -> Array:
-        """Means over the bins of values (k, ...) divided by the points' errors, as residuals of variance 1."""
+        """Return the means over the bins of values (k, ...) divided by the points' errors, as residuals of variance 1."""
         count = len(self.weight)
         standard = values / self.error.reshape(-1, *[1] * (values.ndim - 1))
         sums = np.zeros((count, *values.shape[1:]))
@@ -176,7 +176,7 @@ class Shape:
 
 
 def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tuple[list[Shape], list[str]]:
-    """Check outlines against each other and against the device, and cut and bin them.
+    """Check outlines against each other and the device, and cut and bin them.
 
     Args:
         outlines: Measured outlines.
@@ -189,19 +189,19 @@ def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tu
     Raises:
         OutlineFitError: What cannot be fitted.
     """
-    # A bridge over a gap is no measurement.
+    # A bridge over a gap is not measured.
     chosen = sorted((outline.measured() for outline in outlines), key=lambda outline: outline.pressure)
     _check_pressures(chosen)
     _check_sizes(chosen, actuator, width)
     cut = [(outline, rising(outline)) for outline in chosen]
     notes = [
-        f"{outline.source}: nothing rises more than {_floor(outline) * 1e3:.2g} mm, so it says nothing and is left out"
+        f"{outline.source}: rise below {_floor(outline) * 1e3:.2g} mm: photograph not used"
         for outline, kept in cut
         if kept is None
     ]
     kept = [(outline, part) for outline, part in cut if part is not None]
     if not kept:
-        raise OutlineFitError("no outline rises above the undeformed surface, so there is nothing to fit to")
+        raise OutlineFitError("no outline rises above the undeformed surface; give at least one that does")
     run = correlation([outline for outline, _ in kept])
     shapes = [_shape(outline, part, run) for outline, part in kept]
     _check_place(shapes, width)
@@ -209,7 +209,7 @@ def prepare(outlines: Sequence[Outline], actuator: Actuator, width: float) -> tu
 
 
 def correlation(outlines: Sequence[Outline]) -> float:
-    """Over how many neighbouring points the outlines' errors keep together: the median of integrated autocorrelations.
+    """Return the correlation length of the outlines' residuals in points: the median of integrated autocorrelations.
 
     The shape is taken out by a spline. Where what is left is far below the stated errors there is no noise to judge by, and
     the measurement's own smoothing span is believed.
@@ -241,7 +241,7 @@ def _floor(outline: Outline) -> float:
 
 
 def rising(outline: Outline) -> slice | None:
-    """The points between the outermost places at which three neighbours lie above the floor; None if there are too few.
+    """Return the points between the outermost places at which three neighbours lie above the floor; None if there are too few.
 
     A cut by place: a cut by each point's own height would keep those whose errors point up. So would the places themselves,
     but for a smoothing span less at both ends.
@@ -260,7 +260,7 @@ def rising(outline: Outline) -> slice | None:
 def _shape(outline: Outline, part: slice, run: float) -> Shape:
     x, z, error = outline.x[part], outline.z[part], outline.error[part]
     count = max(round(len(x) / (BIN * run)), 1)
-    # Of points that share their errors every few say as much as all of them.
+    # With correlated errors, every few points carry the same information as all.
     stride = max(int(run / 3), 1)
     pick = np.arange(stride // 2, len(x), stride)
     bins = pick * count // len(x)
@@ -279,19 +279,19 @@ def _check_pressures(outlines: Sequence[Outline]) -> None:
     for outline in outlines:
         if not outline.pressure_error > 0.0:
             raise OutlineFitError(
-                f"{outline.source}: its pressure has no standard error, so it cannot be weighed against the others; "
-                "give one in the list of photographs"
+                f"{outline.source}: its pressure has no standard error, which is needed as a "
+                "weight; give one in the list of photographs"
             )
         if outline.pressure > STRONGEST:
             raise OutlineFitError(
-                f"{outline.source}: a pressure of {outline.pressure / 1e3:.4g} kPa inflates no silicone; check its unit"
+                f"{outline.source}: a pressure of {outline.pressure / 1e3:.4g} kPa is too high for silicone; check its unit"
             )
     for one, two in itertools.pairwise(outlines):
         same = two.pressure - one.pressure <= CLOSE * abs(two.pressure)
         if same and abs(two.height - one.height) <= ALIKE * max(abs(two.height), abs(one.height), FLOOR):
             raise OutlineFitError(
-                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa, and the same height: they "
-                "would count one measurement twice, so give one of them"
+                f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa, and the same height: the "
+                "measurement would count twice, so give only one of them"
             )
 
 
@@ -301,28 +301,28 @@ def _check_sizes(outlines: Sequence[Outline], actuator: Actuator, width: float) 
     device = f"a {type(actuator).__name__} of {width * 2e3:.4g} mm across"
     if top > TALLEST * width or span > 50 * width:
         raise OutlineFitError(
-            f"{tallest.source} is {top * 1e3:.4g} mm high and up to {span * 1e3:.4g} mm wide, which {device} cannot be; "
-            "outlines are in metres, so check the unit of the photographs' grid and of the device"
+            f"{tallest.source} is {top * 1e3:.4g} mm high and up to {span * 1e3:.4g} mm wide, which is impossible for "
+            f"{device}; outlines are in metres, so check the unit of the photographs' grid and of the device"
         )
     if 0.0 < span < 0.05 * width or 0.0 < top < SHALLOWEST * width:
         raise OutlineFitError(
             f"the highest outline, {tallest.source}, is {top * 1e3:.4g} mm high and {span * 1e3:.4g} mm wide; for {device} "
-            "that looks like a mistaken unit (outlines are in metres)"
+            f"this suggests a wrong unit (outlines are in metres)"
         )
 
 
 def _check_place(shapes: Sequence[Shape], width: float) -> None:
-    """The device must be as wide as what rises, and stand in one place."""
+    """Check that the device is as wide as the risen part, and does not move."""
     low = min(shapes, key=lambda shape: shape.height)
     wide = float(np.ptp(low.points[:, 0]))
     if wide > 2.0 * width * 1.05:
         raise OutlineFitError(
-            f"{low.source}: what rises is {wide * 1e3:.4g} mm wide at a height of {low.height * 1e3:.3g} mm, more than the "
-            f"device's {width * 2e3:.4g} mm: this is not the device of the case"
+            f"{low.source}: the risen part is {wide * 1e3:.4g} mm wide at a height of {low.height * 1e3:.3g} mm, more "
+            f"than the device's {width * 2e3:.4g} mm: this is not the device of the case"
         )
     centres = [shape.centre for shape in shapes]
     if np.ptp(centres) > 0.25 * width:
         raise OutlineFitError(
-            f"the outlines' middles lie up to {np.ptp(centres) * 1e3:.3g} mm apart: the device or the camera has moved, or "
+            f"the outlines' centres are up to {np.ptp(centres) * 1e3:.3g} mm apart: the device or the camera has moved, or "
             "some photographs show only a part of it"
         )

@@ -1,8 +1,8 @@
-"""The outline of a device that a photograph of its shadow shows, from a state of equilibrium.
+"""The simulated outline of a device, as in a photograph of its shadow.
 
 For an axisymmetric section it is the deformed outer curve, for a slice the edge between its outer surface and its first cut
 plane. Both are chains of second-order edges: places come from the nodes and are exact on the edges between. Nodes are
-gathered to all ranks, so that everything after that is plain numpy and the same everywhere.
+gathered to all ranks, so that all further computation is plain numpy and identical everywhere.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 
 
 UNEVEN = 1e-3
-"""How far from flat an undeformed top may be, in widths of the device, for outlines to count their heights from it."""
+"""Maximum unevenness of an undeformed top, in widths of the device, for heights to count from it."""
 
 MIDDLE = 0.75
-"""Share of a device's width within which its undeformed top is looked at: beyond, edges may be rounded."""
+"""Fraction of a device's width within which its top is checked; beyond, edges may be rounded."""
 
 OUTER = "outer"
-"""Role of the facets that are neither held nor loaded; those a sheet can be bonded to have roles of their own."""
+"""Role of the facets that are neither held nor loaded; faces for sheets have their own roles."""
 
 
 class Silhouette:
@@ -72,7 +72,7 @@ class Silhouette:
         self.top = self.points[0, 0]
 
     def _arranged(self, values: Array) -> Array:
-        """Values of all ranks' edges, shape (m, 3, ...), as those of the chain."""
+        """Return the values of all ranks' edges, shape (m, 3, ...), as those of the chain."""
         chosen = values[self._order]
         chosen[self._turned] = chosen[self._turned][:, [1, 0, 2]]
         return chosen
@@ -88,7 +88,7 @@ class Silhouette:
         return self._arranged(u)
 
     def curve(self, state: State, lengths: Mapping[str, float] | None = None) -> QuadraticCurve:
-        """The deformed curve in m; ``lengths`` are those the mesh has been moved to (`Reshaping.move`)."""
+        """Return the deformed curve in m; ``lengths`` are those the mesh has been moved to (`Reshaping.move`)."""
         actuator = self.system.body.actuator
         places = self.points - self.top
         for name, value in (lengths or {}).items():
@@ -96,7 +96,7 @@ class Silhouette:
         return QuadraticCurve(self._in_plane(places + self._displacement(state.w)))
 
     def rate(self, w: Array, length: str = "") -> Array:
-        """Derivative of the curve's nodes, shape (n, 3, 2).
+        """Return the derivative of the curve's nodes, shape (n, 3, 2).
 
         Args:
             w: Derivative of the state's dof values, as `softmodels.mechanics.sensitivity.Rate.w`.
@@ -117,9 +117,9 @@ class Silhouette:
 
     @property
     def unevenness(self) -> float:
-        """How far the undeformed top lies above or below its apex in m, away from the rim; 0 for a flat one."""
+        """Height of the undeformed top above its apex in m, negative below it, away from the rim; 0 for a flat one."""
         x, z = np.moveaxis(self._in_plane(self.points - self.top), -1, 0)
-        # Only up to where the curve leaves the middle: what comes back below is no top.
+        # Only up to where the curve leaves the middle: parts that return below are not the top.
         on_top = np.cumprod((x < MIDDLE * self.width).all(axis=1)).astype(bool)
         return float(np.abs(z[on_top]).max(initial=0.0))
 
@@ -130,16 +130,17 @@ class Silhouette:
 
 
 def outer_edges(body: Body) -> npt.NDArray[np.int32]:
-    """Local edges of the outer curve: outer facets of a section; edges of both an outer and a cut facet of a slice."""
+    """Return the local edges of the outer curve: outer facets of a section; edges of both an outer and a cut facet of a
+    slice."""
     dim = body.actuator.dimension
     roles = [role for role in (OUTER, *body.actuator.faces) if role in body.entities]
     if not roles:
-        raise BodyError(f"the mesh has no facets named {OUTER!r}, whose shadow could be seen")
+        raise BodyError(f"the mesh has no facets named {OUTER!r} for the outline")
     facets = np.unique(np.concatenate([body.entities[role][1] for role in roles]))
     if dim == 2:
         return facets
     if not body.actuator.cut_planes:
-        raise BodyError("a whole device has no edge that is its outline; use a slice or --section axisymmetric")
+        raise BodyError("a whole device has no outline edge; use a slice or --section axisymmetric")
     topology = body.mesh.topology
     topology.create_connectivity(2, 1)
     edges_of = topology.connectivity(2, 1)
@@ -152,7 +153,7 @@ def outer_edges(body: Body) -> npt.NDArray[np.int32]:
 
 
 def edge_nodes(eq: System, space: fem.FunctionSpace, edges: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
-    """Local nodes of edges in a space of first or second order: both ends, then the middle; shape (m, 2 or 3)."""
+    """Return the local nodes of edges in a space of first or second order: both ends, then the middle; shape (m, 2 or 3)."""
     topology = eq.body.mesh.topology
     dim = topology.dim
     topology.create_connectivity(1, dim)
@@ -168,7 +169,7 @@ def edge_nodes(eq: System, space: fem.FunctionSpace, edges: npt.NDArray[np.int32
 
 
 def _sideways(actuator: Actuator) -> Array:
-    """Unit vector of the outline's plane square to the lift, from the axis towards the slice."""
+    """Return the unit vector of the outline's plane perpendicular to the lift, from the axis towards the slice."""
     if actuator.dimension == 2:
         return np.array([1.0, 0.0, 0.0])
     along = np.cross(actuator.lift, actuator.cut_planes[0].normal)
@@ -176,21 +177,22 @@ def _sideways(actuator: Actuator) -> Array:
 
 
 def _chain(edges: Array, lift: Array, along: Array, size: float) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-    """Order of edges (m, 3, 3) from the axis at the top outwards, down to the underside, and which of them to turn."""
+    """Return the order of edges (m, 3, 3) from the axis at the top outwards, down to the underside, and which of them to
+    reverse."""
     keys = np.round(edges[:, :2] / size * 1e7).astype(np.int64)
     ends = [[tuple(end) for end in pair] for pair in keys.tolist()]
     meeting: dict[tuple[int, ...], list[int]] = {}
     seen: set[frozenset[tuple[int, ...]]] = set()
     for i, pair in enumerate(ends):
-        if frozenset(pair) in seen:  # another rank has this edge too
+        if frozenset(pair) in seen:  # another rank also has this edge
             continue
         seen.add(frozenset(pair))
         for end in pair:
             meeting.setdefault(end, []).append(i)
-    height, radius = edges[:, :2] @ lift, edges[:, :2] @ along  # of a flat membrane all are the lowest
+    height, radius = edges[:, :2] @ lift, edges[:, :2] @ along  # all are the lowest on a flat membrane
     on_axis = np.argwhere(np.abs(radius) < 1e-7 * size)
     if not len(on_axis):
-        raise BodyError("the outer surface does not reach the axis, so its outline cannot be followed")
+        raise BodyError("the outer surface does not reach the axis, so the device has no outline")
     top = max(on_axis.tolist(), key=lambda place: height[tuple(place)])
     start = ends[top[0]][top[1]]
     i = meeting[start][0]
@@ -208,20 +210,20 @@ def _chain(edges: Array, lift: Array, along: Array, size: float) -> tuple[npt.ND
             break
         i = following[0]
     if not order:
-        raise BodyError("the outer surface has no top on the axis, so its outline cannot be followed")
+        raise BodyError("the outer surface has no top on the axis, so the device has no outline")
     return np.array(order), np.array(turned)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What of a body of revolution's outer curve is seen from the side: a trough behind a higher rim is not.
+# Visible outline of a body of revolution from the side: a trough behind a higher rim is hidden.
 #
 # The shadow reaches, at each height, as far as the body does: its edge is the curve's upper envelope from outside in. Where the
 # curve dips behind something higher and farther out, the edge runs level from that rim to where the curve comes up again.
 
 
-SAMPLES = 17  # places per piece at which heights are compared
+SAMPLES = 17  # samples per piece at which heights are compared
 DEEPEST = 1e-7
-"""Dips in m that are left alone."""
+"""Depth in m of ignored dips."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -239,7 +241,7 @@ class Shadow:
     weights: Array
 
     def rate(self, rate: Array) -> Array:
-        """Derivative of the edge's nodes from that of the whole curve's, shape (n, 3, 2) to (m, 3, 2).
+        """Return the derivative of the edge's nodes from that of the whole curve's, shape (n, 3, 2) to (m, 3, 2).
 
         Where pieces were cut they slide along the curve, and level parts along themselves: neither moves the edge.
         """
@@ -247,7 +249,7 @@ class Shadow:
 
 
 def shadow_of(curve: QuadraticCurve) -> Shadow:
-    """The visible edge of a curve that runs from the axis outwards and down."""
+    """Return the visible edge of a curve that runs from the axis outwards and down."""
     s, count = np.linspace(-1.0, 1.0, SAMPLES), len(curve.nodes)
     places, above = edge_heights(curve)
     hidden = above - places[:, 1] > DEEPEST
@@ -278,26 +280,27 @@ class _Part:
 
 
 def edge_heights(curve: QuadraticCurve) -> tuple[Array, Array]:
-    """Places of a curve, shape (n, 2), `SAMPLES` of each piece, and the height of the visible edge there, shape (n,)."""
+    """Return the places of a curve, shape (n, 2), `SAMPLES` of each piece, and the height of the visible edge there, shape
+    (n,)."""
     s, count = np.linspace(-1.0, 1.0, SAMPLES), len(curve.nodes)
     places = curve.at(np.repeat(np.arange(count), SAMPLES), np.tile(s, count))[0]
     return places, np.maximum.accumulate(places[::-1, 1])[::-1]  # the highest from here outwards
 
 
 def crest(curve: QuadraticCurve) -> tuple[int, float]:
-    """The highest place of a curve: its piece and the parameter there."""
+    """Return the highest place of a curve: its piece and the parameter there."""
     piece, place = divmod(int(np.argmax(edge_heights(curve)[0][:, 1])), SAMPLES)
     return piece, _summit(curve, piece, float(np.linspace(-1.0, 1.0, SAMPLES)[place]))
 
 
 def _summit(curve: QuadraticCurve, piece: int, s: float) -> float:
-    """The highest place of a piece near a parameter."""
+    """Return the highest place of a piece near a parameter."""
     slope, bend = (vectors[1] for vectors in curve.at(piece, s)[1:])
     return float(np.clip(s - slope / bend, -1.0, 1.0)) if bend < 0.0 else s
 
 
 def _assembled(curve: QuadraticCurve, parts: list[_Part]) -> Shadow:
-    """The edge of its parts in order, from the axis outwards."""
+    """Return the edge of its parts in order, from the axis outwards."""
     source = np.array([part.piece for part in parts])
     weights = shapes(np.array([[part.begin, part.end, (part.begin + part.end) / 2] for part in parts]))
     nodes = np.einsum("mab,mbi->mai", weights, curve.nodes[source])

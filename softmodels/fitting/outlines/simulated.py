@@ -1,4 +1,4 @@
-"""Outlines as a bench would measure them of a device whose material is known: for tests, for studies, for a demonstration."""
+"""Simulate measured outlines of a device of known material, for tests, studies and demonstrations."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from softmodels.runs.grid import QuadraticCurve
 
 @dataclasses.dataclass(frozen=True)
 class SimulatedCamera:
-    """What stands between the device and its measured outlines.
+    """Errors of simulated outline measurements.
 
     Attributes:
         spacing: Distance of neighbouring points along the outline in m.
         error: Standard error of each across the outline in m.
-        run: Over how many neighbours the errors keep together (integrated autocorrelation).
+        run: Correlation length of the errors, in points (integrated autocorrelation).
         pressure_error: Standard error of each reading in Pa.
         bench: True values of what the bench gets wrong, by the names of `outlines.fit.BENCH`; the others are 0.
     """
@@ -42,7 +42,7 @@ def simulated_outlines(
     quantity: str = "pressure",
     rng: np.random.Generator | None = None,
 ) -> list[Outline]:
-    """Outlines of a device at true pressures in Pa, or at added volumes in m3.
+    """Return the outlines of a device at true pressures in Pa, or at added volumes in m3.
 
     Args:
         model: The device and its law.
@@ -78,7 +78,8 @@ def simulated_outlines(
 
 
 def half_outline(curve: QuadraticCurve, spacing: float, lowest: float = -5e-5) -> tuple[Array, Array]:
-    """Places (n, 2) on a curve from the axis on, evenly far apart, as far as it is above ``lowest``, and unit normals."""
+    """Return the places (n, 2) on a curve from the axis on, evenly far apart, as far as it is above ``lowest``, and unit
+    normals."""
     s = np.linspace(-1.0, 1.0, 41)
     piece, at = np.repeat(np.arange(len(curve.nodes)), len(s)), np.tile(s, len(curve.nodes))
     dense = curve.at(piece, at)[0]
@@ -95,7 +96,8 @@ def half_outline(curve: QuadraticCurve, spacing: float, lowest: float = -5e-5) -
 
 
 def correlated(count: int, run: float, rng: np.random.Generator) -> Array:
-    """Noise of variance 1 whose integrated autocorrelation is ``run`` points: white noise through a local quadratic."""
+    """Return the noise of variance 1 whose integrated autocorrelation is ``run`` points: white noise through a local
+    quadratic."""
     half = max(round(1.1 * run), 1)
     if run <= 1.0:
         return rng.standard_normal(count)
@@ -110,7 +112,7 @@ def correlated(count: int, run: float, rng: np.random.Generator) -> Array:
 
 
 def readings_of(pressures: Array, bench: Mapping[str, float]) -> Array:
-    """What the column reads at true pressures, with the bench's offset, scale and leak; see `outlines.fit`."""
+    """Return the column's readings at true pressures, with the bench's offset, scale and leak; see `outlines.fit`."""
     offset, scale, leak = (bench.get(name, 0.0) for name in ("pressure_offset", "pressure_scale", "leak"))
     most = (pressures.max() + offset) / (1 - scale - leak)
     if leak == 0.0:

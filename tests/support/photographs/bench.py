@@ -34,7 +34,7 @@ class Bench:
 
     @classmethod
     def random(cls, seed: int, mixed: bool = False) -> Bench:
-        """The bench of a seed; every other one shows the body's sides.
+        """Return the bench of a seed; every other one shows the body's sides.
 
         Args:
             seed: Its seed.
@@ -77,14 +77,14 @@ class Bench:
         return np.asarray(rise - self.sinks * max(height, 0.0) * share**2 * (3 - 2 * share))
 
     def polygon(self, height: float) -> Array:
-        """The body (k, 2) in m."""
+        """Return the body (k, 2) in m."""
         if not self.shows_sides:
             return dome(height, self.radius, floor=self.floor, half_width=self.half_width)
         upper = self.upper(height, 1601)
         return np.vstack([upper, [[self.half_width, -0.2], [-self.half_width, -0.2]]])
 
     def upper(self, height: float, count: int = 2001) -> Array:
-        """The surface (n, 2) in m as far as it can be in the picture."""
+        """Return the surface (n, 2) in m as far as it can be in the picture."""
         reach = min(self.half_width, 0.018)
         x = np.linspace(-reach, reach, count)
         return np.column_stack([x, self.floor + self.surface(x, height)])

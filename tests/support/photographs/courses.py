@@ -40,7 +40,7 @@ class Rows:
     at: tuple[int, ...] = ()
 
     def outlines(self) -> list[Outline]:
-        """The rows as outlines of domes."""
+        """Return the rows as outlines of domes."""
         x = np.linspace(-0.012, 0.012, 61)
         columns = zip(self.heights, self.pressures, self.height_errors, self.pressure_errors, strict=True)
         return [
@@ -83,7 +83,7 @@ COURSES: dict[str, tuple[Callable[[np.random.Generator], Course], str]] = {
 
 
 def run(kind: str, rng: np.random.Generator, count: int) -> Rows:
-    """A good run of so many rows, one of them at zero."""
+    """Return a good run of so many rows, one of them at zero."""
     make, driven = COURSES[kind]
     top, most = rng.uniform(2e-3, 15e-3), rng.uniform(5.0, 60.0) * PA_PER_CM
     course = make(rng)
@@ -93,7 +93,7 @@ def run(kind: str, rng: np.random.Generator, count: int) -> Rows:
     steps = np.linspace(0.0, 1.0, count) if even else np.sort(np.r_[0.0, rng.uniform(0.05, 1.0, count - 1)])
     lag = np.zeros(count)
     if driven == "pressure":
-        # Under pressure the bulge goes to the first height that bears it: over the limit point it jumps.
+        # Under pressure the bulge goes to the first height in equilibrium with it: over the limit point it jumps.
         reached = np.maximum.accumulate(course(fine))
         u = fine[np.argmax(reached >= (steps * rng.uniform(0.9, 0.999) * greatest)[:, None], axis=1)]
     elif driven == "back":
@@ -149,7 +149,7 @@ def _off(low: float, high: float) -> Callable[[Rows, np.random.Generator], Rows]
 
 
 def _neighbours(rows: Rows, rng: np.random.Generator) -> Rows:
-    """The next photograph's height: a copy of it that kept no noise."""
+    """Return the next photograph's height: a copy of it that kept no noise."""
     k = _raised(rows, rng, 2)
     heights = rows.heights.copy()
     heights[k] = heights[k - 1] + rows.height_errors[k] * rng.standard_normal()
@@ -187,5 +187,5 @@ DAMAGES: dict[str, Callable[[Rows, np.random.Generator], Rows]] = {
 
 
 def damaged(kind: str, rows: Rows, rng: np.random.Generator) -> Rows:
-    """A run with a damage of this kind in it."""
+    """Return a run with a damage of this kind in it."""
     return DAMAGES[kind](rows, rng)

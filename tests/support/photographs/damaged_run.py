@@ -1,8 +1,8 @@
 """Whole runs of synthetic photographs with a damage in them, measured as a user's would be, and judged by the truth.
 
 A bench is a random camera, screen, lamp and body. Its run is a photograph of the grid, one of the undeformed body and several
-of the raised one. Where the body's sides are in the picture its width is told, as a user's device has a known one. A damage
-falls on one photograph, on all of them or on the setup; the undamaged ones stay as they are.
+of the raised one. Where the body's sides are in the picture its width is given, because that of a user's device is known. A
+damage falls on one photograph, on all of them or on the setup; the undamaged ones stay as they are.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class _Measured:
     """Photographs measured one by one, each above the same surface.
 
     Attributes:
-        setup: The setup, with the magnification that the body's width tells.
+        setup: The setup, with the magnification from the body's width.
         zero: The undeformed surface; None where it could not be found.
         outcomes: What became of each photograph.
     """
@@ -80,12 +80,12 @@ class Run:
         self.good = self._measured(self.pictures, self.setup)
 
     def good_ones(self) -> Iterator[Verdict]:
-        """Verdicts on the undamaged photographs."""
+        """Yield the verdicts on the undamaged photographs."""
         for number, outcome in enumerate(self._judged(self.good.outcomes)):
             yield self._verdict("none", Change(""), number, outcome, self.setup)
 
     def damaged(self, kind: str, seed: int) -> Iterator[Verdict]:
-        """Verdicts on the photographs that one damage fell on; none where no evidence of it can be in the pictures.
+        """Yield the verdicts on the photographs that one damage fell on; none where no evidence of it can be in the pictures.
 
         Args:
             kind: One of `damages.KINDS`.
@@ -98,7 +98,7 @@ class Run:
         chosen = int(np.random.default_rng(key).integers(2, len(SHARES)))
 
         def change_of(number: int) -> Change:
-            """The damage on one photograph: what is thrown on the screen belongs to its own body."""
+            """Return the damage on one photograph: what is thrown on the screen belongs to its own body."""
             rng = np.random.default_rng(key)
             rng.integers(2, len(SHARES))
             outline, surface = self.bench.polygon(self.heights[number]), self.bench.upper(self.heights[chosen])
@@ -124,7 +124,7 @@ class Run:
             yield self._verdict(kind, change, number, judged_ones[number], setup)
 
     def _again(self, picture: Pixels, number: int) -> list[Outline | Refusal]:
-        """What becomes of the photographs, one of which is another; nothing else is measured again."""
+        """Return what becomes of the photographs, one of which is another; nothing else is measured again."""
         outcomes = list(self.good.outcomes)
         if self.good.zero is not None:
             outcomes[number] = self._outcome(picture, self.good.setup, self.good.zero, number)

@@ -32,7 +32,7 @@ Damage = Callable[[Target, np.random.Generator], Change]
 
 
 def fibre_across(target: Target, rng: np.random.Generator) -> Change:
-    """A straight fibre that crosses the top of the outline."""
+    """Return a straight fibre that crosses the top of the outline."""
     where, length, thick = target.spot(rng, 0.8), rng.uniform(1e-3, 10e-3), rng.uniform(20e-6, 150e-6)
     angle, aside = rng.uniform(-90.0, 90.0), rng.uniform(-0.5, 0.5) * length
     way = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
@@ -45,7 +45,7 @@ def fibre_across(target: Target, rng: np.random.Generator) -> Change:
 
 
 def fibre_along(target: Target, rng: np.random.Generator) -> Change:
-    """A fibre that lies along the outline, on it or a little above."""
+    """Return a fibre that lies along the outline, on it or a little above."""
     where, length, thick = target.spot(rng, 0.8), rng.uniform(2e-3, 10e-3), rng.uniform(20e-6, 250e-6)
     above = rng.uniform(-0.5 * thick, 0.2e-3)
     line = band(target.surface, where, length, above, above + thick)
@@ -54,7 +54,7 @@ def fibre_along(target: Target, rng: np.random.Generator) -> Change:
 
 
 def speck(target: Target, rng: np.random.Generator) -> Change:
-    """Grains on the membrane."""
+    """Return the grains on the membrane."""
     grains = []
     for _ in range(int(rng.integers(1, 6))):
         where, radius = target.spot(rng), rng.uniform(20e-6, 400e-6)
@@ -71,20 +71,20 @@ def dust(target: Target, rng: np.random.Generator) -> Change:
 
 
 def scaled(target: Target, rng: np.random.Generator) -> Change:
-    """The body moved along the light: its shadow is larger or smaller about the foot of the lamp's perpendicular."""
+    """Return the body moved along the light: its shadow is larger or smaller about the foot of the lamp's perpendicular."""
     share = float(rng.choice([-1.0, 1.0])) * rng.uniform(0.003, 0.02)
     foot = target.surface[0] * [0.0, 1.0] + [rng.uniform(-5e-3, 5e-3), rng.uniform(-3e-3, 8e-3)]
     return Change(f"{share:+.2%}", shape=lambda polygon: foot + (polygon - foot) * (1.0 + share))
 
 
 def moved(target: Target, rng: np.random.Generator) -> Change:
-    """The body moved across the light."""
+    """Return the body moved across the light."""
     by = rng.uniform(15e-6, 300e-6) * np.array([rng.normal(), float(rng.choice([-1.0, 1.0]))])
     return Change(f"{by[0] * 1e6:.0f} um sideways, {by[1] * 1e6:.0f} um upwards", shape=lambda polygon: polygon + by)
 
 
 def tilted(target: Target, rng: np.random.Generator) -> Change:
-    """The body turned in the screen's plane."""
+    """Return the body turned in the screen's plane."""
     angle = float(rng.choice([-1.0, 1.0])) * np.radians(rng.uniform(0.05, 1.0))
     about = target.surface[0] * [0.0, 1.0] + [rng.uniform(-8e-3, 8e-3), 0.0]
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
@@ -92,7 +92,7 @@ def tilted(target: Target, rng: np.random.Generator) -> Change:
 
 
 def dent(target: Target, rng: np.random.Generator) -> Change:
-    """The membrane is drawn in."""
+    """Return the membrane is drawn in."""
     share = rng.uniform(0.05, 0.9)
     return Change(f"{share:.0%} of the height inwards", height=-share)
 
@@ -104,7 +104,7 @@ def overexposed(target: Target, rng: np.random.Generator) -> Change:
 
 
 def camera_moved(target: Target, rng: np.random.Generator) -> Change:
-    """The camera moved after the setup."""
+    """Return the camera moved after the setup."""
     by = 10 ** rng.uniform(-5.3, -3.5)
     turn = by / 0.08 * np.degrees(1.0)
     scene = {
@@ -115,13 +115,13 @@ def camera_moved(target: Target, rng: np.random.Generator) -> Change:
 
 
 def defocused(target: Target, rng: np.random.Generator) -> Change:
-    """The lens is out of focus."""
+    """Return the lens is out of focus."""
     blur = rng.uniform(1.5, 12.0)
     return Change(f"{blur:.1f} px", scene={"blur": blur})
 
 
 def noisy(target: Target, rng: np.random.Generator) -> Change:
-    """A high sensitivity, or too much compression."""
+    """Return a high sensitivity, or too much compression."""
     noise, quality = rng.uniform(3.0, 30.0), int(rng.integers(10, 90))
     return Change(f"noise {noise:.0f}, JPEG {quality}", scene={"noise": noise, "jpeg_quality": quality})
 
@@ -134,14 +134,14 @@ def edited(target: Target, rng: np.random.Generator) -> Change:
 
 
 def wrong_lens(target: Target, rng: np.random.Generator) -> Change:
-    """The setup has another lens' distortion."""
+    """Return the setup has another lens' distortion."""
     true = lens_of(target.scene["distortion"])
     off = float(rng.choice([-1.0, 1.0])) * 10 ** rng.uniform(-2.5, -1.0)
     return Change(f"k1 off by {off:+.3f}", lens=(true[0] + off, *true[1:]))
 
 
 def wrong_pitch(target: Target, rng: np.random.Generator) -> Change:
-    """The setup is given another pitch than the grid has."""
+    """Return the setup is given another pitch than the grid has."""
     off = float(rng.choice([-1.0, 1.0])) * rng.uniform(0.005, 0.03)
     return Change(f"pitch off by {off:+.1%}", pitch=1.0 + off)
 
@@ -179,4 +179,4 @@ KINDS: dict[str, tuple[str, Damage]] = {
 """Every kind of damage: what it falls on, and what it does."""
 
 NEEDS_SIDES = {kind for kind, (_, damage) in KINDS.items() if damage in (scaled, wrong_pitch)}
-"""Kinds that only the body's width tells; where its sides are not in the picture, nothing does."""
+"""Kinds detectable only from the body's width, so not if its sides are outside the picture."""

@@ -1,6 +1,6 @@
 """What goes wrong with the light between lamp and sensor, at a random place and of a random size.
 
-A damage is made for the body in one photograph (`Target`) and says what it does (`Change`). Lengths are in m on the screen,
+A damage is made for the body in one photograph (`Target`) and has an effect (`Change`). Lengths are in m on the screen,
 pixels those of the photograph.
 """
 
@@ -29,11 +29,11 @@ Stored = Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
 
 @dataclasses.dataclass(frozen=True)
 class Target:
-    """What a damage is made for.
+    """Target of a damage.
 
     Attributes:
         outline: Polygon (k, 2) in m of the body in the photograph to be damaged.
-        surface: Its upper side alone (n, 2), from left to right.
+        surface: Only its upper side (n, 2), from left to right.
         scene: Camera and light as numbers of `photographer.Scene` that a damage may change.
     """
 
@@ -47,7 +47,7 @@ class Target:
         return int(np.argmax(self.surface[:, 1]))
 
     def spot(self, rng: np.random.Generator, apex_share: float = 0.6) -> int:
-        """Index of a place on the surface: about the apex in most cases, else anywhere on what rises."""
+        """Return the index of a place on the surface: about the apex in most cases, else anywhere on what rises."""
         if rng.random() < apex_share:
             near = np.abs(self.surface[:, 0] - self.surface[self.apex, 0]) < 0.5e-3
         else:
@@ -57,7 +57,7 @@ class Target:
 
 @dataclasses.dataclass(frozen=True)
 class Change:
-    """What a damage does.
+    """Effect of a damage.
 
     Attributes:
         what: Kind, size and place in a few words.
@@ -83,7 +83,7 @@ class Change:
 
 
 def glint(target: Target, rng: np.random.Generator) -> Change:
-    """A reflection on the silicone along the edge and a little inside of it."""
+    """Return a reflection on the silicone along the edge and a little inside of it."""
     where, length, deep = target.spot(rng), rng.uniform(3e-3, 8e-3), rng.uniform(0.15e-3, 0.5e-3)
     thick, level = rng.uniform(0.2e-3, 0.8e-3), rng.uniform(0.6, 1.0)
     strip = band(target.surface, where, length, -deep - thick, -deep)
@@ -95,7 +95,7 @@ def glint(target: Target, rng: np.random.Generator) -> Change:
 
 
 def water_drop(target: Target, rng: np.random.Generator) -> Change:
-    """A drop of water on the lens: what is seen through it is blurred and displaced."""
+    """Return a drop of water on the lens: the image through it is blurred and displaced."""
     where, radius = target.spot(rng), rng.uniform(1.5e-3, 2.5e-3)
     middle = target.surface[where] + rng.normal(0.0, 0.4e-3, 2)
     strength, blur, prism = rng.uniform(-0.25, 0.4), rng.uniform(2.0, 12.0), rng.normal(0.0, 3.0, 2)
@@ -137,7 +137,7 @@ def flare(target: Target, rng: np.random.Generator) -> Change:
 
 
 def screen_bulge(target: Target, rng: np.random.Generator) -> Change:
-    """The screen bulges or slides near the apex: what is printed and thrown on it is seen elsewhere."""
+    """Return the screen bulges or slides near the apex: the grid and the shadow on it are displaced."""
     where, size = target.spot(rng, 0.8), rng.uniform(90e-6, 220e-6) / target.scene["pixel_size"]
     # What is much smaller than the grid's cells lies between its lines, and nothing shows it.
     reach = rng.uniform(0.45, 0.9) * target.scene["grid_pitch"]
@@ -171,7 +171,7 @@ def shimmer(target: Target, rng: np.random.Generator) -> Change:
 
 
 def second_lamp(target: Target, rng: np.random.Generator) -> Change:
-    """A second, weaker lamp beside the first."""
+    """Return a second, weaker lamp beside the first."""
     share, aside = rng.uniform(0.1, 0.35), float(rng.choice([-1.0, 1.0])) * 10 ** rng.uniform(-4.0, -2.5)
     by = np.array([aside, rng.normal(0.0, 0.1) * aside])
 
@@ -188,7 +188,7 @@ def second_lamp(target: Target, rng: np.random.Generator) -> Change:
 
 
 def shaken(target: Target, rng: np.random.Generator) -> Change:
-    """The camera moves during the exposure."""
+    """Return the camera moves during the exposure."""
     length, angle = int(rng.integers(2, 26)), rng.uniform(0.0, np.pi)
     kernel = np.zeros((2 * length + 1, 2 * length + 1), np.float32)
     for part in np.linspace(-0.5, 0.5, 8 * length):
@@ -205,7 +205,8 @@ def place(target: Target, where: int) -> str:
 
 
 def band(surface: Array, where: int, length: float, low: float, high: float) -> Array:
-    """Polygon (k, 2) of a band along a surface (n, 2), ``low`` to ``high`` above it, ``length`` long about a place."""
+    """Return the polygon (k, 2) of a band along a surface (n, 2), ``low`` to ``high`` above it, ``length`` long about a
+    place."""
     arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(surface, axis=0), axis=1))]
     at = np.linspace(arc[where] - 0.5 * length, arc[where] + 0.5 * length, 120)
     line = np.column_stack([np.interp(at, arc, surface[:, axis]) for axis in (0, 1)])
@@ -215,14 +216,15 @@ def band(surface: Array, where: int, length: float, low: float, high: float) -> 
 
 
 def _filled(light: Image, truth: Truth, polygon: Array, blur: float) -> Image:
-    """1 within a polygon (k, 2) in m and 0 outside, softened by ``blur`` in px, shape (h, w)."""
+    """Return 1 within a polygon (k, 2) in m and 0 outside, softened by ``blur`` in px, shape (h, w)."""
     mask = np.zeros(light.shape, np.uint8)
     cv2.fillPoly(mask, [np.rint(truth.to_pixels(polygon) * 16).astype(np.int32)], 255, cv2.LINE_AA, shift=4)
     return cv2.GaussianBlur(mask.astype(np.float32) / 255.0, (0, 0), blur)
 
 
 def _disk(light: Image, truth: Truth, middle: Array, radius: float) -> tuple[Array, Array, float]:
-    """Middle (2,) in px of a disk on the screen, every pixel's distance (h, w) from it in px, and its radius in px."""
+    """Return the middle (2,) in px of a disk on the screen, every pixel's distance (h, w) from it in px, and its radius in
+    px."""
     spots = truth.to_pixels(middle + radius * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
     rows, columns = np.indices(light.shape)
     far = np.hypot(columns - spots[0, 0], rows - spots[0, 1])
@@ -230,7 +232,7 @@ def _disk(light: Image, truth: Truth, middle: Array, radius: float) -> tuple[Arr
 
 
 def _moved(light: Image, right: Array, down: Array) -> Image:
-    """The picture (h, w) with what is at each pixel brought from where it was, so far to the left and above."""
+    """Return the picture (h, w) with what is at each pixel brought from where it was, so far to the left and above."""
     rows, columns = np.indices(light.shape, dtype=np.float32)
     source = columns - np.asarray(right, np.float32), rows - np.asarray(down, np.float32)
     return np.asarray(cv2.remap(light, *source, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE))

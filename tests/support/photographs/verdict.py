@@ -1,4 +1,4 @@
-"""Is an outline of a synthetic photograph right? Judged by the truth, as far as it calls itself trusted."""
+"""Compare trusted outlines of synthetic photographs with the truth."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HIDDEN = 1e-3
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Verdict:
-    """What became of one photograph.
+    """Result of one photograph.
 
     Attributes:
         kind: Kind of damage; "none" for a good photograph.
@@ -46,7 +46,7 @@ class Verdict:
 
 
 def faults_of(outline: Outline, bench: Bench, truth: Truth, setup: Setup, height: float) -> str:
-    """How an outline is wrong by more than its errors tell; empty where it is not.
+    """Return how an outline is wrong by more than its errors tell; empty where it is not.
 
     Args:
         outline: The outline.
@@ -74,7 +74,8 @@ def faults_of(outline: Outline, bench: Bench, truth: Truth, setup: Setup, height
 
 
 def across(bench: Bench, truth: Truth, setup: Setup, outline: Outline, height: float) -> Array:
-    """Distances (n,) in m of an outline's points from the true one, square to it, wherever the body stands along x."""
+    """Return the distances (n,) in m of an outline's points from the true one, square to it, wherever the body stands along
+    x."""
     origin = truth.to_metres(setup.to_pixels([[0.0, 0.0]]))[0, 0]
     x = outline.x + np.rint(origin / bench.scene.grid_pitch) * bench.scene.grid_pitch
     aside, rest = 0.0, np.zeros(len(x))
@@ -83,7 +84,7 @@ def across(bench: Bench, truth: Truth, setup: Setup, outline: Outline, height: f
         slope = (bench.surface(here + 5e-6, height) - bench.surface(here - 5e-6, height)) / 10e-6
         lever = slope / np.sqrt(1.0 + slope**2)
         rest = (outline.z - bench.surface(here, height)) / np.sqrt(1.0 + slope**2)
-        # Where along x a body stands means nothing to a fit, which has its own axis.
+        # Where along x a body stands does not affect a fit, which has its own axis.
         weight = np.minimum(1.0, 10e-6 / np.maximum(np.abs(rest), 1e-12))
         spread = float(np.sum(weight * lever**2))
         if spread < 1e-3 * len(x):
