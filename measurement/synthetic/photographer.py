@@ -386,17 +386,16 @@ def lens_of(given: Sequence[float]) -> Array:
     return np.array([*given, *[0.0] * (5 - len(given))])
 
 
-OF_THE_SCREEN = (
-    "width", "height", "focal_px", "pixel_size", "tilt", "pan", "roll", "grid_pitch", "line_width", "line_grey", "unevenness",
-)  # fmt: skip
-"""What of a scene, beside the lens and the camera's target, changes the lit screen that no shadow falls on."""
-
-
 def _lit_screen(scene: Scene) -> tuple[Rays, Image]:
     """Rays, and the light (h, w) of the bare screen."""
-    places = {name: tuple(map(float, getattr(scene, name))) for name in ("distortion", "target")}
-    bare = {field.name: field.default for field in dataclasses.fields(Scene) if field.name not in OF_THE_SCREEN}
-    rays, light = _light_of(dataclasses.replace(scene, **{**bare, **places}))
+    rays, light = _light_of(
+        Scene(
+            width=scene.width, height=scene.height, focal_px=scene.focal_px, pixel_size=scene.pixel_size, tilt=scene.tilt,
+            pan=scene.pan, roll=scene.roll, grid_pitch=scene.grid_pitch, line_width=scene.line_width,
+            line_grey=scene.line_grey, unevenness=scene.unevenness,
+            distortion=tuple(map(float, scene.distortion)), target=(float(scene.target[0]), float(scene.target[1])),
+        )
+    )  # fmt: skip
     return rays, light.copy()
 
 
