@@ -106,6 +106,28 @@ class FigureWriter:
                 terminalreporter.write_line(f"more than three times: {' | '.join(one.cells())}")
 
 
+LONG = {
+    "measurement": "accuracy refused damages round_trip soft_body own_files calibration copies line_shape door",
+    "verification": (
+        "ranks friction rigid_membrane iterative_parts loop fibres rigid supply robustness sensitivity communicators seminar "
+        "stl_shapes program"
+    ),
+    "softmodels": (
+        "loaded_fit outline_fit run named_ends devices_fit endings kills outline_command examples run_results folders "
+        "design_command"
+    ),
+    "design": "gradients parts inverse",
+    "docs": "pages",
+}
+"""Files of tests that take longest, by folder: they begin first, so that no core waits for one of them at the end."""
+
+
+def pytest_collection_modifyitems(items):
+    long = [f"{folder}/test_{name}.py" for folder, names in LONG.items() for name in names.split()]
+    order = {file: number for number, file in enumerate(long)}
+    items.sort(key=lambda item: order.get("/".join(item.path.parts[-2:]), len(order)))
+
+
 def pytest_addoption(parser):
     parser.addoption(
         "--write-figures", action="store_true", help="write the measured figures to tests/verification/README.md"

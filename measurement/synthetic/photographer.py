@@ -158,12 +158,14 @@ def shadowed(rays: Rays, polygon: Array, penumbra: float, ambient: float, lamp: 
         :height, :width
     ]
     y, x = np.nonzero(near)
+    curvature = outline.curvature(penumbra)
     for part in range(0, len(y), 500_000):
         piece = slice(part, part + 500_000)
         places = rays.at(y[piece].astype(float), x[piece].astype(float))
         # The lamp's image blurs the silhouette: on a curved edge, half of the light shifts towards the centre of curvature.
-        shift = 0.5 * penumbra**2 * outline.curvature(places, penumbra)
-        share[y[piece], x[piece]] = LAMPS[lamp]((outline.distance(places) + shift) / penumbra)
+        nearest = outline.nearest(places)
+        shift = 0.5 * penumbra**2 * curvature[nearest]
+        share[y[piece], x[piece]] = LAMPS[lamp]((outline.distance(places, nearest) + shift) / penumbra)
     return np.float32(ambient) + np.float32(1.0 - ambient) * share
 
 
@@ -197,9 +199,13 @@ class Outline:
         self.normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
         self.tree = cKDTree(self.points)
 
-    def distance(self, places: Array) -> Array:
-        """Return the distance (n,) in m from the outline, negative inside."""
-        _, nearest = self.tree.query(places, workers=-1)
+    def nearest(self, places: Array) -> NDArray[np.intp]:
+        """Return the numbers (n,) of the points of the outline that lie nearest to places (n, 2)."""
+        return np.asarray(self.tree.query(places, workers=-1)[1])
+
+    def distance(self, places: Array, nearest: NDArray[np.intp] | None = None) -> Array:
+        """Return the distance (n,) in m of places (n, 2) from the outline, negative inside; ``nearest`` is found where it is not given."""
+        nearest = self.nearest(places) if nearest is None else nearest
         best = np.full(len(places), np.inf)
         signed = np.empty(len(places))
         # At a corner neither side by itself distinguishes inside from outside, but the sum of their normals does
@@ -217,16 +223,15 @@ class Outline:
             signed = np.where(closer, np.copysign(far, outwards), signed)
         return signed
 
-    def curvature(self, places: Array, width: float) -> Array:
-        """Return the curvature (n,) in 1/m of the nearest edge, positive where it is convex; 0 near corners, over ``width`` in
-        m or less.
+    def curvature(self, width: float) -> Array:
+        """Return the curvature (k,) in 1/m at the outline's points, positive where it is convex; 0 within ``width`` in m of a corner.
 
         A circle's penumbra is no corner's; those have their own, for which the distance is accurate enough.
         """
         # Twice the area over the product of a triangle's sides, over some widths of the penumbra.
         step = max(2, round(3.0 * width / float(np.median(np.linalg.norm(self.sides, axis=1)))))
         if len(self.points) < 4 * step:
-            return np.zeros(len(places))
+            return np.zeros(len(self.points))
         here = self.points
         back, ahead = np.roll(here, step, axis=0) - here, np.roll(here, -step, axis=0) - here
         lengths = np.linalg.norm(back, axis=1) * np.linalg.norm(ahead, axis=1) * np.linalg.norm(ahead - back, axis=1)
@@ -235,8 +240,7 @@ class Outline:
         bend = -np.sign(np.sum((back + ahead) * middle, axis=1)) * 2.0 * area / np.maximum(lengths, 1e-30)
         corner = np.abs(bend) * width > 0.2
         near = np.convolve(np.r_[corner[-step:], corner, corner[:step]], np.ones(2 * step + 1), "valid") > 0.0
-        _, nearest = self.tree.query(places, workers=-1)
-        return np.where(near, 0.0, bend)[nearest]
+        return np.where(near, 0.0, bend)
 
 
 class SceneError(ValueError):
@@ -385,6 +389,29 @@ def lens_of(given: Sequence[float]) -> Array:
     return np.array([*given, *[0.0] * (5 - len(given))])
 
 
+def _lit_screen(scene: Scene) -> tuple[Rays, Image]:
+    """Rays, and the light (h, w) of the bare screen."""
+    rays, light = _light_of(
+        Scene(
+            width=scene.width, height=scene.height, focal_px=scene.focal_px, pixel_size=scene.pixel_size, tilt=scene.tilt,
+            pan=scene.pan, roll=scene.roll, grid_pitch=scene.grid_pitch, line_width=scene.line_width,
+            line_grey=scene.line_grey, unevenness=scene.unevenness,
+            distortion=tuple(map(float, scene.distortion)), target=(float(scene.target[0]), float(scene.target[1])),
+        )
+    )  # fmt: skip
+    return rays, light.copy()
+
+
+@functools.lru_cache(maxsize=1)
+def _light_of(scene: Scene) -> tuple[Rays, Image]:
+    """What the photographs of a bench share."""
+    truth = truth_of(scene)
+    rays = Rays(truth.matrix, truth.distortion, truth.homography, scene.width, scene.height)
+    light = gridded(rays, scene.grid_pitch, scene.line_width, scene.line_grey)
+    light *= lamp(scene.width, scene.height, scene.unevenness)
+    return rays, light
+
+
 def photograph(
     scene: Scene, outline: ArrayLike | None = None, seed: int = 0, things: Sequence[ArrayLike] = (), fault: Fault | None = None
 ) -> tuple[NDArray[np.uint8], Truth]:  # fmt: skip
@@ -406,9 +433,7 @@ def photograph(
     truth = truth_of(scene)
     rng = np.random.default_rng(seed)
     _check(truth)
-    rays = Rays(truth.matrix, truth.distortion, truth.homography, scene.width, scene.height)
-    light = gridded(rays, scene.grid_pitch, scene.line_width, scene.line_grey)
-    light *= lamp(scene.width, scene.height, scene.unevenness)
+    rays, light = _lit_screen(scene)
     shadows = [
         shadowed(rays, _polygon(shape) * scene.magnification, scene.penumbra, scene.ambient, scene.lamp)
         for shape in ([] if outline is None else [outline, *things])

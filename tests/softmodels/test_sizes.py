@@ -91,3 +91,11 @@ def test_parameters_are_counted_as_a_caller_sees_them():
     (method,) = ast.parse("def f(self, a, /, b, *rest, c=1, **more): ...").body
     (plain,) = ast.parse("def f(a, b): ...").body
     assert _parameters(method) == 5 and _parameters(plain) == 2
+
+
+def test_every_long_file_is_there(request):
+    """Files that begin first are named in `tests/conftest.py`, and must not get lost under another name."""
+    tests = Path(__file__).parents[1]
+    listed = next(plugin.LONG for plugin in request.config.pluginmanager.get_plugins() if hasattr(plugin, "LONG"))
+    files = [tests / folder / f"test_{name}.py" for folder, names in listed.items() for name in names.split()]
+    assert [str(file) for file in files if not file.is_file()] == []

@@ -7,6 +7,7 @@ import shutil
 import numpy as np
 import pytest
 
+from tests.support.on_ranks import figures as program
 from tests.support.ranks import figures_on
 
 NEAR_A_LIMIT = ("lowest eigenvalue",)
@@ -17,7 +18,7 @@ BY_ITERATIONS = ("wedge by iterations",)
 
 
 @pytest.fixture(scope="module")
-def meshes(program, two_cavities, tmp_path_factory):
+def meshes(two_cavities, tmp_path_factory):
     folder = tmp_path_factory.mktemp("ranks")
     pair = program.pair_of(shutil.copy(two_cavities, folder / "pair.step"))
     devices = (program.WEDGE, program.SLAB, program.FINGER, program.SECTION, program.TWIN)
@@ -25,7 +26,7 @@ def meshes(program, two_cavities, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def serial(program, meshes, comm):
+def serial(meshes, comm):
     return program.figures(comm, *meshes)
 
 
