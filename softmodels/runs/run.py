@@ -53,7 +53,6 @@ from softmodels.common.errors import (
     known_are,
     meant,
     spoken,
-    written,
 )
 from softmodels.common.files import file_digest, hdf5_reason, is_same
 from softmodels.common.processes import one_at_a_time
@@ -82,6 +81,7 @@ from softmodels.runs.outcomes import (
     DONE,
     NO_EQUILIBRIUM,
     STOPPED,
+    Ended,
     RunError,
 )
 from softmodels.runs.recording import begin_branch, gather
@@ -644,19 +644,6 @@ SAME = 1e-6
 """Values closer than this, relative, are one."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Ended:
-    """How a run ended: its exit status on a command line, and the sentence there; none if all was reached."""
-
-    status: int = DONE
-    message: str = ""
-    error: RunError | None = dataclasses.field(default=None, compare=False)
-
-    @classmethod
-    def by(cls, error: RunError) -> Ended:
-        return cls(error.status, written(error), error)
-
-
 class StateIndexError(Spoken, IndexError):
     """A number that no state of a run has; the message is a sentence for the user."""
 
@@ -938,8 +925,7 @@ class Run:
             if self.branch is not None:
                 self.branch._save_branch(results)
             results.write_sources(self._source.others)
-            notes = notes_of(self.case, self.rows, self.sources)
-            gather(self.case, results, self._ended.status, self._ended.message, notes)
+            gather(self.case, results, self._ended)
             results.own.forget_unwritten()
         finally:
             results.own.leave()
@@ -948,4 +934,4 @@ class Run:
         """Write this branch into the folder of its run."""
         aside = begin_branch(home, self.case)
         write_states(self._source, aside)
-        gather(self.case, aside, DONE, "", notes_of(self.case, self.rows))
+        gather(self.case, aside)

@@ -33,7 +33,7 @@ main(command)
 """
 KILLED = """
 import os, signal, sys
-from softmodels.results.store import Results
+from softmodels.runs.store import Results
 count, add = int(sys.argv.pop(1)), Results.add
 def add_and_die(self, *step):
     add(self, *step)

@@ -14,7 +14,7 @@ def handlers():
 
 from geometries import HollowDisk
 from softmodels.case.case import Case
-from softmodels.case.material_table import material_from
+from softmodels.case.materials import material_from
 from softmodels.cli.run import run
 import dolfinx_solver  # MPI's own handlers are set here
 
@@ -44,12 +44,12 @@ from unittest import mock
 
 from geometries import HollowDisk
 from softmodels.case.case import Case
-from softmodels.case.material_table import material_from
+from softmodels.case.materials import material_from
 from softmodels.cli.run import run
 
 case = Case(name="disk", actuator=HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0),
             material=material_from(None, {}), pressures_cm=(5.0,))
-with mock.patch("softmodels.cli.run.record", side_effect=KeyboardInterrupt):
+with mock.patch("softmodels.runs.recording.record", side_effect=KeyboardInterrupt):
     try:
         run(case, Path("out"), quiet=True, draw=False)
     except KeyboardInterrupt:

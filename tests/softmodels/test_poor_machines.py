@@ -9,7 +9,7 @@ import pytest
 RUN = """
 import sys
 from pathlib import Path
-import softmodels.mechanics.factorisation, softmodels.mechanics.mpi
+import softmodels.mechanics.direct, softmodels.mechanics.mpi
 {change}
 from softmodels.{module} import {names}
 {main}
