@@ -25,7 +25,7 @@ from collections.abc import (
     Mapping,
 )
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from softmodels.common.errors import Spoken, reason
 from softmodels.common.files import (
@@ -44,20 +44,19 @@ from softmodels.common.files import (
     version,
 )
 
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
+
 # ----------------------------------------------------------------------------------------------------------------------
 # A lock on a folder of results: one program at a time writes there, also where hosts share a file system.
 #
-# The system holds the lock and lets go of it when the process ends, however that happens. The file says who holds it, for the
-# sentence that another program is refused with. On file systems that know no locks the file alone counts.
+# The system holds the lock and lets go of it when the process ends, however that happens. Its file has the process and the
+# host in its lines, for the sentence that another program is refused with. On file systems that know no locks the file alone
+# counts; of a process of this machine it is seen whether it has ended.
 
 
-try:
-    import fcntl
-except ImportError:  # not on Windows
-    fcntl = None  # type: ignore[assignment]
-
-POLL = 0.2
-"""Seconds between two looks at a lock that is waited for."""
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)
+"""What file systems without locks answer."""
 
 
 class InUseError(Spoken, RuntimeError):
@@ -73,11 +72,11 @@ class FolderLock:
 
     def __init__(self, file: Path):
         self.file = file
-        self._handle: int | None = None
+        self._lock: BaseFileLock | None = None
 
     @property
     def held(self) -> bool:
-        return self._handle is not None
+        return self._lock is not None
 
     def take(self, wait: float = 0.0) -> None:
         """Take the lock, or wait for it.
@@ -89,97 +88,53 @@ class FolderLock:
             InUseError: Another program holds it.
             OSError: The file cannot be written.
         """
-        until = time.monotonic() + wait
-        while not self.held:
-            handle = self._open()
-            try:
-                if self._is_mine(handle):
-                    self._handle = handle
-                    os.ftruncate(handle, 0)
-                    os.write(handle, json.dumps(_me()).encode())
-                    return
-                holder = _holder(handle)
-            finally:
-                if self._handle is None:
-                    os.close(handle)
-            if time.monotonic() >= until:
-                raise InUseError(self._refusal(holder))
-            time.sleep(POLL)
+        from filelock import FileLock, SoftFileLock, Timeout
 
-    def _open(self) -> int:
+        if self.held:
+            return
+        # Through a link in a folder from elsewhere, any file of the user's would be written.
+        if self.file.is_symlink():
+            reason = f"its lock {self.file.name} is a link; remove that"
+            raise OSError(errno.ELOOP, reason, str(self.file))
+        lock: BaseFileLock = FileLock(self.file, thread_local=False, fallback_to_soft=False)
         try:
-            # Through a link in a folder from elsewhere, any file of the user's would be emptied.
-            return os.open(self.file, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
-        except OSError as error:
-            if self.file.is_symlink():
-                raise OSError(
-                    error.errno, f"its lock {self.file.name} is a link; remove that", str(self.file)
-                ) from None
+            try:
+                lock.acquire(timeout=wait)
+                self.file.write_text(f"{os.getpid()}\n{socket.gethostname()}\n", encoding="utf-8")
+            except OSError as error:
+                if isinstance(error, Timeout) or error.errno not in NO_LOCKS:
+                    raise
+                if not self.file.stat().st_size:  # made by this attempt
+                    self.file.unlink()
+                lock = SoftFileLock(self.file, thread_local=False)
+                lock.acquire(timeout=wait)
+        except Timeout:
+            raise InUseError(self._refusal()) from None
+        except BaseException:
+            lock.release()
             raise
+        self._lock = lock
 
     def release(self) -> None:
         """Give the lock back and take its file away; nothing happens if it is not held."""
-        if self._handle is None:
+        if self._lock is None:
             return
         with contextlib.suppress(OSError):
             self.file.unlink(missing_ok=True)
         with contextlib.suppress(OSError):
-            os.close(self._handle)
-        self._handle = None
+            self._lock.release()
+        self._lock = None
 
-    def _is_mine(self, handle: int) -> bool:
-        try:
-            if fcntl is None:
-                raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError:  # a file system without locks
-            return _is_stale(_holder(handle))
-        # Whoever held it before may have taken the file away between opening and locking.
-        with contextlib.suppress(OSError):
-            return os.fstat(handle).st_ino == self.file.stat().st_ino
-        return False
-
-    def _refusal(self, holder: dict[str, Any]) -> str:
-        who = f"process {holder.get('pid', 'unknown')} on {holder.get('host', 'this machine')}"
-        since = f", since {holder['since']}" if "since" in holder else ""
+    def _refusal(self) -> str:
+        who, since = "another process", ""
+        with contextlib.suppress(OSError, ValueError):
+            pid, host, *_ = read_text(self.file).splitlines()
+            who = f"process {int(pid)} on {host}"
+            since = f", since {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(self.file.stat().st_mtime))}"
         return (
             f"{self.file.parent} is in use by {who}{since}; wait until it has ended, or take another folder (--output). "
             f"If there is no such process any more, remove {self.file}"
         )
-
-
-def _me() -> dict[str, Any]:
-    since = time.strftime("%Y-%m-%d %H:%M:%S")
-    return {"pid": os.getpid(), "host": socket.gethostname(), "since": since}
-
-
-def _holder(handle: int) -> dict[str, Any]:
-    """Who a lock's file names; empty if it names nobody."""
-    try:
-        os.lseek(handle, 0, os.SEEK_SET)
-        found = json.loads(os.read(handle, 4096))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
-def _is_stale(holder: dict[str, Any]) -> bool:
-    """Whether the process that a file names has ended; of another host nobody can tell, so it is taken to be alive."""
-    if not holder:
-        return True
-    if os.name == "nt" or holder.get("host") != socket.gethostname() or not isinstance(holder.get("pid"), int):
-        return False
-    if holder["pid"] == os.getpid():
-        return True  # left by another process that had this number
-    try:
-        os.kill(holder["pid"], 0)
-    except ProcessLookupError:
-        return True
-    except OSError:
-        return False
-    return False
 
 
 # ----------------------------------------------------------------------------------------------------------------------
