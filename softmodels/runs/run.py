@@ -89,8 +89,6 @@ from softmodels.runs.resume import begin, recall, stored_point
 from softmodels.runs.row import Row
 from softmodels.runs.simulation import Simulation, Step
 from softmodels.runs.store import (
-    KEPT,
-    RESTART,
     Restart,
     Results,
     ResultsError,
@@ -135,7 +133,7 @@ class Source(Protocol):
     others: dict[str, list[Row]]
 
     def fields(self, step: int) -> Mapping[str, Array]:
-        """All nodal fields of a state, with what a restart needs where it is kept."""
+        """All nodal fields of a state."""
 
     def restart(self, step: int) -> Restart:
         """Numbers that a restart needs beside the fields."""
@@ -167,14 +165,10 @@ class InMemory:
         self._restarts: list[Restart] = []
 
     def add(self, step: Step) -> None:
-        """Keep a state. What a restart needs to the last bit is kept of the last states alone, as in a folder."""
-        public = on_root(self._comm, lambda: _public(step.fields or {}))
-        fields = dict(step.fields or public)
+        """Keep a state."""
         self.rows.append(step.row)
-        self._fields.append(fields)
+        self._fields.append(on_root(self._comm, lambda: step.fields or {}))
         self._restarts.append(step.restart)
-        if len(self._fields) > KEPT:
-            self._fields[-KEPT - 1] = _public(self._fields[-KEPT - 1])
 
     def fields(self, step: int) -> Mapping[str, Array]:
         return self._fields[step]
@@ -220,11 +214,8 @@ class InFolder:
         return is_same(self.folder, folder)
 
     def fields(self, step: int) -> Mapping[str, Array]:
-        from softmodels.runs.fields import RAW
-
-        names = [*PUBLIC, *(name for pair in RAW for name in pair)]
         try:
-            there = tuple(name for name in names if self._results.has(step, [name]))
+            there = tuple(name for name in PUBLIC if name in self._results.stored[step].shapes)
             return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
         except (OSError, KeyError) as error:
             raise self._gone(error) from None
@@ -336,14 +327,9 @@ def _absolute(folder: Path) -> Path:
         ) from None
 
 
-def _public(fields: Mapping[str, Array]) -> dict[str, Array]:
-    """The fields that are not a restart's alone."""
-    return {name: values for name, values in fields.items() if not name.startswith(RESTART)}
-
-
 def state_of(source: Source, step: int) -> SolvedState:
     """One of a source's states."""
-    return SolvedState(source.rows[step], source.points, source.cells, source.cell_name, _public(source.fields(step)))
+    return SolvedState(source.rows[step], source.points, source.cells, source.cell_name, source.fields(step))
 
 
 def write_states(source: Source, results: Results) -> None:
@@ -434,7 +420,7 @@ def _between(simulation: Simulation, source: Source, ends: tuple[int, int], aske
     solved = [step for step in range(ends[0] + 1) if step not in passed]
     path.recall = functools.partial(recall, stored, fields, comm, solved)
     try:
-        path.resume([*points[:-1], dataclasses.replace(points[-1], factorised=True)])
+        path.resume(points)
         tangent = path.corrector.tangent(after.state)
         before, after = path.last, dataclasses.replace(after, tangent=tangent)
         if quantity in source.rows[0]:
@@ -458,9 +444,6 @@ class _Stored:
 
     def __init__(self, source: Source):
         self._source = source
-
-    def has(self, step: int, names: Sequence[str]) -> bool:
-        return set(names) <= set(self._source.fields(step))
 
     def fields(self, step: int, names: tuple[str, ...]) -> Mapping[str, Array]:
         known = self._source.fields(step)

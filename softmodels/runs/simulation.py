@@ -81,8 +81,8 @@ class Step:
 
     Attributes:
         row: Its row of ``path.csv``, on all ranks.
-        fields: Nodal fields by name, SI units, shape (n,) or (n, 3), as `Fields.nodal` gives them, and what a restart needs
-            to the last bit; on rank 0, None elsewhere.
+        fields: Nodal fields by name, SI units, shape (n,) or (n, 3), as `Fields.nodal` gives them, and at a bifurcation its
+            ``mode``; on rank 0, None elsewhere.
         restart: Numbers that a restart needs beside the fields.
     """
 
@@ -471,15 +471,12 @@ class Simulation:
         case, fields = self.case, self.fields
         figures = fields.figures(point.state)
         nodal = fields.nodal(point.state)  # on rank 0 alone
-        if point.mode is not None:
-            mode = fields.shape(point.mode)
-            more = None if mode is None else {"mode": mode / np.abs(mode).max()}
-        else:
-            more = fields.raw(point.state, point.tangent)
-        whole = None if nodal is None or more is None else {**nodal, **more}
+        mode = None if point.mode is None else fields.shape(point.mode)
+        if nodal is not None and mode is not None:
+            nodal["mode"] = mode / np.abs(mode).max()
         band = self._band.cells(point) if self._band else {}
-        row = on_root(self.comm, lambda: row_of(Solved(case, fields, point, figures, whole or {}, number, come, band)))
-        return Step(row, whole, restart_of(point))
+        row = on_root(self.comm, lambda: row_of(Solved(case, fields, point, figures, nodal or {}, number, come, band)))
+        return Step(row, nodal, restart_of(point))
 
 
 def _own_words() -> bool:

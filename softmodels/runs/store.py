@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import (
     TYPE_CHECKING,
     Any,
-    NotRequired,
     Protocol,
     TypedDict,
 )
@@ -80,8 +79,7 @@ class Restart(TypedDict):
 
     Attributes:
         P, V: The state's pressure and volume, dimensionless.
-        tangent: Changes of P and V along the path; left out where none is known.
-        iterations: Newton iterations that led to the state.
+        tangent: Changes of P and V along the path.
     """
 
     P: float
@@ -92,13 +90,8 @@ class Restart(TypedDict):
     turn: bool
     step: float
     line: str
-    factorised: bool
-    age: int
     stiffest: float
-    worn: bool
-    largest: float
-    tangent: NotRequired[list[float]]
-    iterations: int
+    tangent: list[float]
     signature: StoredSignature
 
 
@@ -107,10 +100,8 @@ def restart_of(point: Point) -> Restart:
     signature = point.signature
     return {
         "P": point.state.P, "V": point.state.V, "requested": point.requested, "limit": point.limit, "jump": point.jump,
-        "turn": point.turn, "step": point.step,
-        "line": point.line, "factorised": point.factorised, "age": point.age, "stiffest": point.stiffest,
-        "worn": point.worn, "largest": point.largest, "tangent": [point.tangent.P, point.tangent.V],
-        "iterations": point.state.iterations,
+        "turn": point.turn, "step": point.step, "line": point.line, "stiffest": point.stiffest,
+        "tangent": [point.tangent.P, point.tangent.V],
         "signature": {
             "negative_eigenvalues": signature.negative_eigenvalues, "lowest": signature.lowest, "exact": signature.exact,
         },
@@ -185,11 +176,8 @@ def read_values(group: h5py.Group, path: str) -> npt.NDArray[np.generic]:
 # Where one step of a run is on disk.
 
 
-RESTART = "restart"
-"""What of a step is for a restart alone: its attribute, and the beginning of its fields' names."""
-KEPT = 8
-"""Steps at the end of a gathered run that keep what a restart needs: it is gone on with from there."""
-ROW = "row"
+ROW, RESTART = "row", "restart"
+"""Attributes of a step: its row of ``path.csv``, and what a restart needs beside its fields."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -201,7 +189,7 @@ class StoredStep:
         group: Its group in there.
         row: Its row of ``path.csv``.
         restart: What a `Point` needs to be made again, beside its fields.
-        shapes: Shapes of its nodal fields by name, (n,) or (n, 3), but for those that are for a restart alone.
+        shapes: Shapes of its nodal fields by name, (n,) or (n, 3).
     """
 
     file: str
@@ -219,8 +207,8 @@ class Shaped(Protocol):
 
 
 def shapes_of(fields: Mapping[str, Shaped]) -> dict[str, tuple[int, ...]]:
-    """Shapes of nodal fields or of datasets, sorted by name, without those for a restart alone."""
-    return {name: fields[name].shape for name in sorted(fields) if not name.startswith(RESTART)}
+    """Shapes of nodal fields or of datasets, sorted by name."""
+    return {name: fields[name].shape for name in sorted(fields)}
 
 
 def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
@@ -449,14 +437,12 @@ def write_gathered(
         with opened(heavy) as old:
             old.copy("mesh", file)
             file.attrs["format"] = old.attrs.get("format", 0)
-        for number, (step, place) in enumerate(zip(stored, gathered, strict=True)):
+        for step, place in zip(stored, gathered, strict=True):
             with opened(heavy.parent / step.file) as source:
                 group = file.create_group(place.group)
                 part = source[step.group] if step.group else source
-                kept = number >= len(stored) - KEPT
                 for name in part:
-                    if kept or not name.startswith(RESTART):
-                        part.copy(name, group)
+                    part.copy(name, group)
                 for key, value in part.attrs.items():
                     group.attrs[key] = value
         write_vtkhdf(file, SAME_FILE, shapes, gathered)
@@ -491,8 +477,8 @@ def picture_folder(folder: Path) -> OwnFolder:
     return OwnFolder(folder, "pictures", part="pictures")
 
 
-FORMAT = 4
-"""Of the stored steps, in the HDF5 file's attribute ``format``. An older one does not go on to the same numbers."""
+FORMAT = 5
+"""Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read and not gone on with."""
 INPUTS = "files/"
 """The folder inside for copies of what a case is made from, such as a part's mesh."""
 RUN, BRANCH = "run", "branch/"
@@ -724,12 +710,6 @@ class Results:
         stored = self.stored[step]
         with opened(self.folder / stored.file) as file:
             return {name: np.asarray(read_values(file, f"{stored.group}/{name}")) for name in names}
-
-    def has(self, step: int, names: Sequence[str]) -> bool:
-        """Whether a stored step has these fields."""
-        stored = self.stored[step]
-        with opened(self.folder / stored.file) as file:
-            return all(f"{stored.group}/{name}" in file for name in names)
 
     def finish(self) -> None:
         """Gather all steps into the one HDF5 file. At no moment is a step readable nowhere.
