@@ -144,6 +144,9 @@ if TYPE_CHECKING:
         run as run,
     )
     from softmodels.runs.limits import Limit as Limit
+    from softmodels.runs.model import Equilibrium as Equilibrium
+    from softmodels.runs.model import Mode as Mode
+    from softmodels.runs.model import Model as Model
     from softmodels.runs.outcomes import RunError as RunError
     from softmodels.runs.run import Run as Run
     from softmodels.runs.run import SolvedState as SolvedState
@@ -195,6 +198,7 @@ _PLACES = {
     "softmodels.fitting.curves.fit": ("fit_curves",),
     "softmodels.fitting.scoring": ("score", "Score"),
     "softmodels.runs.limits": ("Limit",),
+    "softmodels.runs.model": ("Model", "Equilibrium", "Mode"),
     "softmodels.runs.outcomes": ("RunError",),
     "softmodels.runs.store": ("ResultsError",),
     "softmodels.casting.settings": ("MouldError",),

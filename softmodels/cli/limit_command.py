@@ -53,8 +53,6 @@ from softmodels.common.units import WATER_DENSITY
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import extrapolated
 from softmodels.materials.stability import check_rest, weakest, weakness
-from softmodels.mechanics.body import BodyError
-from softmodels.mechanics.compiling import CompilingError
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.contact import ObstacleError
 from softmodels.mechanics.mpi import (
@@ -75,7 +73,7 @@ from softmodels.runs.limits import (
     with_sources,
 )
 from softmodels.runs.notes import NEAR_STRETCH_LIMIT, unseen
-from softmodels.runs.outcomes import FAILED
+from softmodels.runs.outcomes import FAILED, RunError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -359,7 +357,7 @@ def _answered(
             sampled = scatter(case, first, question.tolerances, values, comm)
     except (CaseError, GeometryError, ObstacleError, ComponentError) as error:
         fail(str(error))
-    except (MeshingError, BodyError, CompilingError) as error:
+    except (MeshingError, RunError) as error:
         fail(str(error), FAILED)
     except OSError as error:  # the mesh is made in the folder for temporary files
         fail(f"the mesh cannot be written ({error.strerror or error})", FAILED)

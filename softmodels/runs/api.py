@@ -13,6 +13,7 @@ from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.case.components import without_walls
 from softmodels.case.entries import CaseError
+from softmodels.case.from_python import Values, case_of
 from softmodels.case.load import LoadRequest
 from softmodels.case.materials import AnyBand
 from softmodels.case.requests import Probes
@@ -44,6 +45,7 @@ from softmodels.path.program import Program
 from softmodels.path.supply import AirSupply
 from softmodels.runs.columns import state_labels
 from softmodels.runs.limits import Limit, find_limit
+from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, RunError, UnwrittenError
 from softmodels.runs.recording import (
@@ -59,9 +61,6 @@ from softmodels.runs.run import (
     InFolder,
     InMemory,
     Run,
-    Values,
-    case_of,
-    temporary_folder,
 )
 from softmodels.runs.simulation import (
     Listener,
@@ -336,19 +335,13 @@ def limit(
         RunError: The equations cannot be made or solved.
         MeshingError, MeshFileError: The device cannot be meshed.
     """
-    from softmodels.mechanics.body import BodyError
-    from softmodels.mechanics.compiling import CompilingError
-
     # What no case may be, no limit is asked of; its load is not looked at.
     around = {"sheet": sheet, "obstacle": obstacle, "parts": parts}
     how = {"formulation": formulation, "solver": solver}
     case = Case("limit", device, material, pressures_cm=(1.0,), **around, **how)  # type: ignore[arg-type]
     comm = start()
-    try:
-        with sentences():
-            return find_limit(case, [case.material], comm)[0]
-    except (BodyError, CompilingError) as error:
-        raise RunError(str(error)) from error
+    with sentences():
+        return find_limit(case, [case.material], comm)[0]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

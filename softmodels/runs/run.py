@@ -2,80 +2,52 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 import io
 import itertools
 import operator
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import (
     TYPE_CHECKING,
     Protocol,
-    TypedDict,
-    Unpack,
 )
 
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.case.entries import (
-    ML,
     CaseError,
-    SeriesError,
-    factor_of,
-    of_text,
-    one_of_text,
-    series,
-    split_text,
 )
-from softmodels.case.load import LoadRequest
-from softmodels.case.materials import AnyBand, SourceBand, band_of
-from softmodels.case.requests import Probes
+from softmodels.case.from_python import one_value
+from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.calls import (
     checked,
-    doubt,
     keep_arrays,
-    one_of,
     place,
     read_only,
 )
 from softmodels.common.errors import (
-    FieldError,
     Spoken,
     known_are,
-    meant,
     spoken,
 )
 from softmodels.common.files import file_digest, hdf5_reason, is_same
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.schema import Quantity
 from softmodels.common.units import (
-    FACTORS,
-    WATER_DENSITY,
     UnitError,
     brief,
     number,
-    pascal_per_cm,
-    quantity,
 )
-from softmodels.materials.laws import Material
-from softmodels.mechanics.component import Component
-from softmodels.mechanics.contact import Obstacle
-from softmodels.mechanics.mpi import is_root, on_root, start
-from softmodels.mechanics.sheet import Sheet
-from softmodels.path.program import Program
-from softmodels.path.supply import AirSupply
+from softmodels.mechanics.mpi import on_root, start
 from softmodels.runs.band import in_order, read_sources
 from softmodels.runs.columns import state_labels
 from softmodels.runs.limits import Limit
+from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import (
     DONE,
@@ -217,7 +189,7 @@ class InFolder:
         try:
             there = tuple(name for name in PUBLIC if name in self._results.stored[step].shapes)
             return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
-        except (OSError, KeyError) as error:
+        except (OSError, KeyError, ResultsError) as error:
             raise self._gone(error) from None
 
     def restart(self, step: int) -> Restart:
@@ -340,21 +312,6 @@ def write_states(source: Source, results: Results) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# A folder for a while, the same on all ranks.
-
-
-@contextlib.contextmanager
-def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
-    """A folder for a while, the same on all ranks."""
-    path = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
-    try:
-        yield path
-    finally:
-        if is_root(comm):
-            shutil.rmtree(path, ignore_errors=True)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # A state between two of a run's: solved for from those two, on the run's own mesh.
 
 
@@ -470,154 +427,7 @@ def _to_one(case: Case, quantity: str, wanted: float) -> Case:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What is asked of a device, as a notebook writes it, made into a case: arrays in SI, or texts with a unit.
-
-
-type Values = str | float | Sequence[float | str] | npt.NDArray[np.float64]
-"""Requested values: a text with a unit such as ``"0:177 cm"``, texts such as ``["1 kPa", "2 kPa"]``, or numbers in SI units."""
-LEAST_PRESSURE = 200.0
-"""Pa; the largest of pressures that are given as numbers is hardly meant to lie below, where most devices have not moved."""
-
-
-class RequestOptions(TypedDict, total=False):
-    """The fields of a `Case` that a call may give beside device, material and load."""
-
-    strokes: Values | None
-    driven: LoadRequest | None
-    supply: AirSupply | None
-    name: str | None
-    control: str
-    formulation: str
-    solver: str
-    sheet: Sheet | None
-    obstacle: Obstacle | None
-    parts: Component | Sequence[Component]
-    band: AnyBand | str | Path | None
-    cycle: bool
-    program: Program
-    gauges: Probes | None
-    water_density: float | str
-
-
-def case_of(
-    device: Actuator,
-    material: Material | str,
-    pressures: Values | None = None,
-    volumes: Values | None = None,
-    **options: Unpack[RequestOptions],
-) -> Case:
-    """A case.
-
-    Args:
-        device: The device.
-        material: Its silicone, or the name of one.
-        pressures: Requested pressures: numbers in Pa, or a text in cm of the water column or in a unit of pressure.
-        volumes: Requested added volumes of the cavity: numbers in m3, or a text.
-        options: ``strokes`` of a syringe (m3, or a text) with the ``supply``; other fields of a `Case` by their names.
-
-    Raises:
-        ArgumentError, CaseError: Invalid input.
-    """
-    one_of("device", device, Actuator, "a device, such as sm.HollowDisk()")
-    chosen = {key: value for key, value in options.items() if value is not None and key != "strokes"}
-    try:
-        density = Quantity("kg/m^3").settled("water_density", options.get("water_density", WATER_DENSITY))
-    except FieldError as error:
-        raise CaseError(str(error)) from None
-    cm = pascal_per_cm(density)
-    fields = {
-        "name": device.stem,
-        "pressures_cm": _in("cm", pressures, "pressure", cm),
-        "volumes_ml": _in("ml", volumes, "volume", cm),
-        "strokes_ml": _in("ml", options.get("strokes"), "stroke", cm),
-        **chosen,
-    }
-    if isinstance(band := fields.get("band"), str | Path):
-        fields["band"] = band_of(band)
-    case = Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
-    _doubt_pressures(pressures, case)
-    return case
-
-
-def _doubt_pressures(pressures: Values | None, case: Case) -> None:
-    """Warn of pressures as small as only numbers in another unit are."""
-    plain = isinstance(pressures, int | float) or (
-        pressures is not None and not isinstance(pressures, str) and not any(isinstance(one, str) for one in pressures)
-    )
-    if plain and case.goals[-1] < LEAST_PRESSURE:
-        highest = case.goals[-1]
-        doubt(
-            f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} cm of water; numbers are in Pa, so write "
-            f"another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"
-        )
-
-
-def one_value(text: str, pascal_in_cm: float) -> tuple[str, float]:
-    """Whether a text such as ``"70 cm"`` is a ``"pressure"`` (Pa) or a ``"volume"`` (m3), and its value.
-
-    Raises:
-        CaseError: Neither.
-    """
-    number, unit = split_text(text)
-    if unit == "cm":
-        return "pressure", _scaled(number, "pressure") * pascal_in_cm
-    for what, si in (("pressure", "Pa"), ("volume", "m^3")):
-        if (factor := factor_of(unit, si)) is not None:
-            return what, _scaled(number, what) * factor
-    raise CaseError(
-        f"{brief(text)} is no pressure and no volume; write it like 70 cm, 7 kPa or 40 ml"
-        + meant(unit, ["cm", *FACTORS["Pa"], *FACTORS["m^3"]])
-    )
-
-
-def _scaled(number: str, what: str) -> float:
-    try:
-        return quantity(number, "")
-    except UnitError as error:
-        raise CaseError(f"{what} {brief(number)}: {error}") from None
-
-
-def _in(unit: str, values: Values | None, what: str, pascal_in_cm: float) -> tuple[float, ...]:
-    """Requested values in cm of the column or in ml, as a case has them.
-
-    Raises:
-        CaseError: They are none.
-    """
-    if values is None:
-        return ()
-    scale = 1 / pascal_in_cm if unit == "cm" else 1 / ML
-    try:
-        if isinstance(values, str):
-            return of_text(unit, values, what, pascal_in_cm)
-        found = [
-            one_of_text(unit, one, what, pascal_in_cm) if isinstance(one, str) else number(one) * scale
-            for one in _listed(values, what)
-        ]
-        if not found:
-            raise CaseError(f"{what}s are an empty list; give one value or more, such as {EXAMPLES[unit]}")
-        return series(found, what)
-    except (SeriesError, UnitError) as error:
-        raise CaseError(str(error)) from None
-
-
-EXAMPLES = {"cm": "'0:177 cm'", "ml": "'0:60 ml'"}
-
-
-def _listed(values: object, what: str) -> list[object]:
-    """Requested values one by one: Python's own numbers and texts.
-
-    Raises:
-        CaseError: They are something else.
-    """
-    if not isinstance(values, list | tuple):
-        if not hasattr(values, "tolist") and (isinstance(values, bool) or not isinstance(values, int | float)):
-            raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
-        values = np.asarray(values).tolist()
-    flat = values if isinstance(values, list | tuple) else [values]
-    plain = [one.item() if isinstance(one, np.generic) else one for one in flat]
-    if not all(isinstance(one, int | float | str) and not isinstance(one, bool) for one in plain):
-        raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
-    return plain
+# A run as a value.
 
 
 COLUMNS = {"pressure": ("pressure_Pa", 1.0), "volume": ("added_volume_ml", 1e-6), "stroke": ("stroke_ml", 1e-6),

@@ -15,15 +15,11 @@ from softmodels.case.materials import MaterialErrors
 from softmodels.common.arrays import Array
 from softmodels.materials.stability import weakness
 from softmodels.mechanics import c_library
-from softmodels.mechanics.compiling import (
-    CompilingError,
-    cache,
-    compiling,
-    wait_for_cache,
-)
+from softmodels.mechanics.compiling import cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.path.points import DeadForce, LoadDisplacement, Pressure
 from softmodels.runs.columns import Solved, row_of
+from softmodels.runs.model import Model, body_of
 from softmodels.runs.notes import explain, explain_failure, explain_step
 from softmodels.runs.outcomes import (
     FAILED,
@@ -295,25 +291,16 @@ class Simulation:
             RunError: The mesh is of another device, or nothing can be compiled.
             MeshFileError: No mesh as `write_mesh` makes them.
         """
-        from softmodels.mechanics.body import Body, BodyError
-        from softmodels.mechanics.solver import Solver
-        from softmodels.mechanics.system import System
-        from softmodels.runs.fields import Fields
-
         case, say = self.case, self.listener.say
         say("preparing the equations (compiled the first time, some ten seconds; then from the cache)")
         on_root(self.comm, lambda: wait_for_cache(cache(), say, self.stopped))
         self._stop_if_asked()
-        try:
-            self.body = Body.from_file(case.actuator, file, self.comm)
-            with compiling():
-                system = System(self.body, case.material, case.formulation, case.sheet, case.obstacle, case.parts)
-                self.solver = Solver(system, case.solver)
-                self.fields = Fields(self.solver, case.gauges)
-                self._band = self._make_band()
-            self.beginning = Beginning(case, self.solver, say)
-        except (BodyError, CompilingError) as error:
-            raise RunError(str(error)) from error
+        self.body = body_of(case.actuator, file, self.comm)
+        model = Model.of(case, self.body)
+        self.solver, self.fields = model.solver, model.fields
+        with compiling():
+            self._band = self._make_band()
+        self.beginning = Beginning(case, self.solver, say)
 
     def _make_band(self) -> Band | None:
         from softmodels.runs.band import Band

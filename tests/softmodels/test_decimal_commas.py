@@ -17,13 +17,13 @@ from measurement.screen.setup import SetupError
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
+from softmodels.case.from_python import case_of
 from softmodels.common.errors import GeometryError
 from softmodels.disk import command as disk
 from softmodels.fitting.outlines.residuals import read_heights
 from softmodels.fitting.outlines.shapes import OutlineFitError
 from softmodels.runs.limits import Tolerance
 from softmodels.runs.notes import typed_notes
-from softmodels.runs.run import case_of
 from softmodels.seminar import command as seminar
 
 LOAD = "--pressure-cm=0:10"

@@ -18,6 +18,7 @@ import pytest
 
 import softmodels as sm
 from geometries import Actuator
+from softmodels.case.from_python import case_of
 from softmodels.common.errors import OWN
 from softmodels.common.schema import (
     Choice,
@@ -31,7 +32,6 @@ from softmodels.common.schema import (
 )
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Material
-from softmodels.runs.run import case_of
 
 LEAST = 300
 """Wrong calls that are made at least."""
@@ -212,6 +212,11 @@ def calls(loaded):
         {"device": "device", "material": "material", "sheet": "thing", "obstacle": "thing", "parts": "parts",
          "formulation": "choice", "solver": "choice"},
     )  # fmt: skip
+    yield Call(
+        sm.Model, base,
+        {"device": "device", "material": "material", "sheet": "thing", "obstacle": "thing", "components": "parts",
+         "formulation": "choice", "solver": "choice"},
+    )  # fmt: skip
     case = PROBLEM.case
     right = {"name": "a", "actuator": DISK, "material": LAW, "pressures_cm": (0.0, 30.0)}
     yield Call(
@@ -280,7 +285,7 @@ def nothing_starts(monkeypatch, tmp_path):
     for place in (
         "geometries.actuator.Actuator.write", "softmodels.mechanics.system.System.__init__",
         "softmodels.runs.api.start", "softmodels.casting.files.made", "softmodels.design.optimise.start",
-        "softmodels.runs.run.start", "softmodels.fitting.curves.fit.fit_law_to_curves",
+        "softmodels.runs.run.start", "softmodels.runs.model.start", "softmodels.fitting.curves.fit.fit_law_to_curves",
         "softmodels.fitting.outlines.fit.start", "softmodels.runs.run.begin",
     ):  # fmt: skip
         monkeypatch.setattr(place, started)
@@ -408,7 +413,7 @@ def test_every_public_name_is_called_wrongly(loaded):
     errors = {
         name for name in public if isinstance(getattr(sm, name), type) and issubclass(getattr(sm, name), Exception)
     }
-    results = {"Run", "SolvedState", "Score", "Limit"}
+    results = {"Run", "SolvedState", "Score", "Limit", "Equilibrium", "Mode"}
     below = {
         "Material",
         "ImportedActuator",
