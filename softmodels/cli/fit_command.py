@@ -60,7 +60,7 @@ from softmodels.mechanics.mpi import (
 )
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.outcomes import DONE, FAILED
-from softmodels.runs.recording import Progress
+from softmodels.runs.progress import Progress
 
 
 @click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})

@@ -39,9 +39,9 @@ from softmodels.runs.outcomes import (
     NO_EQUILIBRIUM,
     Ended,
 )
+from softmodels.runs.progress import Progress
 from softmodels.runs.recording import (
     Observer,
-    Progress,
     ResultsPlace,
     branch_rows,
     solved_into,

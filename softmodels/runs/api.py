@@ -48,8 +48,8 @@ from softmodels.runs.limits import Limit, find_limit
 from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, RunError, UnwrittenError
+from softmodels.runs.progress import Progress
 from softmodels.runs.recording import (
-    Progress,
     ResultsPlace,
     is_loaded,
     no_branch,

@@ -6,22 +6,19 @@ import contextlib
 import dataclasses
 import functools
 import json
-import os
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
-from softmodels.common.errors import Spoken, reason, spoken
+from softmodels.common.errors import Spoken, reason
 from softmodels.common.files import file_digest, write_text
 from softmodels.common.folders import OwnFolderError
-from softmodels.common.terminal import COLUMNS, columns, wrapped
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import is_root, on_root
-from softmodels.runs.columns import StateLabels, state_labels
+from softmodels.runs.columns import state_labels
 from softmodels.runs.notes import (
     events,
     notes_of,
@@ -53,8 +50,6 @@ from softmodels.runs.store import BRANCH, Results
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-    from rich.console import Console
-    from rich.progress import Progress as Bar
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -385,97 +380,3 @@ def no_branch(case: Case, rows: Sequence[Row]) -> str:
         return text
     hidden = unseen(case.actuator)
     return f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# What a run says while it works: a bar on a terminal, a line per step in a log, nothing when quiet.
-
-
-class Progress:
-    """Progress of one path towards its last requested value.
-
-    Args:
-        last: Last requested value.
-        unit: Its unit, ``"cm"`` or ``"ml"``.
-        words: What is shown of a state.
-        quiet: Say nothing.
-    """
-
-    def __init__(self, last: float, unit: str, words: StateLabels, quiet: bool):
-        self.last, self.unit, self.words, self.quiet = last, unit, words, quiet
-        self.started = time.monotonic()
-        self._console: Console | None = None
-        self._bar: Bar | None = None
-        self._first: tuple[float, float] | None = None
-
-    def __enter__(self) -> Progress:
-        width = columns("stderr")
-        if self.quiet or sys.stderr is None or width is None:
-            return self  # a log has no bar, and need not wait for rich
-        from rich.console import Console
-        from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-        from rich.progress import Progress as Bar
-
-        self._console = Console(
-            stderr=True, highlight=False, markup=False, emoji=False,
-            force_terminal=COLUMNS["stderr"] in os.environ or None, width=width,
-        )  # fmt: skip
-        self._console.on_broken_pipe = self._hush  # type: ignore[method-assign]
-        if self._console.is_terminal:
-            parts = (
-                TextColumn("{task.description}"),
-                BarColumn(),
-                TimeElapsedColumn(),
-                TextColumn("left"),
-                TimeRemainingColumn(),
-            )
-            self._bar = Bar(*parts, console=self._console)
-            self._task = self._bar.add_task("starting", total=self.last)
-            self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def say(self, text: str) -> None:
-        """One line about what is going on."""
-        if self.quiet:
-            return
-        try:
-            if self._console is not None:
-                self._console.print(wrapped(spoken(text), self._console.width))
-            else:
-                print(spoken(text), file=sys.stderr, flush=True)
-        except (OSError, ValueError):  # a stream that was closed is a ValueError
-            self._hush()
-
-    def _hush(self) -> None:
-        """Nobody reads any more, or a log's disk is full: a run outlives its log, where rich would end the program."""
-        self.quiet = True
-        if self._console is not None:
-            self._console.quiet = True
-
-    def step(self, row: Row, value: float) -> None:
-        """One step done: its row of the table, and how far it is towards the last requested value."""
-        gauge = self.words.gauge
-        volume = f"{row['added_volume_ml']:+8.3f} ml  " if self.words.volume else ""
-        text = (
-            f"step {row['step']:3d}  {self.words.under(row, f'{row["pressure_cm"]:8.3f} cm')}  "
-            f"{gauge} rise {row[f'{gauge}_mm']:+8.3f} mm  {volume}{row['newton_iterations']:2d} iterations"
-        )
-        if self._bar is not None:
-            self.say(text)  # above the bar, where it stays
-            self._bar.update(
-                self._task,
-                completed=max(0.0, min(value, self.last)),
-                description=f"{value:.4g} of {self.last:g} {self.unit}",
-            )
-            return
-        now = time.monotonic()
-        if self._first is None:
-            self._first = (now, value)  # meshing and compiling come before, and say nothing about the steps' pace
-        since, first = self._first
-        left = (now - since) * (self.last - value) / (value - first) if value > first else None
-        rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
-        self.say(f"{text}  {now - self.started:6.1f} s{rest}")

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.system import State
     from softmodels.path.points import Point
     from softmodels.runs.fields import Fields
-    from softmodels.runs.store import Restart
+    from softmodels.runs.formats import Restart
 
 
 def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[str, str], folder: Path) -> None:

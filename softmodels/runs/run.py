@@ -46,6 +46,7 @@ from softmodels.common.units import (
 from softmodels.mechanics.mpi import on_root, start
 from softmodels.runs.band import in_order, read_sources
 from softmodels.runs.columns import state_labels
+from softmodels.runs.formats import Restart
 from softmodels.runs.limits import Limit
 from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import notes_of, sentences
@@ -60,11 +61,7 @@ from softmodels.runs.recording import begin_branch, gather
 from softmodels.runs.resume import begin, recall, stored_point
 from softmodels.runs.row import Row
 from softmodels.runs.simulation import Simulation, Step
-from softmodels.runs.store import (
-    Restart,
-    Results,
-    ResultsError,
-)
+from softmodels.runs.store import Results, ResultsError
 from softmodels.runs.stored import States
 
 if TYPE_CHECKING:

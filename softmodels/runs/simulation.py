@@ -19,6 +19,7 @@ from softmodels.mechanics.compiling import cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.path.points import DeadForce, LoadDisplacement, Pressure
 from softmodels.runs.columns import Solved, row_of
+from softmodels.runs.formats import Restart, restart_of
 from softmodels.runs.model import Model, body_of
 from softmodels.runs.notes import explain, explain_failure, explain_step
 from softmodels.runs.outcomes import (
@@ -28,7 +29,6 @@ from softmodels.runs.outcomes import (
     RunError,
 )
 from softmodels.runs.row import Row
-from softmodels.runs.store import Restart, restart_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI

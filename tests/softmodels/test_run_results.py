@@ -12,7 +12,7 @@ import pytest
 
 from softmodels.case.case import Case
 from softmodels.runs.columns import StateLabels
-from softmodels.runs.recording import Progress
+from softmodels.runs.progress import Progress
 
 COLUMNS = (
     "step", "pressure_cm", "pressure_Pa", "added_volume_ml", "apex_mm", "max_displacement_mm", "max_stretch",
