@@ -71,11 +71,6 @@ class Figures:
         return self.extremes["largest_stretch"][1]
 
     @property
-    def max_von_mises(self) -> float:
-        """In Pa."""
-        return self.extremes["von_mises"][1]
-
-    @property
     def J_min(self) -> float:
         return self.extremes["J"][0]
 
