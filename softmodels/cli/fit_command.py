@@ -26,8 +26,9 @@ from softmodels.cli.tensile_options import (
     tensile_option,
 )
 from softmodels.common.commands import FolderType, open_folder, status_of
-from softmodels.common.folders import OwnFolderError, ResultFolder
+from softmodels.common.folders import OwnFolderError
 from softmodels.common.options import QuantityType
+from softmodels.common.output import ResultFolder
 from softmodels.common.terminal import say
 from softmodels.common.units import UnitError
 from softmodels.fitting.comparison import FitReport, separate_file

@@ -40,13 +40,14 @@ from softmodels.cli.options import (
 )
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.files import write_text
-from softmodels.common.folders import OwnFolderError, ResultFolder
+from softmodels.common.folders import OwnFolderError
 from softmodels.common.options import (
     QuantityType,
     check_meaning,
     device_options,
     device_told,
 )
+from softmodels.common.output import ResultFolder
 from softmodels.common.schema import shown
 from softmodels.common.terminal import say
 from softmodels.common.units import WATER_DENSITY
