@@ -22,8 +22,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from geometries.registry import PLACES
-from softmodels.common.calls import lazy_names
+from softmodels.common.lazy_names import lazy_names
+
+PLACES = {
+    "Balloon": "geometries.balloon",
+    "Beam": "geometries.beam",
+    "Bellows": "geometries.bellows",
+    "BendingBellows": "geometries.bending_bellows",
+    "Cylinder": "geometries.cylinder",
+    "HollowDisk": "geometries.disk",
+    "ImportedActuator": "geometries.imported.step",
+    "ImportedMesh": "geometries.imported.mesh",
+    "Membrane": "geometries.membrane",
+    "PneuNet": "geometries.pneunet",
+    "SeminarActuator": "geometries.seminar",
+}
+"""The modules of the library's own devices, which register them when they are loaded."""
 
 if TYPE_CHECKING:
     from geometries.actuator import Actuator as Actuator

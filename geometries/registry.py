@@ -6,32 +6,16 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from geometries import PLACES
+from geometries.actuator import Actuator
 from softmodels.common import schema
 from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError, GeometryError
 from softmodels.common.registry import Registry
 from softmodels.common.schema import Text, about
 from softmodels.common.units import exact_text
-
-if TYPE_CHECKING:
-    from geometries.actuator import Actuator
-
-PLACES = {
-    "Balloon": "geometries.balloon",
-    "Beam": "geometries.beam",
-    "Bellows": "geometries.bellows",
-    "BendingBellows": "geometries.bending_bellows",
-    "Cylinder": "geometries.cylinder",
-    "HollowDisk": "geometries.disk",
-    "ImportedActuator": "geometries.imported.step",
-    "ImportedMesh": "geometries.imported.mesh",
-    "Membrane": "geometries.membrane",
-    "PneuNet": "geometries.pneunet",
-    "SeminarActuator": "geometries.seminar",
-}
-"""The modules of the library's own devices, which register them when they are loaded."""
 
 
 def _list_variant_fields(device: type[Actuator]) -> None:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from softmodels.common.calls import lazy_names
+from softmodels.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from geometries import (
@@ -146,6 +146,9 @@ if TYPE_CHECKING:
     from softmodels.path.supply import SupplyError as SupplyError
     from softmodels.path.supply import Syringe as Syringe
     from softmodels.runs.limits import Limit as Limit
+    from softmodels.runs.model import Equilibrium as Equilibrium
+    from softmodels.runs.model import Mode as Mode
+    from softmodels.runs.model import Model as Model
     from softmodels.runs.outcomes import RunError as RunError
     from softmodels.runs.store import ResultsError as ResultsError
 
@@ -183,7 +186,8 @@ _PLACES = {
     "softmodels.components.sheets": ("Sheet",),
     "softmodels.components.walls": ("Walls",),
     "softmodels.path.supply": ("SupplyError", "Syringe"),
-    "softmodels.case.case": ("Case", "CaseError"),
+    "softmodels.case.case": ("Case",),
+    "softmodels.case.entries": ("CaseError",),
     "softmodels.case.materials": ("Region",),
     "softmodels.design.problem": ("Keep", "DesignProblem"),
     "softmodels.design.loads": ("DesignError",),
@@ -194,6 +198,7 @@ _PLACES = {
     "softmodels.fitting.curves.fit": ("fit_curves",),
     "softmodels.fitting.scoring": ("score", "Score"),
     "softmodels.runs.limits": ("Limit",),
+    "softmodels.runs.model": ("Model", "Equilibrium", "Mode"),
     "softmodels.runs.outcomes": ("RunError",),
     "softmodels.runs.store": ("ResultsError",),
     "softmodels.casting.settings": ("MouldError",),

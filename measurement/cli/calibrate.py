@@ -22,7 +22,8 @@ from measurement.screen.calibration import STEPS, Calibration
 from measurement.screen.calibration import calibrate as calibrated
 from measurement.screen.setup import SetupError
 from softmodels.common.commands import FAILED
-from softmodels.common.folders import OwnFolderError, check_output_file, has_table
+from softmodels.common.folders import OwnFolderError
+from softmodels.common.output import check_output_file, has_table
 from softmodels.common.terminal import say
 from softmodels.common.units import UnitError
 

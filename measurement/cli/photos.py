@@ -49,7 +49,8 @@ from softmodels.common.commands import (
     status_of,
 )
 from softmodels.common.errors import reason
-from softmodels.common.folders import OwnFolderError, ResultFolder
+from softmodels.common.folders import OwnFolderError
+from softmodels.common.output import ResultFolder
 from softmodels.common.processes import cores
 from softmodels.common.terminal import say
 from softmodels.common.units import WATER_DENSITY, UnitError, quantity

@@ -204,7 +204,7 @@ class Outline:
         return np.asarray(self.tree.query(places, workers=-1)[1])
 
     def distance(self, places: Array, nearest: NDArray[np.intp] | None = None) -> Array:
-        """Return the distance (n,) in m of places (n, 2) from the outline, negative inside; ``nearest`` is found where it is not given."""
+        """Return the distance (n,) in m of places (n, 2) from the outline, negative inside; ``nearest`` is optional."""
         nearest = self.nearest(places) if nearest is None else nearest
         best = np.full(len(places), np.inf)
         signed = np.empty(len(places))
@@ -224,7 +224,7 @@ class Outline:
         return signed
 
     def curvature(self, width: float) -> Array:
-        """Return the curvature (k,) in 1/m at the outline's points, positive where it is convex; 0 within ``width`` in m of a corner.
+        """Return the curvature (k,) in 1/m at the outline's points, positive where convex; 0 within ``width`` in m of a corner.
 
         A circle's penumbra is no corner's; those have their own, for which the distance is accurate enough.
         """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import json
 import tempfile
 from collections.abc import Callable, Sequence
@@ -11,18 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometries import Actuator
-from softmodels.api.run import (
-    Ended,
-    InFolder,
-    InMemory,
-    Run,
-    Values,
-    case_of,
-    temporary_folder,
-)
+from softmodels.api.run import InFolder, InMemory, Run
 from softmodels.case.case import Case
 from softmodels.case.components import without_walls
 from softmodels.case.entries import CaseError
+from softmodels.case.from_python import Values, case_of
 from softmodels.case.load import LoadRequest
 from softmodels.case.materials import AnyBand
 from softmodels.case.requests import Probes
@@ -47,22 +39,22 @@ from softmodels.decks.deck import (
 from softmodels.decks.febio import check_without_springs, febio
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.mpi import is_root, on_root, start
+from softmodels.mechanics.mpi import is_root, start
 from softmodels.path.program import Program
 from softmodels.path.supply import AirSupply
 from softmodels.runs.columns import state_labels
 from softmodels.runs.limits import Limit, find_limit
-from softmodels.runs.notes import notes_of, sentences, unwritten
-from softmodels.runs.outcomes import BAD_INPUT, RunError
+from softmodels.runs.model import temporary_folder
+from softmodels.runs.notes import sentences
+from softmodels.runs.outcomes import BAD_INPUT, Ended, RunError, UnwrittenError
+from softmodels.runs.progress import Progress
 from softmodels.runs.recording import (
-    Progress,
-    gather,
+    ResultsPlace,
+    is_loaded,
     no_branch,
-    not_gathered,
-    record,
     solve_sources,
+    solved_into,
 )
-from softmodels.runs.resume import begin_together
 from softmodels.runs.row import Row
 from softmodels.runs.simulation import (
     Listener,
@@ -70,7 +62,6 @@ from softmodels.runs.simulation import (
     Silent,
     Simulation,
 )
-from softmodels.runs.store import Results
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -80,21 +71,6 @@ if TYPE_CHECKING:
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Solve a case into a `Run`, with its states in memory or in a results folder.
-
-
-@dataclasses.dataclass(frozen=True)
-class ResultsPlace:
-    """A folder to solve into.
-
-    Attributes:
-        folder: Empty, not there, or an earlier run's; all ranks see it.
-        resume: Go on from what an interrupted run of the same case has left.
-        inputs: Files that the user has given: they are never written.
-    """
-
-    folder: Path
-    resume: bool = False
-    inputs: tuple[Path, ...] = ()
 
 
 def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
@@ -131,7 +107,7 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
             raise
     finally:
         simulation.release()
-    if ended.error is not None and not _loaded(states.rows):
+    if ended.error is not None and not is_loaded(states.rows):
         raise ended.error
     return Run(states, ended, comm, None if aside is None else Run(aside, Ended(), comm))
 
@@ -147,39 +123,21 @@ def _branch(simulation: Simulation, states: InMemory, mesh: Path) -> InMemory | 
     return aside if aside.rows else None
 
 
-def solve_into(place: ResultsPlace, simulation: Simulation, branch: bool) -> Run:
-    """Solve a case and write each state into a folder at once, as the command line does; all ranks call it.
-
-    Args:
-        place: The folder.
-        simulation: The case, not prepared yet.
-        branch: Follow the branch at the first bifurcation too.
+def solve_in_folder(place: ResultsPlace, case: Case, comm: MPI.Comm, listener: Listener, branch: bool) -> Run:
+    """Solve a case into a folder, which is given; see `solved_into`.
 
     Raises:
         RunError: No state under load was found, or states could not be written.
         ResultsError, OwnFolderError, InUseError, CaseError: The folder, or what is in it, cannot be used.
     """
-    comm, ended = simulation.comm, Ended()
-    results, resumed = begin_together(
-        simulation.case, place.folder, place.resume, comm, draw=False, inputs=place.inputs
-    )
-    try:
-        try:
-            with sentences(unwritten):
-                record(simulation, results, resumed, branch)
-        except RunError as error:
-            if error.status == BAD_INPUT or isinstance(error.__cause__, OSError):
-                raise
-            ended = Ended.by(error)
-        finally:
-            simulation.release()
-        on_root(comm, lambda: _close(results, simulation.case, ended))
-        if ended.error is not None and not on_root(comm, lambda: _loaded(results.rows)):
+    folder, loaded, ended = solved_into(place, case, comm, listener, branch=branch)
+    if ended.error is not None:
+        # The end of a path is no error where there are states up to it.
+        end = isinstance(ended.error, RunError) and not isinstance(ended.error, UnwrittenError)
+        if not end or not loaded or ended.status == BAD_INPUT:
             raise ended.error
-    finally:
-        if is_root(comm):
-            results.own.leave()
-    return run_of(place.folder, ended, comm)
+    assert folder is not None
+    return run_of(folder, ended, comm)
 
 
 def run_of(folder: Path, ended: Ended, comm: MPI.Comm | None = None) -> Run:
@@ -192,22 +150,6 @@ def run_of(folder: Path, ended: Ended, comm: MPI.Comm | None = None) -> Run:
     source = InFolder(folder)
     aside = source.branch()
     return Run(source, ended, comm, None if aside is None else Run(aside, Ended(), comm))
-
-
-def _close(results: Results, case: Case, ended: Ended) -> None:
-    """Merge the steps into one file; on rank 0."""
-    if not results.stored:
-        return
-    try:
-        gather(case, results, ended.status, ended.message, notes_of(case, results.rows, results.sources(case)))
-    except OSError as error:
-        raise RunError(not_gathered(error)) from error
-    results.own.forget_unwritten()
-
-
-def _loaded(rows: Sequence[Row]) -> bool:
-    """Return whether there is a state other than rest."""
-    return any(row["pressure_Pa"] or row["max_displacement_mm"] for row in rows)
 
 
 for _option, _argument in (("output", "folder"), ("resume", "resume=True"), ("branch", "branch=True")):
@@ -325,10 +267,10 @@ def run(
         if progress is True:
             bar = Progress(whole.values[-1], whole.unit, state_labels(whole), not is_root(comm))
             listener = stack.enter_context(bar)
-        simulation = Simulation(whole, comm, listener)
         if output is None:
-            return solve_in_memory(simulation, branch)
-        return solve_into(ResultsPlace(output, resume, () if file is None else (file,)), simulation, branch)
+            return solve_in_memory(Simulation(whole, comm, listener), branch)
+        inputs = () if file is None else (file,)
+        return solve_in_folder(ResultsPlace(output, resume, inputs), whole, comm, listener, branch)
 
 
 class _Each(Silent):
@@ -374,25 +316,19 @@ def limit(
     Args:
         device: The device.
         material: Its silicone, or the name of one.
-        sheet, obstacle, formulation, parts, solver: As of a `Case`.
+        formulation, components, solver: As of a `Case`.
 
     Raises:
         CaseError: Invalid input.
         RunError: The equations cannot be made or solved.
         MeshingError, MeshFileError: The device cannot be meshed.
     """
-    from softmodels.mechanics.body import BodyError
-    from softmodels.mechanics.compiling import CompilingError
-
     # A case with a dummy load, so that the input is checked as for any case.
     how = {"components": components, "formulation": formulation, "solver": solver}
     case = Case("limit", device, material, pressures_cm=(1.0,), **how)  # type: ignore[arg-type]
     comm = start()
-    try:
-        with sentences():
-            return find_limit(case, [case.material], comm)[0]
-    except (BodyError, CompilingError) as error:
-        raise RunError(str(error)) from error
+    with sentences():
+        return find_limit(case, [case.material], comm)[0]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -2,97 +2,66 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 import io
 import itertools
 import operator
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import (
     TYPE_CHECKING,
     Protocol,
-    TypedDict,
-    Unpack,
 )
 
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.case.entries import (
-    ML,
     CaseError,
-    SeriesError,
-    factor_of,
-    of_text,
-    one_of_text,
-    series,
-    split_text,
 )
-from softmodels.case.load import LoadRequest
-from softmodels.case.materials import AnyBand, SourceBand, band_of
-from softmodels.case.requests import Probes
+from softmodels.case.from_python import one_value
+from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.calls import (
     checked,
-    doubt,
     keep_arrays,
-    one_of,
     place,
     read_only,
 )
 from softmodels.common.errors import (
-    FieldError,
     Spoken,
     known_are,
-    meant,
     spoken,
-    written,
 )
 from softmodels.common.files import file_digest, hdf5_reason, is_same
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.schema import Quantity
 from softmodels.common.units import (
-    FACTORS,
-    WATER_DENSITY,
     UnitError,
     brief,
     number,
-    pascal_per_cm,
-    quantity,
 )
-from softmodels.materials.laws import Material
-from softmodels.mechanics.component import Component
-from softmodels.mechanics.mpi import is_root, on_root, start
-from softmodels.path.program import Program
-from softmodels.path.supply import AirSupply
+from softmodels.mechanics.mpi import on_root, start
 from softmodels.runs.band import in_order, read_sources
 from softmodels.runs.columns import state_labels
+from softmodels.runs.formats import Restart
 from softmodels.runs.limits import Limit
+from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import (
     DONE,
     NO_EQUILIBRIUM,
     STOPPED,
+    Ended,
     RunError,
 )
 from softmodels.runs.recording import begin_branch, gather
 from softmodels.runs.resume import begin, recall, stored_point
 from softmodels.runs.row import Row
 from softmodels.runs.simulation import Simulation, Step
-from softmodels.runs.store import (
-    KEPT,
-    RESTART,
-    Restart,
-    Results,
-    ResultsError,
-)
+from softmodels.runs.store import Results, ResultsError
 from softmodels.runs.stored import States
 
 if TYPE_CHECKING:
@@ -133,7 +102,7 @@ class Source(Protocol):
     others: dict[str, list[Row]]
 
     def fields(self, step: int) -> Mapping[str, Array]:
-        """Return all nodal fields of a state, with the restart data if stored."""
+        """All nodal fields of a state."""
 
     def restart(self, step: int) -> Restart:
         """Return the numbers that a restart needs beside the fields."""
@@ -165,14 +134,10 @@ class InMemory:
         self._restarts: list[Restart] = []
 
     def add(self, step: Step) -> None:
-        """Store a state. The exact restart data is stored only for the last states, as in a folder."""
-        public = on_root(self._comm, lambda: _public(step.fields or {}))
-        fields = dict(step.fields or public)
+        """Keep a state."""
         self.rows.append(step.row)
-        self._fields.append(fields)
+        self._fields.append(on_root(self._comm, lambda: step.fields or {}))
         self._restarts.append(step.restart)
-        if len(self._fields) > KEPT:
-            self._fields[-KEPT - 1] = _public(self._fields[-KEPT - 1])
 
     def fields(self, step: int) -> Mapping[str, Array]:
         return self._fields[step]
@@ -218,13 +183,10 @@ class InFolder:
         return is_same(self.folder, folder)
 
     def fields(self, step: int) -> Mapping[str, Array]:
-        from softmodels.runs.fields import RAW
-
-        names = [*PUBLIC, *(name for pair in RAW for name in pair)]
         try:
-            there = tuple(name for name in names if self._results.has(step, [name]))
+            there = tuple(name for name in PUBLIC if name in self._results.stored[step].shapes)
             return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
-        except (OSError, KeyError) as error:
+        except (OSError, KeyError, ResultsError) as error:
             raise self._gone(error) from None
 
     def restart(self, step: int) -> Restart:
@@ -334,14 +296,9 @@ def _absolute(folder: Path) -> Path:
         ) from None
 
 
-def _public(fields: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the fields other than those for a restart only."""
-    return {name: values for name, values in fields.items() if not name.startswith(RESTART)}
-
-
 def state_of(source: Source, step: int) -> SolvedState:
     """Return one of a source's states."""
-    return SolvedState(source.rows[step], source.points, source.cells, source.cell_name, _public(source.fields(step)))
+    return SolvedState(source.rows[step], source.points, source.cells, source.cell_name, source.fields(step))
 
 
 def write_states(source: Source, results: Results) -> None:
@@ -349,21 +306,6 @@ def write_states(source: Source, results: Results) -> None:
     results.begin(source.points, source.cells, source.cell_name)
     for step, row in enumerate(source.rows):
         results.add(row, source.fields(step), source.restart(step))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Temporary folders shared by all ranks.
-
-
-@contextlib.contextmanager
-def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
-    """Provide a temporary folder, the same on all ranks."""
-    path = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
-    try:
-        yield path
-    finally:
-        if is_root(comm):
-            shutil.rmtree(path, ignore_errors=True)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -432,7 +374,7 @@ def _between(simulation: Simulation, source: Source, ends: tuple[int, int], aske
     solved = [step for step in range(ends[0] + 1) if step not in passed]
     path.recall = functools.partial(recall, stored, fields, comm, solved)
     try:
-        path.resume([*points[:-1], dataclasses.replace(points[-1], factorised=True)])
+        path.resume(points)
         tangent = path.corrector.tangent(after.state)
         before, after = path.last, dataclasses.replace(after, tangent=tangent)
         if quantity in source.rows[0]:
@@ -456,9 +398,6 @@ class _Stored:
 
     def __init__(self, source: Source):
         self._source = source
-
-    def has(self, step: int, names: Sequence[str]) -> bool:
-        return set(names) <= set(self._source.fields(step))
 
     def fields(self, step: int, names: tuple[str, ...]) -> Mapping[str, Array]:
         known = self._source.fields(step)
@@ -485,152 +424,7 @@ def _to_one(case: Case, quantity: str, wanted: float) -> Case:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Make a case of a notebook's arguments: arrays in SI units, or texts with a unit.
-
-
-type Values = str | float | Sequence[float | str] | npt.NDArray[np.float64]
-"""Requested values: a text with a unit such as ``"0:177 cm"``, texts such as ``["1 kPa", "2 kPa"]``, or numbers in SI units."""
-LEAST_PRESSURE = 200.0
-"""Pa; if all pressures given as numbers are below this, their unit is doubtful: most devices hardly move."""
-
-
-class RequestOptions(TypedDict, total=False):
-    """The fields of a `Case` that a call may give beside device, material and load."""
-
-    strokes: Values | None
-    driven: LoadRequest | None
-    supply: AirSupply | None
-    name: str | None
-    control: str
-    formulation: str
-    solver: str
-    components: Component | Sequence[Component]
-    band: AnyBand | str | Path | None
-    load_unload: bool
-    program: Program
-    gauges: Probes | None
-    water_density: float | str
-
-
-def case_of(
-    device: Actuator,
-    material: Material | str,
-    pressures: Values | None = None,
-    volumes: Values | None = None,
-    **options: Unpack[RequestOptions],
-) -> Case:
-    """Make a case of the arguments of a call.
-
-    Args:
-        device: The device.
-        material: Its silicone, or the name of one.
-        pressures: Requested pressures: numbers in Pa, or a text in cm of the water column or in a unit of pressure.
-        volumes: Requested added volumes of the cavity: numbers in m3, or a text.
-        options: ``strokes`` of a syringe (m3, or a text) with the ``supply``; other fields of a `Case` by their names.
-
-    Raises:
-        ArgumentError, CaseError: Invalid input.
-    """
-    one_of("device", device, Actuator, "a device, such as sm.HollowDisk()")
-    chosen = {key: value for key, value in options.items() if value is not None and key != "strokes"}
-    try:
-        density = Quantity("kg/m^3").settled("water_density", options.get("water_density", WATER_DENSITY))
-    except FieldError as error:
-        raise CaseError(str(error)) from None
-    cm = pascal_per_cm(density)
-    fields = {
-        "name": device.stem,
-        "pressures_cm": _in("cm", pressures, "pressure", cm),
-        "volumes_ml": _in("ml", volumes, "volume", cm),
-        "strokes_ml": _in("ml", options.get("strokes"), "stroke", cm),
-        **chosen,
-    }
-    if isinstance(band := fields.get("band"), str | Path):
-        fields["band"] = band_of(band)
-    case = Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
-    _doubt_pressures(pressures, case)
-    return case
-
-
-def _doubt_pressures(pressures: Values | None, case: Case) -> None:
-    """Warn of pressures so small that their unit is doubtful."""
-    plain = isinstance(pressures, int | float) or (
-        pressures is not None and not isinstance(pressures, str) and not any(isinstance(one, str) for one in pressures)
-    )
-    if plain and case.goals[-1] < LEAST_PRESSURE:
-        highest = case.goals[-1]
-        doubt(
-            f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} cm of water; numbers are in Pa, so write "
-            f"another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"
-        )
-
-
-def one_value(text: str, pascal_in_cm: float) -> tuple[str, float]:
-    """Return whether a text such as ``"70 cm"`` is a ``"pressure"`` (Pa) or a ``"volume"`` (m3), and its value.
-
-    Raises:
-        CaseError: Neither.
-    """
-    number, unit = split_text(text)
-    if unit == "cm":
-        return "pressure", _scaled(number, "pressure") * pascal_in_cm
-    for what, si in (("pressure", "Pa"), ("volume", "m^3")):
-        if (factor := factor_of(unit, si)) is not None:
-            return what, _scaled(number, what) * factor
-    raise CaseError(
-        f"{brief(text)} is neither a pressure nor a volume; write it like 70 cm, 7 kPa or 40 ml"
-        + meant(unit, ["cm", *FACTORS["Pa"], *FACTORS["m^3"]])
-    )
-
-
-def _scaled(number: str, what: str) -> float:
-    try:
-        return quantity(number, "")
-    except UnitError as error:
-        raise CaseError(f"{what} {brief(number)}: {error}") from None
-
-
-def _in(unit: str, values: Values | None, what: str, pascal_in_cm: float) -> tuple[float, ...]:
-    """Return the requested values in cm of the column or in ml, as a case has them.
-
-    Raises:
-        CaseError: Invalid values.
-    """
-    if values is None:
-        return ()
-    scale = 1 / pascal_in_cm if unit == "cm" else 1 / ML
-    try:
-        if isinstance(values, str):
-            return of_text(unit, values, what, pascal_in_cm)
-        found = [
-            one_of_text(unit, one, what, pascal_in_cm) if isinstance(one, str) else number(one) * scale
-            for one in _listed(values, what)
-        ]
-        if not found:
-            raise CaseError(f"the list of {what}s is empty; give at least one value, such as {EXAMPLES[unit]}")
-        return series(found, what)
-    except (SeriesError, UnitError) as error:
-        raise CaseError(str(error)) from None
-
-
-EXAMPLES = {"cm": "'0:177 cm'", "ml": "'0:60 ml'"}
-
-
-def _listed(values: object, what: str) -> list[object]:
-    """Return the requested values as a list of Python's numbers and texts.
-
-    Raises:
-        CaseError: They are something else.
-    """
-    if not isinstance(values, list | tuple):
-        if not hasattr(values, "tolist") and (isinstance(values, bool) or not isinstance(values, int | float)):
-            raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
-        values = np.asarray(values).tolist()
-    flat = values if isinstance(values, list | tuple) else [values]
-    plain = [one.item() if isinstance(one, np.generic) else one for one in flat]
-    if not all(isinstance(one, int | float | str) and not isinstance(one, bool) for one in plain):
-        raise CaseError(f"{what} {brief(values)} is neither numbers nor a text with a unit")
-    return plain
+# A run as a value.
 
 
 COLUMNS = {"pressure": ("pressure_Pa", 1.0), "volume": ("added_volume_ml", 1e-6), "stroke": ("stroke_ml", 1e-6),
@@ -638,19 +432,6 @@ COLUMNS = {"pressure": ("pressure_Pa", 1.0), "volume": ("added_volume_ml", 1e-6)
 """Column of ``path.csv`` of each requestable quantity, and the SI value of the column's unit."""
 SAME = 1e-6
 """Relative distance below which two values are the same."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Ended:
-    """Result of a run: exit status and message of the command line; empty if all values were reached."""
-
-    status: int = DONE
-    message: str = ""
-    error: RunError | None = dataclasses.field(default=None, compare=False)
-
-    @classmethod
-    def by(cls, error: RunError) -> Ended:
-        return cls(error.status, written(error), error)
 
 
 class StateIndexError(Spoken, IndexError):
@@ -934,8 +715,7 @@ class Run:
             if self.branch is not None:
                 self.branch._save_branch(results)
             results.write_sources(self._source.others)
-            notes = notes_of(self.case, self.rows, self.sources)
-            gather(self.case, results, self._ended.status, self._ended.message, notes)
+            gather(self.case, results, self._ended)
             results.own.forget_unwritten()
         finally:
             results.own.leave()
@@ -944,4 +724,4 @@ class Run:
         """Write this branch into the folder of its run."""
         aside = begin_branch(home, self.case)
         write_states(self._source, aside)
-        gather(self.case, aside, DONE, "", notes_of(self.case, self.rows))
+        gather(self.case, aside)

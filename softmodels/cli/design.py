@@ -37,7 +37,7 @@ from softmodels.runs.outcomes import (
     RunError,
     no_memory,
 )
-from softmodels.runs.recording import Progress
+from softmodels.runs.progress import Progress
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -141,23 +141,17 @@ def _cache() -> str:
 def _solve() -> str:
     """Inflate the default disk's section to about a third of its working pressure."""
     from geometries import HollowDisk
+    from softmodels.case.case import Case
     from softmodels.case.materials import DEFAULT
-    from softmodels.mechanics.body import Body
     from softmodels.mechanics.mpi import start
-    from softmodels.mechanics.solver import Solver
-    from softmodels.mechanics.system import System
-    from softmodels.path.continuation import Continuation, trace
-    from softmodels.runs.fields import Fields
+    from softmodels.runs.model import Model, meshed
 
-    comm = start()
     disk = HollowDisk(section="axisymmetric")
-    with tempfile.TemporaryDirectory() as folder:
-        body = Body.from_file(disk, disk.write(Path(folder) / "disk.msh"), comm)
+    body = meshed(disk, start())
     started = time.perf_counter()
-    solver = Solver(System(body, DEFAULT))
+    model = Model.of(Case("doctor", disk, DEFAULT, (1.0,)), body)
     prepared = time.perf_counter()
-    *_, last = trace(Continuation(solver), [5150.0 / solver.system.stress_unit])
-    rise = Fields(solver).figures(last.state).rises["apex"] * 1e3
+    rise = model.solve(pressure=5150.0).rises["apex"] * 1e3
     if abs(rise / EXPECTED_MM - 1) > 0.02:
         raise RuntimeError(f"the test disk rose by {rise:.4f} mm; expected {EXPECTED_MM} mm within 2 %")
     return (

@@ -15,6 +15,7 @@ from pathlib import Path
 from geometries.apart import interpreter
 from softmodels.case.case import Case
 from softmodels.case.own_modules import VARIABLE, own_modules
+from softmodels.common.errors import reason
 from softmodels.common.processes import cores
 from softmodels.common.terminal import COLUMNS, columns, say
 from softmodels.runs.store import Results
@@ -123,12 +124,13 @@ class DrawingProcess:
         """Draw the results; return the seconds it took, or None if it failed, which is reported.
 
         On a terminal the files are counted as they are drawn, beside the time, unless ``quiet``.
-
-        Raises:
-            OSError: No process can be started.
         """
         begun = time.monotonic()
-        process = self._process = self._process or self._started()
+        try:
+            process = self._process = self._process or self._started()
+        except OSError as error:
+            tell_not_drawn("", reason(error), 0, "the results are complete")
+            return None
         self._order(results, complete=True)
         out, errors = self._followed(process, quiet)
         if process.returncode == 0:

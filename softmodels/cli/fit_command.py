@@ -21,13 +21,14 @@ from softmodels.cli.tensile_options import (
     curve_changes,
     device_changes,
     fit_options,
-    heights_from_option,
+    height_datum_option,
     read_curves,
     specimen_options,
     tensile_option,
 )
 from softmodels.common.commands import FolderType, open_folder, status_of
-from softmodels.common.folders import OwnFolderError, ResultFolder
+from softmodels.common.folders import OwnFolderError
+from softmodels.common.output import ResultFolder
 from softmodels.common.terminal import say
 from softmodels.common.units import UnitError
 from softmodels.fitting.comparison import FitReport, separate_file
@@ -60,7 +61,7 @@ from softmodels.mechanics.mpi import (
 )
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.outcomes import DONE, FAILED
-from softmodels.runs.recording import Progress
+from softmodels.runs.progress import Progress
 
 
 @click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})
@@ -70,7 +71,7 @@ from softmodels.runs.recording import Progress
               help="Fit the largest deflections at each pressure, as in the thesis, instead of outlines.")  # fmt: skip
 @click.option("--free", multiple=True, metavar="NAME", help="With a case: free poisson, or a length such as membrane.")
 @click.option("--untrusted", is_flag=True, help="Also use outlines that the measurement flags as untrusted.")
-@heights_from_option
+@height_datum_option
 @click.option(
     "--exclude", multiple=True, metavar="PHOTOGRAPH", help="Exclude a photograph, such as 4.jpg; may be repeated."
 )

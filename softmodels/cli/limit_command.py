@@ -51,15 +51,14 @@ from softmodels.cli.options import (
 )
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.files import write_text
-from softmodels.common.folders import OwnFolderError, ResultFolder
+from softmodels.common.folders import OwnFolderError
+from softmodels.common.output import ResultFolder
 from softmodels.common.schema import shown
 from softmodels.common.terminal import say
 from softmodels.common.units import WATER_DENSITY, UnitError, quantity
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import extrapolated
 from softmodels.materials.stability import check_rest, weakest, weakness
-from softmodels.mechanics.body import BodyError
-from softmodels.mechanics.compiling import CompilingError
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.mpi import (
     abort_on_error,
@@ -79,7 +78,7 @@ from softmodels.runs.limits import (
     with_sources,
 )
 from softmodels.runs.notes import NEAR_STRETCH_LIMIT, unseen
-from softmodels.runs.outcomes import FAILED
+from softmodels.runs.outcomes import FAILED, RunError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -380,7 +379,7 @@ def _answered(
             sampled = scatter(case, first, question.tolerances, values, comm)
     except (CaseError, GeometryError, ComponentError) as error:
         fail(str(error))
-    except (MeshingError, BodyError, CompilingError) as error:
+    except (MeshingError, RunError) as error:
         fail(str(error), FAILED)
     except OSError as error:  # the mesh is made in the temporary folder
         fail(f"the mesh cannot be written ({error.strerror or error})", FAILED)

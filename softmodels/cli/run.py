@@ -1,4 +1,4 @@
-"""Run a case into a results folder, for every command that runs a device.
+"""A case run into a folder of results by a command: what is printed on the way and at the end, and the exit status.
 
 Exit status: 0 all requested values reached; 1 the run failed; 2 bad input, found before anything was solved; 3 a requested
 value is not on the path (a limit point); 130 stopped by the user. In every case all steps so far are in the folder.
@@ -8,22 +8,16 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TypedDict, Unpack
 
-from geometries import GeometryError, MeshFileError, MeshingError
 from softmodels.case.case import Case
-from softmodels.case.entries import CaseError
-from softmodels.case.requests import ProbeError
 from softmodels.cli.drawing import DrawingProcess
 from softmodels.common.commands import bounded
-from softmodels.common.folders import InUseError, OwnFolderError
+from softmodels.common.errors import spoken
 from softmodels.common.terminal import say
-from softmodels.materials.laws import MaterialError
 from softmodels.materials.silicones import stretch_at_break
-from softmodels.mechanics.compiling import LONG
-from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.mpi import (
     abort_on_error,
     is_root,
@@ -37,82 +31,178 @@ from softmodels.runs.columns import (
     state_labels,
     term,
 )
-from softmodels.runs.notes import notes_of, stability_text, unwritten
+from softmodels.runs.notes import notes_of, stability_text
 from softmodels.runs.outcomes import (
     BAD_INPUT,
     DONE,
     FAILED,
     NO_EQUILIBRIUM,
-    RunError,
-    no_memory,
+    Ended,
 )
+from softmodels.runs.progress import Progress
 from softmodels.runs.recording import (
-    Progress,
+    Observer,
+    ResultsPlace,
     branch_rows,
-    gather,
-    not_gathered,
-    record,
+    solved_into,
+    unstopped,
 )
-from softmodels.runs.resume import begin_together
 from softmodels.runs.row import Row, at_rise, split
-from softmodels.runs.simulation import Simulation
-from softmodels.runs.store import Results, ResultsError
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The end of a run: finalise the results, draw the pictures, print a summary.
+from softmodels.runs.store import Results
 
 
-def close(case: Case, results: Results, status: int, message: str, quiet: bool, drawing: DrawingProcess | None) -> int:
-    """Finalise the results, draw them if ``drawing`` is given, and print how the run ended."""
-    stored, took = results.stored, None
-    notes = notes_of(case, results.rows, results.sources(case)) if stored and status != BAD_INPUT else []
-    if stored and status != BAD_INPUT:
-        try:
-            gather(case, results, status, message, notes)
-            results.own.forget_unwritten()
-            if drawing is not None and status in (DONE, NO_EQUILIBRIUM):
-                if not quiet:
-                    say(drawing.begins, err=True)
-                took = drawing.draw(results, quiet)
-        except (OSError, OwnFolderError) as error:
-            status = status or FAILED
-            message = message or not_gathered(error)
-    if message:
-        states = "1 state" if len(stored) == 1 else f"{len(stored)} states"
-        where = (
-            f". The results up to this point ({states}) are in {results.own.path}"
-            if stored and status != BAD_INPUT
-            else ""
-        )
-        if drawing is not None and took is not None and not quiet:
-            where += f": {drawing.made}, in {took:.1f} s"
-        say(f"softmodels: {message}{where}", err=True)
-    for note in notes if not quiet else []:
-        say(f"softmodels: note: {note}", err=True)
-    if not message and not quiet:
-        row, words = results.rows[-1], state_labels(case)
-        gauge = words.gauge
-        volume = (
-            f"added volume {row['added_volume_ml']:.5g}{_band(row, 'added_volume_ci95_ml')} ml" if words.volume else ""
-        )
-        say(
-            f"{_loaded(row, words)}: {gauge} rise {row[f'{gauge}_mm']:+.5g}{_band(row, f'{gauge}_ci95_mm')} mm"
-            f"{f', {volume}' if volume else ''}{pressed(row)}, "
-            f"largest stretch {row['max_stretch']:.4g}{_bears(case)} and von Mises stress {row['max_von_mises_kPa']:.4g} kPa "
-            f"(at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
-            f"{f'; {overlap}' if (overlap := overlap_text(row)) else ''}"
-        )
-        if text := _sideways(row, gauge):
-            print(text)
-        if case.gauges.columns():
-            say(", ".join(_gauge(name, row) for name in case.gauges.columns()))
-        if told := stability_text(results.rows, case.actuator, words, branch_rows(results)):
-            say(told)
-        pictures = "" if drawing is None or took is None else f"; {drawing.made}, in {took:.1f} s"
-        say(
-            f"{len(stored)} states in {results.folder}: path.csv, {results.name}.vtkhdf for ParaView{pictures}{_solved_on()}"
-        )
-    return status
+class RunOptions(TypedDict, total=False):
+    """Options of a run; none changes a number.
+
+    Attributes:
+        resume: Resume an interrupted run of the same case in the folder.
+        quiet: Only errors are reported.
+        petsc: Words for PETSc's option database.
+        draw: Make the pictures at the end, which is the default.
+        few: Only the curves, the stress and the report of them.
+        branch: Also follow the branch at the first bifurcation, into the folder ``branch``.
+        inputs: Files that the user has given: they are never written.
+        interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
+            here, as a command does by `asked_to_stop`.
+    """
+
+    resume: bool
+    quiet: bool
+    petsc: Sequence[str]
+    draw: bool
+    few: bool
+    branch: bool
+    inputs: Sequence[Path]
+    interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]]
+
+
+def run(case: Case, folder: Path | None, **how: Unpack[RunOptions]) -> int:
+    """Run a case and return the exit status; all messages go to standard error, the summary to standard output.
+
+    May be called in any thread.
+
+    Args:
+        case: What to run.
+        folder: Where the results go; None for the first of ``results/NAME``, ``results/NAME-2`` ... that is free or holds
+            a run of this very case.
+        how: See `RunOptions`.
+
+    Raises:
+        StartError: PETSc cannot take the words.
+    """
+    comm = start(how.get("petsc", ()))
+    abort_on_error(comm)
+    draw, quiet = how.get("draw", True), how.get("quiet", False)
+    progress = Progress(case.values[-1], case.unit, state_labels(case), quiet or not is_root(comm))
+    drawing = DrawingProcess(case, how.get("few", False)) if draw and is_root(comm) else None
+    teller = Teller(case, progress, drawing, comm.size, quiet, bool(how.get("petsc")))
+
+    @contextlib.contextmanager
+    def solving() -> Iterator[Callable[[], bool]]:
+        with progress, how.get("interrupts", unstopped)() as stopped:
+            yield stopped
+
+    place = ResultsPlace(folder, how.get("resume", False), how.get("inputs", ()), draw)
+    try:
+        solved_into(place, case, comm, progress, branch=how.get("branch", False), observer=teller, solving=solving)
+    finally:
+        if drawing is not None:
+            drawing.leave()
+    return on_root(comm, lambda: teller.status)
+
+
+class Teller(Observer):
+    """Prints how a run goes on, and has its results drawn at the end; on rank 0.
+
+    Args:
+        case: What is run.
+        progress: Takes sentences while it is solved.
+        drawing: Draws it; None for no pictures.
+        ranks: How many solve.
+        quiet: Print errors alone.
+        petsc: Whether PETSc was given words of the user's own.
+
+    Attributes:
+        status: The exit status, once the run has ended.
+    """
+
+    def __init__(
+        self, case: Case, progress: Progress, drawing: DrawingProcess | None, ranks: int, quiet: bool, petsc: bool
+    ):
+        self.case, self.progress, self.drawing, self.ranks = case, progress, drawing, ranks
+        self.quiet, self.petsc, self.status = quiet, petsc, DONE
+
+    def opened(self, results: Results) -> None:
+        self.progress.say(f"writing results to {results.own.path}")
+        if self.drawing is not None:
+            self.drawing.get_ready(self.ranks)
+
+    def begun(self, results: Results) -> None:
+        if self.drawing is not None:
+            self.drawing.begin(results)
+
+    def closed(self, results: Results | None, ended: Ended) -> None:
+        self.status, message = self._outcome(results, ended)
+        if results is None:
+            say(f"softmodels: {bounded(message)}", err=True)
+            return
+        good = bool(results.stored) and self.status != BAD_INPUT
+        took = self._drawn(results) if good else None
+        drawn = "" if self.drawing is None or took is None else f"{self.drawing.made}, in {took:.1f} s"
+        if message:
+            states = "1 state" if len(results.stored) == 1 else f"{len(results.stored)} states"
+            where = f". The results up to this point ({states}) are in {results.own.path}" if good else ""
+            say(f"softmodels: {message}{where}{f': {drawn}' if drawn and not self.quiet else ''}", err=True)
+        if self.quiet:
+            return
+        for note in notes_of(self.case, results.rows, results.sources(self.case)) if good else []:
+            say(f"softmodels: note: {note}", err=True)
+        if not message:
+            _summarise(self.case, results, drawn)
+
+    def _outcome(self, results: Results | None, ended: Ended) -> tuple[int, str]:
+        """Exit status and sentence; what PETSc refuses before anything is solved are the words it was given."""
+        from petsc4py import PETSc
+
+        cause = ended.error and ended.error.__cause__
+        if not isinstance(cause, PETSc.Error):
+            return ended.status, spoken(ended.message)
+        if self.petsc and not (results and results.stored):
+            return BAD_INPUT, f"PETSc stopped ({petsc_reason(cause)}); check the options after --"
+        more = "rerun with -- -snes_monitor -ksp_error_if_not_converged for details"
+        return FAILED, f"PETSc stopped ({petsc_reason(cause)}); {more}"
+
+    def _drawn(self, results: Results) -> float | None:
+        """Draw a run that has not failed; the seconds it took, None where there are no pictures."""
+        if self.drawing is None or self.status not in (DONE, NO_EQUILIBRIUM):
+            return None
+        if not self.quiet:
+            say(self.drawing.begins, err=True)
+        return self.drawing.draw(results, self.quiet)
+
+
+def _summarise(case: Case, results: Results, drawn: str) -> None:
+    """Print the last state of a run that has reached all its values, and what there is in its folder."""
+    row, words = results.rows[-1], state_labels(case)
+    gauge = words.gauge
+    volume = f"added volume {row['added_volume_ml']:.5g}{_band(row, 'added_volume_ci95_ml')} ml" if words.volume else ""
+    say(
+        f"{_loaded(row, words)}: {gauge} rise {row[f'{gauge}_mm']:+.5g}{_band(row, f'{gauge}_ci95_mm')} mm"
+        f"{f', {volume}' if volume else ''}{pressed(row)}, "
+        f"largest stretch {row['max_stretch']:.4g}{_bears(case)} and von Mises stress {row['max_von_mises_kPa']:.4g} kPa "
+        f"(at integration points), J {row['J_min']:.4f} to {row['J_max']:.4f} (at vertices)"
+        f"{f'; {overlap}' if (overlap := overlap_text(row)) else ''}"
+    )
+    if text := _sideways(row, gauge):
+        print(text)
+    if case.gauges.columns():
+        say(", ".join(_gauge(name, row) for name in case.gauges.columns()))
+    if told := stability_text(results.rows, case.actuator, words, branch_rows(results)):
+        say(told)
+    drawn = f"; {drawn}" if drawn else ""
+    say(
+        f"{len(results.stored)} states in {results.folder}: path.csv, {results.name}.vtkhdf for ParaView{drawn}{_solved_on()}"
+    )
 
 
 def _solved_on() -> str:
@@ -163,128 +253,3 @@ def pressed(row: Row) -> str:
 def _bears(case: Case) -> str:
     breaks = stretch_at_break(case.material)
     return "" if breaks is None else f" (broke at {breaks:.4g})"
-
-
-def _nobody() -> contextlib.AbstractContextManager[Callable[[], bool]]:
-    """Return a context in which nothing asks to stop."""
-    return contextlib.nullcontext(bool)
-
-
-class RunOptions(TypedDict, total=False):
-    """Options of a run; none changes a number.
-
-    Attributes:
-        resume: Resume an interrupted run of the same case in the folder.
-        quiet: Only errors are reported.
-        petsc: Words for PETSc's option database.
-        draw: Make the pictures at the end, which is the default.
-        few: Only the curves, the stress and the report of them.
-        branch: Also follow the branch at the first bifurcation, into the folder ``branch``.
-        inputs: Files that the user has given: they are never written.
-        interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
-            here, as a command does by `asked_to_stop`.
-    """
-
-    resume: bool
-    quiet: bool
-    petsc: Sequence[str]
-    draw: bool
-    few: bool
-    branch: bool
-    inputs: Sequence[Path]
-    interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]]
-
-
-def run(case: Case, folder: Path | None, **how: Unpack[RunOptions]) -> int:
-    """Run a case and return the exit status; all messages go to standard error, the summary to standard output.
-
-    May be called in any thread.
-
-    Args:
-        case: What to run.
-        folder: Where the results go; None for the first of ``results/NAME``, ``results/NAME-2`` ... that is free or holds
-            a run of this very case.
-        how: See `How`.
-
-    Raises:
-        StartError: PETSc cannot take the words.
-    """
-    petsc, quiet, draw = how.get("petsc", ()), how.get("quiet", False), how.get("draw", True)
-    comm = start(petsc)
-    abort_on_error(comm)
-    results: Results | None = None
-    progress = Progress(case.values[-1], case.unit, state_labels(case), quiet or not is_root(comm))
-    status, message = DONE, ""
-    drawing = DrawingProcess(case, how.get("few", False)) if draw and is_root(comm) else None
-    try:
-        with progress, how.get("interrupts", _nobody)() as stopped:
-            results, resumed = begin_together(
-                case, folder, how.get("resume", False), comm, draw=draw, inputs=how.get("inputs", ())
-            )
-            progress.say(f"writing results to {results.own.path}")
-            if drawing is not None:
-                drawing.get_ready(comm.size)
-            branch, begun = how.get("branch", False), drawing.begin if drawing is not None else None
-            record(Simulation(case, comm, progress, stopped), results, resumed, branch, begun)
-    except BaseException as error:  # a caller's Ctrl-C among them
-        # What PETSc rejects before the first solve are its options.
-        ended = _outcome(error, lambda: bool(petsc) and not on_root(comm, lambda: results and results.stored))
-        if ended is None:
-            if results is not None and is_root(comm):
-                results.own.leave()
-            if drawing is not None:
-                drawing.leave()
-            raise
-        status, message = ended
-    return on_root(comm, lambda: _end(case, results, status, message, quiet, drawing))
-
-
-def _outcome(error: BaseException, words: Callable[[], bool]) -> tuple[int, str] | None:
-    """Return exit status and message of the error that ended a run; None for an unexpected one.
-
-    Args:
-        error: What was raised.
-        words: Whether it was PETSc's words that PETSc refused; all ranks ask.
-    """
-    from petsc4py import PETSc
-
-    match error:
-        case RunError():
-            return error.status, str(error)
-        case MeshingError():
-            return FAILED, str(error)
-        case (
-            ProbeError() | GeometryError() | MeshFileError() | CaseError() | MaterialError()
-            | ComponentError() | ResultsError() | OwnFolderError() | InUseError()
-        ):  # fmt: skip
-            return BAD_INPUT, str(error)
-        case PETSc.Error():
-            refused, reason = words(), petsc_reason(error)
-            more = "rerun with -- -snes_monitor -ksp_error_if_not_converged for details"
-            return (
-                (BAD_INPUT, f"PETSc stopped ({reason}); check the options after --")
-                if refused
-                else (FAILED, f"PETSc stopped ({reason}); {more}")
-            )
-        case TimeoutError():  # of a form that is compiled late
-            return FAILED, LONG
-        case OSError():
-            return FAILED, unwritten(error)
-        case MemoryError():
-            return FAILED, no_memory(error)
-    return None
-
-
-def _end(
-    case: Case, results: Results | None, status: int, message: str, quiet: bool, drawing: DrawingProcess | None
-) -> int:
-    """Close the run and release its folder."""
-    if results is None:
-        say(f"softmodels: {bounded(message)}", err=True)
-        return status
-    try:
-        return close(case, results, status, message, quiet, drawing)
-    finally:
-        if drawing is not None:
-            drawing.leave()
-        results.own.leave()

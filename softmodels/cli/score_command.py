@@ -14,7 +14,7 @@ from softmodels.cli.curve_command import read_material
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import (
     CurveFiles,
-    heights_from_option,
+    height_datum_option,
     read_curves,
     specimen_options,
     tensile_option,
@@ -61,7 +61,7 @@ class ScoreGiven(CurveFiles):
 @click.option("--stress-error", default="auto", show_default=True, metavar="ERROR",
               help="Standard error of the measured stress, 2%+0.5kPa; auto is 2 % and the curve's noise.")  # fmt: skip
 @click.option("--untrusted", is_flag=True, help="Also use outlines that the measurement flags as untrusted.")
-@heights_from_option
+@height_datum_option
 @specimen_options
 @click.option("--radius", type=QuantityType("m"), help="A balloon's undeformed radius.")
 @click.option("--thickness", type=QuantityType("m"), help="Its undeformed thickness.")

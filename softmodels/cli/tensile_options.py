@@ -129,7 +129,7 @@ def stretch_range(text: str) -> tuple[float, float]:
 # Options of the command ``fit``: parse ``--fix``, ``--bounds``, ``--prior``, ``--free`` and the others.
 
 
-heights_from_option = click.option(
+height_datum_option = click.option(
     "--height-datum", type=click.Choice(HEIGHTS_FROM), default=None,
     help="Zero of the heights if the case has gravity or forces, or a top that is not flat (balloon, bellows): the "
     "upper edge of the shadow at zero pressure, the apex there, or the undeformed top.  [default: the shadow; if the "

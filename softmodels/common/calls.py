@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import functools
-import importlib
 import inspect
 import sys
 import warnings
 from collections.abc import (
     Callable,
     Iterable,
-    Mapping,
     Sequence,
 )
 from pathlib import Path
@@ -20,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common import errors
-from softmodels.common.errors import Spoken, known_are, meant
+from softmodels.common.errors import Spoken, known_are
 from softmodels.common.units import UnitError, brief, numbers
 
 _OWN_FILES = tuple(str(Path(__file__).parents[2] / package) for package in errors.OWN)
@@ -205,31 +203,6 @@ def whole(name: str, value: object, least: int) -> int:
     if isinstance(plain, bool) or not isinstance(plain, int) or plain < least:
         raise wrong(name, value, f"a whole number from {least} up")
     return plain
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Public names of a package that are loaded when they are first used.
-
-
-def lazy_names(
-    package: str, places: Mapping[str, Sequence[str]]
-) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
-    """Return a package's ``__all__``, ``__getattr__`` and ``__dir__`` (PEP 562).
-
-    Args:
-        package: The package's ``__name__``.
-        places: Public names by the module that defines them.
-    """
-    module_of = {name: module for module, names in places.items() for name in names}
-    namespace = vars(sys.modules[package])
-
-    def load(name: str) -> object:
-        if name not in module_of:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}{meant(name, module_of)}")
-        namespace[name] = value = getattr(importlib.import_module(module_of[name]), name)
-        return value
-
-    return [*module_of], load, lambda: sorted({*namespace, *module_of})
 
 
 # ----------------------------------------------------------------------------------------------------------------------

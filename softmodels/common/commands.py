@@ -23,13 +23,8 @@ from typing import Any
 import click
 
 from softmodels.common.errors import meant
-from softmodels.common.folders import (
-    InUseError,
-    OwnFolder,
-    OwnFolderError,
-    ResultFolder,
-    take_default,
-)
+from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
+from softmodels.common.output import ResultFolder
 from softmodels.common.terminal import say
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -10,29 +10,24 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import errno
-import hashlib
 import itertools
 import json
 import os
 import shutil
 import socket
 import time
-import tomllib
 from collections.abc import (
-    Callable,
     Iterable,
     Iterator,
     Mapping,
 )
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from softmodels.common.errors import Spoken, reason
+from softmodels.common.errors import Spoken
 from softmodels.common.files import (
     HIDDEN,
-    check_file,
     counts,
-    file_digest,
     is_inside,
     is_same,
     is_step,
@@ -44,20 +39,19 @@ from softmodels.common.files import (
     version,
 )
 
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
+
 # ----------------------------------------------------------------------------------------------------------------------
 # A lock on a folder of results: one program at a time writes there, also where hosts share a file system.
 #
-# The system holds the lock and lets go of it when the process ends, however that happens. The file names its holder, for the
-# sentence that another program is refused with. On file systems without locks only the file counts.
+# The system holds the lock and lets go of it when the process ends, however that happens. Its file has the process and the
+# host in its lines, for the sentence that another program is refused with. On file systems that know no locks the file alone
+# counts; of a process of this machine it is seen whether it has ended.
 
 
-try:
-    import fcntl
-except ImportError:  # not on Windows
-    fcntl = None  # type: ignore[assignment]
-
-POLL = 0.2
-"""Seconds between two looks at a lock that is waited for."""
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)
+"""What file systems without locks answer."""
 
 
 class InUseError(Spoken, RuntimeError):
@@ -73,11 +67,11 @@ class FolderLock:
 
     def __init__(self, file: Path):
         self.file = file
-        self._handle: int | None = None
+        self._lock: BaseFileLock | None = None
 
     @property
     def held(self) -> bool:
-        return self._handle is not None
+        return self._lock is not None
 
     def take(self, wait: float = 0.0) -> None:
         """Take the lock, or wait for it.
@@ -89,97 +83,53 @@ class FolderLock:
             InUseError: Another program holds it.
             OSError: The file cannot be written.
         """
-        until = time.monotonic() + wait
-        while not self.held:
-            handle = self._open()
-            try:
-                if self._is_mine(handle):
-                    self._handle = handle
-                    os.ftruncate(handle, 0)
-                    os.write(handle, json.dumps(_me()).encode())
-                    return
-                holder = _holder(handle)
-            finally:
-                if self._handle is None:
-                    os.close(handle)
-            if time.monotonic() >= until:
-                raise InUseError(self._refusal(holder))
-            time.sleep(POLL)
+        from filelock import FileLock, SoftFileLock, Timeout
 
-    def _open(self) -> int:
+        if self.held:
+            return
+        # Through a link in a folder from elsewhere, any file of the user's would be written.
+        if self.file.is_symlink():
+            reason = f"its lock {self.file.name} is a link; remove that"
+            raise OSError(errno.ELOOP, reason, str(self.file))
+        lock: BaseFileLock = FileLock(self.file, thread_local=False, fallback_to_soft=False)
         try:
-            # Through a link in a folder from elsewhere, any file of the user's would be emptied.
-            return os.open(self.file, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
-        except OSError as error:
-            if self.file.is_symlink():
-                raise OSError(
-                    error.errno, f"its lock {self.file.name} is a link; remove that", str(self.file)
-                ) from None
+            try:
+                lock.acquire(timeout=wait)
+                self.file.write_text(f"{os.getpid()}\n{socket.gethostname()}\n", encoding="utf-8")
+            except OSError as error:
+                if isinstance(error, Timeout) or error.errno not in NO_LOCKS:
+                    raise
+                if not self.file.stat().st_size:  # made by this attempt
+                    self.file.unlink()
+                lock = SoftFileLock(self.file, thread_local=False)
+                lock.acquire(timeout=wait)
+        except Timeout:
+            raise InUseError(self._refusal()) from None
+        except BaseException:
+            lock.release()
             raise
+        self._lock = lock
 
     def release(self) -> None:
         """Give the lock back and take its file away; nothing happens if it is not held."""
-        if self._handle is None:
+        if self._lock is None:
             return
         with contextlib.suppress(OSError):
             self.file.unlink(missing_ok=True)
         with contextlib.suppress(OSError):
-            os.close(self._handle)
-        self._handle = None
+            self._lock.release()
+        self._lock = None
 
-    def _is_mine(self, handle: int) -> bool:
-        try:
-            if fcntl is None:
-                raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError:  # a file system without locks
-            return _is_stale(_holder(handle))
-        # Whoever held it before may have taken the file away between opening and locking.
-        with contextlib.suppress(OSError):
-            return os.fstat(handle).st_ino == self.file.stat().st_ino
-        return False
-
-    def _refusal(self, holder: dict[str, Any]) -> str:
-        who = f"process {holder.get('pid', 'unknown')} on {holder.get('host', 'this machine')}"
-        since = f", since {holder['since']}" if "since" in holder else ""
+    def _refusal(self) -> str:
+        who, since = "another process", ""
+        with contextlib.suppress(OSError, ValueError):
+            pid, host, *_ = read_text(self.file).splitlines()
+            who = f"process {int(pid)} on {host}"
+            since = f", since {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(self.file.stat().st_mtime))}"
         return (
             f"{self.file.parent} is in use by {who}{since}; wait until it ends, or use another folder "
             f"(--output). If that process no longer exists, remove {self.file}"
         )
-
-
-def _me() -> dict[str, Any]:
-    since = time.strftime("%Y-%m-%d %H:%M:%S")
-    return {"pid": os.getpid(), "host": socket.gethostname(), "since": since}
-
-
-def _holder(handle: int) -> dict[str, Any]:
-    """Return the holder in a lock's file; empty if it names none."""
-    try:
-        os.lseek(handle, 0, os.SEEK_SET)
-        found = json.loads(os.read(handle, 4096))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
-def _is_stale(holder: dict[str, Any]) -> bool:
-    """Return whether the process that a file names has ended; of another host nobody can tell, so it is taken to be alive."""
-    if not holder:
-        return True
-    if os.name == "nt" or holder.get("host") != socket.gethostname() or not isinstance(holder.get("pid"), int):
-        return False
-    if holder["pid"] == os.getpid():
-        return True  # left by another process that had this number
-    try:
-        os.kill(holder["pid"], 0)
-    except ProcessLookupError:
-        return True
-    except OSError:
-        return False
-    return False
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -577,140 +527,3 @@ def numbered(base: Path) -> Iterator[Path]:
     yield base
     for number in itertools.count(2):
         yield base.with_name(f"{base.name}-{number}")
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The folder that a command writes all its results into at its end: earlier results are replaced whole or stay.
-
-
-NO_INPUT = ("output", "quiet", "no_pictures", "jobs")
-"""Options that change nothing in a command's numbers."""
-
-
-class ResultFolder:
-    """A command's folder of results, locked from its beginning to its end.
-
-    Args:
-        output: Where the user wants it; None for the first of ``default``, ``default-2`` ... that is free or holds results of
-            the very same inputs.
-        default: Its name where nothing is in the way.
-        kind: What it holds.
-        options: The command's options, by name.
-        files: Files that are read, or folders of CSV files. They are never replaced.
-
-    Raises:
-        OwnFolderError: The folder is not this program's, is in use, or cannot be written; the message is a sentence.
-    """
-
-    def __init__(
-        self, output: Path | None, default: Path, kind: str, options: Mapping[str, Any], files: Iterable[Path] = ()
-    ):
-        files = list(files)
-        self._inputs = {
-            "options": {name: repr(value) for name, value in sorted(options.items()) if name not in NO_INPUT},
-            "files": {str(file): fingerprint(file) for file in files},
-        }
-        try:
-            if output is None:
-                self._own = take_default(default, kind, self._inputs)
-            else:
-                self._own = OwnFolder(output, kind)
-                self._own.take()
-            try:
-                self._own.check_inputs(files)
-            except OwnFolderError:
-                self._own.leave()
-                raise
-        except InUseError as error:
-            raise OwnFolderError(str(error)) from None
-        except OSError as error:
-            raise OwnFolderError(f"the folder {output or default} cannot be written ({reason(error)})") from None
-
-    @property
-    def path(self) -> Path:
-        return self._own.path
-
-    @contextlib.contextmanager
-    def writing(self) -> Iterator[Path]:
-        """Provide a folder to write all results into, which take the place of the earlier ones at the end of the block.
-
-        Raises:
-            OwnFolderError: Somebody else's file has the name of a result.
-            OSError: There is no room; the earlier results stay.
-        """
-        yield self._own.prepare()
-        self._own.bring_in({"inputs": self._inputs})
-
-    def leave(self) -> None:
-        """Let go of it; nothing is left where nothing was written."""
-        self._own.leave()
-
-
-def fingerprint(path: Path) -> str:
-    """Return SHA-256 of a file, or of a folder's CSV files and their names; ``"missing"`` where there is none."""
-    try:
-        if path.is_dir():
-            parts = [f"{file.name} {fingerprint(file)}" for file in sorted(path.glob("*.csv"))]
-            return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-        return file_digest(path)
-    except OSError:
-        return "missing"
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Single files that a command writes: never one that it reads, and never one that somebody else made.
-
-
-MARK = "softmodels"
-"""What the header of a drawn PNG names as its software."""
-
-
-def check_output_file(
-    path: Path, inputs: Iterable[Path], is_own: Callable[[Path], bool], what: str, option: str
-) -> None:
-    """Reject to write a file in the place of an input, or of a file that is not an earlier one of its kind.
-
-    Args:
-        path: Where it is to go.
-        inputs: Files that are read.
-        is_own: Whether a file is one of its kind.
-        what: Its kind in words, such as ``"a setup"``.
-        option: The option that names it.
-
-    Raises:
-        OwnFolderError: It would replace something else, with what to do.
-    """
-    for file in inputs:
-        if is_same(path, file):
-            raise OwnFolderError(f"{path} is an input and would be overwritten by {what}; give another name ({option})")
-    if path.is_dir():
-        raise OwnFolderError(f"{path} is a folder; name a file for {what} ({option})")
-    if path.exists() and not is_own(path):
-        raise OwnFolderError(
-            f"{path} exists and is not {what} of this program, so it is not replaced; give another name ({option}), or "
-            "move it away"
-        )
-
-
-def has_table(name: str) -> Callable[[Path], bool]:
-    """Return a test whether a file is TOML with a table of some name."""
-
-    def test(path: Path) -> bool:
-        try:
-            return name in tomllib.loads(read_text(path))
-        except (OSError, ValueError, RecursionError):
-            return False
-
-    return test
-
-
-def is_drawn(path: Path) -> bool:
-    """Return whether a picture was drawn by this program."""
-    from PIL import Image
-
-    try:
-        check_file(path)
-        with Image.open(path) as image:
-            return str(image.info.get("Software", "")).startswith(MARK)
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        return False

@@ -86,8 +86,8 @@ class Branch:
         tangent = t if self.sign * self.mode.share(t.w) > 0 else -t
         step = self._distance(path.last.state, state) if path.trail.points else path.first_step
         return dataclasses.replace(
-            self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, factorised=True, age=solver.kept.age,
-            signature=signature, stiffest=abs(tangent.compliance),
+            self.start, state=state, tangent=tangent, mode=None, line="mode", step=step, signature=signature,
+            stiffest=abs(tangent.compliance),
         )  # fmt: skip
 
     def _distance(self, a: State, b: State) -> float:

@@ -140,7 +140,7 @@ def _sum(points: Sequence[Foretelling], values: Array, slopes: Array) -> tuple[A
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# History of a path: its last two points for the predictor, and the data for an exact restart.
+# The end of a path: its last two points, from which the next is foretold.
 
 
 class PathHistory:
@@ -167,13 +167,8 @@ class PathHistory:
         return self.points[-1]
 
     def keep(self, point: Point) -> Point:
-        """Append a point, with the data for an exact restart."""
-        kept = self.solver.kept
+        """Make a point the last one."""
         self.solver.system.potential.keep(point.state.w)
-        point = dataclasses.replace(
-            point, factorised=kept.base is point.state, age=kept.age, worn=kept.worn,
-            largest=self.stability.largest,
-        )  # fmt: skip
         self.points = [*self.points[-1:], point]
         return point
 
@@ -185,29 +180,6 @@ class PathHistory:
     def begin_again(self, line: str) -> None:
         """Drop all points and modes before another branch."""
         self.points, self.modes, self.line = [], [], line
-
-    def restore(self, points: Sequence[Point], tangent: Callable[[State], Tangent]) -> None:
-        """Restore the points of an earlier path, with the same predictor, factorisation and modes, so that results are
-        identical.
-
-        Args:
-            points: In order, the last two, those before them at which the kept factorisation was made, and bifurcations.
-            tangent: Gives the direction at a state for points that were stored without.
-        """
-        self.points = []
-        for point in points:
-            if point.mode is not None:
-                self.modes.append(Mode(self.stability.mass, point.mode))
-                continue
-            if point.factorised:
-                self.solver.factorise(point.state)
-                self.stability.lowest()
-            known = point.tangent.w.any()
-            again = point if known else dataclasses.replace(point, tangent=tangent(point.state))
-            self.points = [*self.points[-1:], again]
-        last = self.last
-        self.line, self.stability.largest = last.line, last.largest
-        self.solver.kept.age, self.solver.kept.worn = last.age, last.worn
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -303,9 +275,7 @@ class Corrector:
             signature = Signature(negative, self.stability.critical_lowest(state, negative))
         else:
             signature = self.stability.signature(stale, negative)
-        return Point(
-            state, tangent, requested, limit, step, self.trail.line, stale, solver.kept.age, stiffest, signature
-        )
+        return Point(state, tangent, requested, limit, step, self.trail.line, stiffest, signature)
 
     def check_branch(self, state: State, line: Curve) -> None:
         """Reject a converged state on the wrong branch: behind the last one, inverted, or through a wall.
@@ -855,7 +825,7 @@ def bifurcation(corrector: Corrector, before: Point, after: Point) -> Point:
     )
     corrector.solver.factorise(after.state)  # the singular K just factorised is no usable preconditioner
     signature = Signature(before.signature.negative_eigenvalues, lowest)
-    return dataclasses.replace(point, mode=mode, limit=False, requested=False, signature=signature, factorised=False)
+    return dataclasses.replace(point, mode=mode, limit=False, requested=False, signature=signature)
 
 
 def _root(known: list[Known], scale: float) -> float:
@@ -949,14 +919,33 @@ class Continuation:
         self.trail.stability.start()
         signature = self.trail.stability.signature(exact=True)
         step, stiffest = self.first_step, self.plane.felt(tangent.compliance)
-        first = Point(start, tangent, False, False, step, self.trail.line, True, solver.kept.age, stiffest, signature)
+        first = Point(start, tangent, False, False, step, self.trail.line, stiffest, signature)
         return self.keep(first)
 
     def resume(self, points: Sequence[Point]) -> None:
-        """Continue from points of an earlier trace; see `PathHistory.restore`."""
+        """Go on from points of an earlier trace.
+
+        Args:
+            points: In order: bifurcations, and behind others the last one or two that were solved for. Of their tangents the
+                changes of P and V count, the rest is found again; so is the last state, from what was stored of it.
+        """
         self.begin()
         self.recall()
-        self.trail.restore(points, self.corrector.tangent)
+        solver, trail, stability = self.solver, self.trail, self.trail.stability
+        trail.modes += [Mode(stability.mass, point.mode) for point in points if point.mode is not None]
+        trail.points = [point for point in points if point.mode is None][-2:]
+        trail.line = trail.last.line
+        lines = [self.plane.stiffened(one.stiffest).square_to(one.tangent, one.state) for one in trail.points]
+        found = solver.solve(lines[-1], trail.last.state.w, trail.last.state.P)
+        trail.points[-1] = dataclasses.replace(trail.last, state=dataclasses.replace(trail.last.state, w=found.w))
+        solver.factorise(trail.last.state)
+        stability.lowest()
+        eigenvalues = (abs(point.signature.lowest) for point in points)
+        stability.largest = max([stability.largest, *(value for value in eigenvalues if math.isfinite(value))])
+        tangents = [solver.tangent(one.state, line) for one, line in zip(trail.points, lines, strict=True)]
+        trail.points = [
+            dataclasses.replace(one, tangent=found) for one, found in zip(trail.points, tangents, strict=True)
+        ]
 
     def keep(self, point: Point) -> Point:
         return self.trail.keep(point)

@@ -32,15 +32,11 @@ class Point:
         limit: Whether this is a limit point of the pressure.
         step: Length of the next step in units of ``line``.
         line: The control at this point: pressure, volume or arc-length.
-        factorised: Whether the factorisation that the path goes on with is that of this state (a restart has to do the same).
-        age: How far that factorisation has aged here, in iterations of the linear solver.
         stiffest: Least |dV/dP| on the path so far.
         signature: Number of negative eigenvalues and the lowest eigenvalue.
         mode: At a bifurcation the shape in which the device leaves the path: local dofs, largest entry 1 or -1; else None.
         jump: Whether the device has jumped here: from the state before, or from the last turn of a supply's stroke.
         turn: Whether this is a limit point of a supply's stroke.
-        worn: Whether the last linear solve took so long that the factorisation is replaced at once.
-        largest: Largest of the lowest eigenvalues on the path so far, without its sign.
     """
 
     state: State
@@ -49,15 +45,11 @@ class Point:
     limit: bool
     step: float
     line: str
-    factorised: bool
-    age: int
     stiffest: float
     signature: Signature = dataclasses.field(default_factory=Signature)
     mode: Array | None = None
     jump: bool = False
     turn: bool = False
-    worn: bool = False
-    largest: float = 0.0
 
     @property
     def bifurcation(self) -> bool:

@@ -22,7 +22,6 @@ from softmodels.components.rigid import symmetric_motions
 from softmodels.mechanics.body import in_section, in_space
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.controls import Tangent
 from softmodels.mechanics.mpi import largest, summed, total
 from softmodels.mechanics.rigid import RigidMotion, rotation_vector
 from softmodels.mechanics.solver import Solver
@@ -71,11 +70,6 @@ class Figures:
     @property
     def max_stretch(self) -> float:
         return self.extremes["largest_stretch"][1]
-
-    @property
-    def max_von_mises(self) -> float:
-        """Pressure in Pa."""
-        return self.extremes["von_mises"][1]
 
     @property
     def J_min(self) -> float:
@@ -302,80 +296,6 @@ def _on_edge(a: Array, b: Array, wanted: Array) -> Array:
     along = b - a
     t = np.clip(((wanted - a) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
     return np.column_stack([1 - t, t])
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Exact conversion of a state's dofs to nodal arrays and back, for restarts.
-
-
-RAW = (("restart_state_u", "restart_state_p"), ("restart_rate_u", "restart_rate_p"))
-"""Field names of a state's dofs and of the path's direction there: dimensionless, for restarts only."""
-
-
-class StateDofs:
-    """Converts a state's dofs to nodal arrays, and such arrays back to states.
-
-    Args:
-        sampling: The mesh and the numbering of its nodes.
-    """
-
-    def __init__(self, sampling: Sampling):
-        self._sampling, self._grid, self._eq = sampling, sampling.grid, sampling.system
-
-    def raw(self, state: State, tangent: Tangent) -> dict[str, Array] | None:
-        """Return the dofs of a state and of the path's direction there over the grid's nodes; on rank 0, None elsewhere.
-
-        A path magnifies what its states differ by, three to five times in a step, as far as Newton's tolerance lets it: at a
-        sharp corner a rounded last digit of a state would be 1e-6 of the largest stress after 15 steps.
-        """
-        found: dict[str, Array | None] = {}
-        for (u, p), w in zip(RAW, (state.w, tangent.w), strict=True):
-            found[u] = self._grid.collect(w[self._sampling.skew[: self._grid.owned]])
-            found[p] = self._grid.collect(self._vertex_values(w))
-        whole = {name: values for name, values in found.items() if values is not None}
-        return whole if len(whole) == len(found) else None
-
-    def dofs(self, u: Array | None, p: Array | None) -> Array:
-        """Return the dofs from the two arrays of `raw` on rank 0, None elsewhere."""
-        if self._sampling.pressures is None:
-            return self._filled(self._grid.distribute(u), None)
-        here = self._grid.distribute(p)
-        return self._filled(self._grid.distribute(u), here if here.ndim == 2 else here[:, None])
-
-    def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
-        """Return the state of nodal fields.
-
-        Args:
-            nodal: At least ``displacement`` and ``p`` on rank 0; None elsewhere.
-            P: Its cavity pressure, dimensionless.
-            V: Its cavity volume, dimensionless.
-        """
-        eq, grid = self._eq, self._grid
-        u = grid.distribute(None if nodal is None else nodal["displacement"]) / eq.length_unit
-        p = grid.distribute(None if nodal is None else nodal["p"])[:, None] / eq.stress_unit
-        u = u if grid.dimension == 3 else u[:, [0, 2]]
-        return State(self._filled(u @ eq.body.skew.T, p), P, V)
-
-    def _filled(self, skew: Array, p: Array | None) -> Array:
-        """Return the dofs from skew components and p at owned nodes, where one value of p may stand for those of all
-        regions."""
-        from dolfinx import fem
-
-        function = fem.Function(self._eq.space)
-        function.x.array[self._sampling.skew[: self._grid.owned]] = skew
-        if self._sampling.pressures is not None and p is not None:
-            at = self._sampling.pressures[: self._grid.owned]
-            function.x.array[at[at >= 0]] = np.broadcast_to(p, at.shape)[at >= 0]
-        function.x.scatter_forward()
-        return function.x.array.copy()
-
-    def _vertex_values(self, w: Array) -> Array:
-        """Return the unknown p at owned nodes that have one, 0 elsewhere; one for each region where there are several."""
-        if self._sampling.pressures is None:
-            return np.zeros(self._grid.owned)
-        at = self._sampling.pressures[: self._grid.owned]
-        found = np.where(at >= 0, w[at], 0.0)
-        return found if found.shape[1] > 1 else found[:, 0]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -637,7 +557,6 @@ class Fields:
         system = self.system
         self.grid = Grid(system)
         self.sampling = Sampling(solver, self.grid)
-        self._dofs = StateDofs(self.sampling)
         self.rest_volume = system.rest().V
         self._rest_volumes = system.volumes()
         places = ufl.SpatialCoordinate(system.body.mesh)
@@ -674,17 +593,27 @@ class Fields:
         whole = {name: field for name, field in found.items() if field is not None}
         return whole if len(whole) == len(found) else None
 
-    def raw(self, state: State, tangent: Tangent) -> dict[str, Array] | None:
-        """Return the restart data of a state and of the path's direction there; see `StateDofs.raw`."""
-        return self._dofs.raw(state, tangent)
-
-    def dofs(self, u: Array | None, p: Array | None) -> Array:
-        """Return the dofs that `raw` took apart; see `StateDofs.dofs`."""
-        return self._dofs.dofs(u, p)
-
     def state(self, nodal: Mapping[str, Array] | None, P: float, V: float) -> State:
-        """Return the state that `nodal` was made of; see `StateDofs.state`."""
-        return self._dofs.state(nodal, P, V)
+        """The state that `nodal` was made of; where regions meet p is the mean of theirs, and so not quite the state's.
+
+        Args:
+            nodal: At least ``displacement`` and ``p`` on rank 0; None elsewhere.
+            P: Its cavity pressure, dimensionless.
+            V: Its cavity volume, dimensionless.
+        """
+        from dolfinx import fem
+
+        eq, grid, sampling = self.system, self.grid, self.sampling
+        u = grid.distribute(None if nodal is None else nodal["displacement"]) / eq.length_unit
+        p = grid.distribute(None if nodal is None else nodal["p"])[:, None] / eq.stress_unit
+        u = u if grid.dimension == 3 else u[:, [0, 2]]
+        function = fem.Function(eq.space)
+        function.x.array[sampling.skew[: grid.owned]] = u @ eq.body.skew.T
+        if sampling.pressures is not None:
+            at = sampling.pressures[: grid.owned]
+            function.x.array[at[at >= 0]] = np.broadcast_to(p, at.shape)[at >= 0]
+        function.x.scatter_forward()
+        return State(function.x.array.copy(), P, V)
 
     def figures(self, state: State) -> Figures:
         """Return the key figures of a state."""

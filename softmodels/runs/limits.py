@@ -43,15 +43,12 @@ from softmodels.materials.silicones import (
     spanning,
     spread_sentence,
 )
-from softmodels.mechanics.compiling import compiling
-from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.mpi import on_root
+from softmodels.runs.model import Model, meshed
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from softmodels.mechanics.solver import Solver
-    from softmodels.mechanics.system import State
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
     from softmodels.runs.fields import Fields
@@ -101,44 +98,30 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm) -> lis
         comm: MPI communicator.
 
     Raises:
-        MeshingError, BodyError, MaterialError, ComponentError: As for a run.
+        MeshingError, RunError, MaterialError, ComponentError, ComponentError: As for a run.
     """
-    from softmodels.mechanics.body import Body
-    from softmodels.mechanics.solver import Solver
-    from softmodels.mechanics.system import System
-    from softmodels.runs.fields import Fields
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(comm.bcast(folder)) / "device.msh"
-        on_root(comm, lambda: case.actuator.write(path))
-        body = Body.from_file(case.actuator, path, comm)
-        comm.barrier()
-    known: dict[tuple[type[Material], int, tuple[Component, ...]], tuple[Solver, Fields]] = {}
+    body, known = meshed(case.actuator, comm), {}
     found = []
     try:
         for material in materials:
             own = weighed(case.components, material)
             key = (type(material), len(getattr(material, "mu", ())), own)
             if key not in known:
-                with compiling():
-                    system = System(body, material, case.formulation, own)
-                    solver = Solver(system, case.solver)
-                    known[key] = solver, Fields(solver)
-            solver, fields = known[key]
-            solver.system.set_material(material)
-            found.append(_search(solver, fields))
+                known[key] = Model.of(case, body, material, own)
+            known[key].system.set_material(material)
+            found.append(_search(known[key]))
     finally:
-        for solver, _ in known.values():
-            solver.release()
+        for model in known.values():
+            model.release()
     return found
 
 
-def _search(solver: Solver, fields: Fields) -> Limit:
+def _search(model: Model) -> Limit:
     from softmodels.mechanics.newton import NoConvergence
-    from softmodels.path.continuation import Continuation, trace
+    from softmodels.path.continuation import trace
     from softmodels.path.points import PathEnd
 
-    path = Continuation(solver, start=_hanging(solver))
+    path, fields = model.continuation(), model.fields
     kind, why, last = "none", "", None
     try:
         for point in trace(path, [STIFFNESS_RANGE]):
@@ -159,27 +142,6 @@ def _search(solver: Solver, fields: Fields) -> Limit:
         kind, figures.pressure, figures.added_volume, dict(figures.rises), figures.max_stretch,
         figures.max_stretch_at, why,
     )  # fmt: skip
-
-
-def _hanging(solver: Solver) -> State | None:
-    """Return the state preloaded by all dead loads, which are kept; None without any.
-
-    Raises:
-        ComponentError: There is none.
-    """
-    from softmodels.path.schedule import HangingEnd, hang, inflate_from
-
-    system = solver.system
-    if not system.dead.loads:
-        return None
-    cavities = np.zeros(len(system.body.actuator.ratios))
-    try:
-        hung = hang(solver, [("its dead loads", np.concatenate([cavities, system.dead.amounts / system.dead.units]))])
-    except HangingEnd as end:
-        raise ComponentError(
-            f"the device has no equilibrium under {end.what} ({end}): converged up to {end.share:.3g} of the full load"
-        ) from end
-    return inflate_from(solver, hung)
 
 
 def _stretched(path: Continuation, fields: Fields, before: Point, after: Point) -> Point:

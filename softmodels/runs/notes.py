@@ -47,7 +47,7 @@ from softmodels.mechanics.mpi import petsc_reason
 from softmodels.path.program import LOAD_KEYS, step_text
 from softmodels.runs.band import SourceRows, span_sentence
 from softmodels.runs.columns import StateLabels, loads_words, state_labels
-from softmodels.runs.outcomes import RunError, no_memory
+from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
 from softmodels.runs.row import Row, split
 
 if TYPE_CHECKING:
@@ -153,9 +153,9 @@ def stretch_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     torn = next((row for row in rows if breaks is not None and row["max_stretch"] > breaks), None)
     if torn is not None and source is not None:
         return [
-            f"at {state_labels(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, exceeds {breaks:.3g}, "
-            f"the stretch at break of {named(case.material)} ({source.source}): the device tears there, and later "
-            f"states are invalid"
+            f"at {state_labels(case).place(torn)} the largest stretch, {torn['max_stretch']:.3g}, passes {breaks:.3g}, at "
+            f"which {named(case.material)} broke when pulled ({source.source}): the device tears there, and no state from "
+            "there on is real"
         ]
     return list(filter(None, [extrapolated(case.material, float(most["max_stretch"]))]))
 
@@ -630,4 +630,4 @@ def sentences(of_the_disk: Callable[[OSError], str] = no_mesh) -> Iterator[None]
     except TimeoutError as error:
         raise RunError(LONG) from error
     except OSError as error:
-        raise RunError(of_the_disk(error)) from error
+        raise UnwrittenError(of_the_disk(error)) from error

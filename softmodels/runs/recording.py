@@ -2,33 +2,35 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import json
-import os
 import sys
-import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
-from softmodels.common.errors import spoken
+from softmodels.common.errors import Spoken, reason
 from softmodels.common.files import file_digest, write_text
-from softmodels.common.terminal import COLUMNS, columns, wrapped
+from softmodels.common.folders import OwnFolderError
 from softmodels.materials.silicones import stretch_at_break
-from softmodels.mechanics.mpi import on_root
-from softmodels.runs.columns import StateLabels, state_labels
+from softmodels.mechanics.mpi import is_root, on_root
+from softmodels.runs.columns import state_labels
 from softmodels.runs.notes import (
     events,
     notes_of,
+    sentences,
     stability_text,
     unlocated,
     unseen,
+    unwritten,
 )
-from softmodels.runs.outcomes import DONE, STOPPED, RunError
+from softmodels.runs.outcomes import BAD_INPUT, DONE, STOPPED, Ended, RunError, UnwrittenError
 from softmodels.runs.resume import (
+    begin_together,
     last_stop,
     mesh_is_known,
     recall,
@@ -39,6 +41,7 @@ from softmodels.runs.row import Row
 from softmodels.runs.simulation import (
     FROM_REST,
     Begun,
+    Listener,
     PathEnded,
     Simulation,
     Step,
@@ -47,16 +50,18 @@ from softmodels.runs.store import BRANCH, Results
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-    from rich.console import Console
-    from rich.progress import Progress as Bar
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Finalise a run's folder: merge its steps into one file and write a summary.
 
 
-def gather(case: Case, results: Results, status: int, message: str, notes: Sequence[str]) -> None:
-    """Merge all steps into one file and write ``summary.json``, with the notes of `notes_of`.
+REACHED = Ended()
+"""The end of a run that reached all its values."""
+
+
+def gather(case: Case, results: Results, ended: Ended = REACHED) -> None:
+    """Bring all steps into one file and write ``summary.json``, with the notes of `notes_of`; on rank 0.
 
     Raises:
         OSError: There is no room; the steps stay where they are.
@@ -64,9 +69,10 @@ def gather(case: Case, results: Results, status: int, message: str, notes: Seque
     results.finish()
     words = state_labels(case)
     text = {
-        "status": status, "message": message, "steps": len(results.stored), "last": results.rows[-1].cells,
+        "status": ended.status, "message": ended.message, "steps": len(results.stored), "last": results.rows[-1].cells,
         "events": events(results.rows, words), "stretch_at_break": stretch_at_break(case.material),
-        "notes": list(notes), "stability": stability_text(results.rows, case.actuator, words, branch_rows(results)),
+        "notes": notes_of(case, results.rows, results.sources(case)),
+        "stability": stability_text(results.rows, case.actuator, words, branch_rows(results)),
     }  # fmt: skip
     results.own.claim(["summary.json"])
     write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
@@ -78,14 +84,6 @@ def branch_rows(results: Results) -> list[Row]:
     if branch.heavy.exists():
         branch.load()
     return branch.rows
-
-
-def not_gathered(error: Exception) -> str:
-    """Return why the steps stay in separate files, and the fix."""
-    return (
-        f"the steps could not be merged into one file ({getattr(error, 'strerror', None) or error}); "
-        "free some disk space and run again with --resume"
-    )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -130,6 +128,139 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
         finally:
             aside.release()
     return {name: rows for name, rows in found.items() if rows}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A case solved into a folder of results: the one way of all commands and of `softmodels.run`.
+
+
+@dataclasses.dataclass(frozen=True)
+class ResultsPlace:
+    """A folder to solve into.
+
+    Attributes:
+        folder: Empty, not there, or an earlier run's; all ranks see it. None for the first of ``results/NAME``,
+            ``results/NAME-2`` ... that is free or holds a run of this very case.
+        resume: Go on from what an interrupted run of the same case has left.
+        inputs: Files that the user has given: they are never written.
+        draw: Whether pictures are to be drawn there too.
+    """
+
+    folder: Path | None = None
+    resume: bool = False
+    inputs: Sequence[Path] = ()
+    draw: bool = False
+
+
+class Observer:
+    """Is told on rank 0 how a folder of results comes about; here it does nothing."""
+
+    def opened(self, results: Results) -> None:
+        """The folder is taken; nothing is solved yet."""
+
+    def begun(self, results: Results) -> None:
+        """The folder holds the first state of this run."""
+
+    def closed(self, results: Results | None, ended: Ended) -> None:
+        """The run has ended and its folder is complete, and still locked; None where no folder could be taken."""
+
+
+class Solved(NamedTuple):
+    """What came of a case that was solved into a folder.
+
+    Attributes:
+        folder: The folder; None where none could be taken.
+        loaded: Whether this run has stored a state that is not at rest.
+        ended: How it ended.
+    """
+
+    folder: Path | None
+    loaded: bool
+    ended: Ended
+
+
+@contextlib.contextmanager
+def unstopped() -> Iterator[Callable[[], bool]]:
+    """Nobody asks to stop, but for exceptions."""
+    yield bool
+
+
+def solved_into(
+    place: ResultsPlace,
+    case: Case,
+    comm: MPI.Comm,
+    listener: Listener | None = None,
+    *,
+    branch: bool = False,
+    observer: Observer | None = None,
+    solving: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = unstopped,
+) -> Solved:
+    """Solve a case and store each state in a folder at once; all ranks call it.
+
+    Args:
+        place: The folder.
+        case: What is run.
+        comm: MPI communicator.
+        listener: Is told of each state.
+        branch: Follow the branch at the first bifurcation too.
+        observer: Is told of the folder.
+        solving: Entered while states are solved; gives whether to stop, asked between them.
+
+    Returns:
+        Where the states are, and how the run ended. Every error whose message is a sentence for the user ends it, and what
+        PETSc, the memory or the disk raises; it is there in `Ended.error`.
+    """
+    results: Results | None = None
+    ended, observer = Ended(), observer or Observer()
+    try:
+        with solving() as stopped:
+            simulation = Simulation(case, comm, listener, stopped)
+            try:
+                with sentences(unwritten):
+                    results, resumed = begin_together(
+                        case, place.folder, place.resume, comm, draw=place.draw, inputs=place.inputs
+                    )
+                    if is_root(comm):
+                        observer.opened(results)
+                    record(simulation, results, resumed, branch, observer.begun)
+            except Exception as error:
+                if not isinstance(error, Spoken):
+                    raise
+                ended = Ended.by(error)
+            finally:
+                if comm.size == 1 or sys.exception() is None:  # other ranks may not know of an exception that goes on
+                    simulation.release()
+        failure, loaded = on_root(comm, lambda: _complete(case, results, ended, observer))
+        ended = Ended.by(UnwrittenError(failure)) if failure else ended
+        return Solved(None if results is None else results.own.path, loaded, ended)
+    finally:
+        if results is not None and is_root(comm):
+            results.own.leave()
+
+
+def _complete(case: Case, results: Results | None, ended: Ended, observer: Observer) -> tuple[str, bool]:
+    """Gather the states of a run that has ended; on rank 0.
+
+    Returns:
+        Why that failed, where the run itself did not, else empty; and `Solved.loaded`.
+    """
+    failure = ""
+    if results is not None and results.stored and ended.status != BAD_INPUT:
+        try:
+            gather(case, results, ended)
+            results.own.forget_unwritten()
+        except (OSError, OwnFolderError) as error:
+            if ended.status == DONE:
+                advice = "make room and run again with --resume"
+                failure = f"the steps could not be gathered in one file ({reason(error)}); {advice}"
+                ended = Ended.by(UnwrittenError(failure))
+    observer.closed(results, ended)
+    return failure, results is not None and is_loaded(results.rows)
+
+
+def is_loaded(rows: Sequence[Row]) -> bool:
+    """Whether there is a state that is not at rest."""
+    return any(row["pressure_Pa"] or row["max_displacement_mm"] for row in rows)
 
 
 def record(
@@ -227,7 +358,7 @@ def _record_branch(simulation: Simulation, results: Results) -> None:
     aside = results.branch()
     _begin(simulation, aside)
     _store(simulation.branch(), aside, comm)
-    on_root(comm, lambda: gather(case, aside, DONE, "", notes_of(case, aside.rows)) if aside.stored else None)
+    on_root(comm, lambda: gather(case, aside) if aside.stored else None)
 
 
 def begin_branch(results: Results, case: Case) -> Results:
@@ -249,97 +380,3 @@ def no_branch(case: Case, rows: Sequence[Row]) -> str:
         return text
     hidden = unseen(case.actuator)
     return f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Progress reports of a run: a bar on a terminal, a line per step in a log, nothing if quiet.
-
-
-class Progress:
-    """Reports the progress of a path towards its last requested value.
-
-    Args:
-        last: Last requested value.
-        unit: Its unit, ``"cm"`` or ``"ml"``.
-        words: What is shown of a state.
-        quiet: Say nothing.
-    """
-
-    def __init__(self, last: float, unit: str, words: StateLabels, quiet: bool):
-        self.last, self.unit, self.words, self.quiet = last, unit, words, quiet
-        self.started = time.monotonic()
-        self._console: Console | None = None
-        self._bar: Bar | None = None
-        self._first: tuple[float, float] | None = None
-
-    def __enter__(self) -> Progress:
-        width = columns("stderr")
-        if self.quiet or sys.stderr is None or width is None:
-            return self  # a log has no bar, so rich need not be imported
-        from rich.console import Console
-        from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-        from rich.progress import Progress as Bar
-
-        self._console = Console(
-            stderr=True, highlight=False, markup=False, emoji=False,
-            force_terminal=COLUMNS["stderr"] in os.environ or None, width=width,
-        )  # fmt: skip
-        self._console.on_broken_pipe = self._hush  # type: ignore[method-assign]
-        if self._console.is_terminal:
-            parts = (
-                TextColumn("{task.description}"),
-                BarColumn(),
-                TimeElapsedColumn(),
-                TextColumn("left"),
-                TimeRemainingColumn(),
-            )
-            self._bar = Bar(*parts, console=self._console)
-            self._task = self._bar.add_task("starting", total=self.last)
-            self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def say(self, text: str) -> None:
-        """Report a line on the current step."""
-        if self.quiet:
-            return
-        try:
-            if self._console is not None:
-                self._console.print(wrapped(spoken(text), self._console.width))
-            else:
-                print(spoken(text), file=sys.stderr, flush=True)
-        except (OSError, ValueError):  # writing to a closed stream raises ValueError
-            self._hush()
-
-    def _hush(self) -> None:
-        """Stop reporting if the stream is closed or its disk is full: the run goes on, where rich would end the program."""
-        self.quiet = True
-        if self._console is not None:
-            self._console.quiet = True
-
-    def step(self, row: Row, value: float) -> None:
-        """Report a step: its row of the table, and the progress towards the last requested value."""
-        gauge = self.words.gauge
-        volume = f"{row['added_volume_ml']:+8.3f} ml  " if self.words.volume else ""
-        text = (
-            f"step {row['step']:3d}  {self.words.under(row, f'{row["pressure_cm"]:8.3f} cm')}  "
-            f"{gauge} rise {row[f'{gauge}_mm']:+8.3f} mm  {volume}{row['newton_iterations']:2d} iterations"
-        )
-        if self._bar is not None:
-            self.say(text)  # above the bar, where it stays
-            self._bar.update(
-                self._task,
-                completed=max(0.0, min(value, self.last)),
-                description=f"{value:.4g} of {self.last:g} {self.unit}",
-            )
-            return
-        now = time.monotonic()
-        if self._first is None:
-            self._first = (now, value)  # the time of meshing and compiling does not predict that of the steps
-        since, first = self._first
-        left = (now - since) * (self.last - value) / (value - first) if value > first else None
-        rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
-        self.say(f"{text}  {now - self.started:6.1f} s{rest}")

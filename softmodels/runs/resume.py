@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import itertools
 import math
@@ -42,7 +41,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.system import State
     from softmodels.path.points import Point
     from softmodels.runs.fields import Fields
-    from softmodels.runs.store import Restart
+    from softmodels.runs.formats import Restart
 
 
 def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[str, str], folder: Path) -> None:
@@ -121,7 +120,7 @@ def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> S
     """Return the end of a program's step that the stored states end with."""
     row, record = on_root(comm, lambda: (results.rows[-1], results.stored[-1].restart))
     last = on_root(comm, lambda: len(results.stored) - 1)
-    state, _ = stored_state(results, fields, comm, last, record["P"], record["V"])
+    state = stored_state(results, fields, comm, last, record["P"], record["V"])
     system = fields.system
     pressures = [row[name] * case.cm / system.stress_unit for name in cavity_columns(row, "pressure", "cm")]
     dead = [row[load.column] * load.column_unit for load in system.dead.loads] / system.dead.units
@@ -136,16 +135,14 @@ def stopped_at(results: Results, key: str, value: float) -> bool:
 
 
 def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Point]:
-    """Return the points from which a trace continues: bifurcations, the first limit point, the last factorised one, the
-    last two."""
+    """The points a trace goes on from: bifurcations, the first limit point, the last turn of a stroke, and the last two."""
     records = on_root(comm, lambda: [stored.restart for stored in results.stored])
     # A bifurcation is interpolated: the path did not continue from it.
     branching = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if row["bifurcation"]])
     solved = [i for i in range(len(records)) if i not in branching]
-    factorised = max(i for i in solved if records[i]["factorised"])
     limits = [i for i, record in enumerate(records) if record["limit"]][:1]
     turns = [i for i, record in enumerate(records) if record["turn"]][-1:]
-    chosen = sorted({*limits, *turns, factorised, *solved[-2:], *branching})
+    chosen = sorted({*limits, *turns, *solved[-2:], *branching})
     return [stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
 
 
@@ -153,27 +150,25 @@ def recall(results: StoredRun, fields: Fields, comm: MPI.Comm, steps: Sequence[i
     """Restore the history of parts, such as the anchor points of friction, by going through the stored steps."""
     potential = fields.system.potential
     for step in steps if fields.system.assembled.remembers else ():
-        potential.keep(stored_state(results, fields, comm, step, 0.0, 0.0)[0].w)
+        potential.keep(stored_state(results, fields, comm, step, 0.0, 0.0).w)
 
 
 class StoredRun(Protocol):
     """Access to the fields of stored steps, such as a `Results`."""
 
-    def has(self, step: int, names: Sequence[str]) -> bool: ...
     def fields(self, step: int, names: tuple[str, ...]) -> Mapping[str, Array]: ...
 
 
 def stored_point(
     results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, restart: Restart, branching: bool
 ) -> Point:
-    """Return the point of a stored step; its tangent is zero where none was stored, and none is needed at a bifurcation."""
+    """The point of a stored step; of its tangent the changes of P and V alone are stored."""
     from softmodels.mechanics.controls import Tangent
     from softmodels.path.points import Point
     from softmodels.path.stability import Signature
 
-    state, rate = stored_state(results, fields, comm, step, restart["P"], restart["V"])
-    state = dataclasses.replace(state, iterations=restart["iterations"])
-    dP, dV = restart.get("tangent", (0.0, 0.0))
+    state = stored_state(results, fields, comm, step, restart["P"], restart["V"])
+    tangent = Tangent(np.zeros_like(state.w), *restart["tangent"])
     mode = None
     if branching:
         nodal = results.fields(step, ("mode",)) if is_root(comm) else None
@@ -181,28 +176,14 @@ def stored_point(
         mode = fields.state(shape, 0.0, 0.0).w
         mode /= largest(comm, float(np.abs(mode).max()))
     return Point(
-        state, Tangent(rate, dP, dV), signature=Signature(**restart["signature"]), mode=mode,
-        requested=restart["requested"], limit=restart["limit"], jump=restart["jump"], turn=restart["turn"],
-        step=restart["step"], line=restart["line"], factorised=restart["factorised"], age=restart["age"],
-        stiffest=restart["stiffest"], worn=restart["worn"], largest=restart["largest"],
+        state, tangent, restart["requested"], restart["limit"], restart["step"], restart["line"], restart["stiffest"],
+        Signature(**restart["signature"]), mode, restart["jump"], restart["turn"],
     )  # fmt: skip
 
 
-def stored_state(
-    results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float
-) -> tuple[State, Array]:
-    """Return a stored step's state, and the dofs of the path's direction there; zeros where they were not stored."""
-    from softmodels.mechanics.system import State
-    from softmodels.runs.fields import RAW
-
-    names = [name for pair in RAW for name in pair]
-    if on_root(comm, lambda: results.has(step, names)):
-        raw: Mapping[str, Array | None] = results.fields(step, tuple(names)) if is_root(comm) else dict.fromkeys(names)
-        w, rate = (fields.dofs(raw[u], raw[p]) for u, p in RAW)
-        return State(w, P, V), rate
-    nodal = results.fields(step, ("displacement", "p")) if is_root(comm) else None
-    state = fields.state(nodal, P, V)
-    return state, np.zeros_like(state.w)
+def stored_state(results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float) -> State:
+    """A stored step's state."""
+    return fields.state(results.fields(step, ("displacement", "p")) if is_root(comm) else None, P, V)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

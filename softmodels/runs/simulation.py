@@ -15,15 +15,12 @@ from softmodels.case.materials import MaterialErrors
 from softmodels.common.arrays import Array
 from softmodels.materials.stability import weakness
 from softmodels.mechanics import c_library
-from softmodels.mechanics.compiling import (
-    CompilingError,
-    cache,
-    compiling,
-    wait_for_cache,
-)
+from softmodels.mechanics.compiling import cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.path.points import DeadForce, LoadDisplacement, Pressure
 from softmodels.runs.columns import Solved, row_of
+from softmodels.runs.formats import Restart, restart_of
+from softmodels.runs.model import Model, body_of
 from softmodels.runs.notes import explain, explain_failure, explain_step
 from softmodels.runs.outcomes import (
     FAILED,
@@ -32,7 +29,6 @@ from softmodels.runs.outcomes import (
     RunError,
 )
 from softmodels.runs.row import Row
-from softmodels.runs.store import Restart, restart_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -81,8 +77,8 @@ class Step:
 
     Attributes:
         row: Its row of ``path.csv``, on all ranks.
-        fields: Nodal fields by name, SI units, shape (n,) or (n, 3), as `Fields.nodal` gives them, and what a restart needs
-            to the last bit; on rank 0, None elsewhere.
+        fields: Nodal fields by name, SI units, shape (n,) or (n, 3), as `Fields.nodal` gives them, and at a bifurcation its
+            ``mode``; on rank 0, None elsewhere.
         restart: Numbers that a restart needs beside the fields.
     """
 
@@ -296,25 +292,16 @@ class Simulation:
             RunError: The mesh is of another device, or nothing can be compiled.
             MeshFileError: No mesh as `write_mesh` makes them.
         """
-        from softmodels.mechanics.body import Body, BodyError
-        from softmodels.mechanics.solver import Solver
-        from softmodels.mechanics.system import System
-        from softmodels.runs.fields import Fields
-
         case, say = self.case, self.listener.say
         say("compiling kernels (first run only, about 10 s; then cached)")
         on_root(self.comm, lambda: wait_for_cache(cache(), say, self.stopped))
         self._stop_if_asked()
-        try:
-            self.body = Body.from_file(case.actuator, file, self.comm)
-            with compiling():
-                system = System(self.body, case.material, case.formulation, case.components)
-                self.solver = Solver(system, case.solver)
-                self.fields = Fields(self.solver, case.gauges)
-                self._band = self._make_band()
-            self.beginning = Beginning(case, self.solver, say)
-        except (BodyError, CompilingError) as error:
-            raise RunError(str(error)) from error
+        self.body = body_of(case.actuator, file, self.comm)
+        model = Model.of(case, self.body)
+        self.solver, self.fields = model.solver, model.fields
+        with compiling():
+            self._band = self._make_band()
+        self.beginning = Beginning(case, self.solver, say)
 
     def _make_band(self) -> Band | None:
         from softmodels.runs.band import Band
@@ -474,15 +461,12 @@ class Simulation:
         case, fields = self.case, self.fields
         figures = fields.figures(point.state)
         nodal = fields.nodal(point.state)  # on rank 0 only
-        if point.mode is not None:
-            mode = fields.shape(point.mode)
-            more = None if mode is None else {"mode": mode / np.abs(mode).max()}
-        else:
-            more = fields.raw(point.state, point.tangent)
-        whole = None if nodal is None or more is None else {**nodal, **more}
+        mode = None if point.mode is None else fields.shape(point.mode)
+        if nodal is not None and mode is not None:
+            nodal["mode"] = mode / np.abs(mode).max()
         band = self._band.cells(point) if self._band else {}
-        row = on_root(self.comm, lambda: row_of(Solved(case, fields, point, figures, whole or {}, number, come, band)))
-        return Step(row, whole, restart_of(point))
+        row = on_root(self.comm, lambda: row_of(Solved(case, fields, point, figures, nodal or {}, number, come, band)))
+        return Step(row, nodal, restart_of(point))
 
 
 def _own_words() -> bool:

@@ -13,14 +13,10 @@ from geometries.actuator import Vector
 from softmodels.case.case import Case
 from softmodels.common.arrays import Array
 from softmodels.runs.columns import StateLabels, state_labels
+from softmodels.runs.formats import opened, read_values
 from softmodels.runs.grid import OUTSIDE, Surface, surface_of
 from softmodels.runs.row import Row
-from softmodels.runs.store import (
-    Results,
-    ResultsError,
-    opened,
-    read_values,
-)
+from softmodels.runs.store import Results, ResultsError
 
 STILLS = 4
 """Maximum number of states shown side by side."""

@@ -19,7 +19,8 @@ from softmodels.common.files import (
     read_text,
     replace_text,
 )
-from softmodels.common.folders import FolderLock, has_table, is_drawn
+from softmodels.common.folders import FolderLock
+from softmodels.common.output import has_table, is_drawn
 from softmodels.common.toml_file import TomlError, read_toml
 
 

@@ -76,7 +76,9 @@ sm.inflate(disk, law, pressures="0:100 cm", folder="disk", progress=die)
     assert len(left) == 5 and np.array_equal(left[4].displacement, in_memory[4].displacement)
     assert left.limit is None
     run = sm.inflate(BALLOONS, LAW, pressures="0:100 cm", folder=tmp_path / "disk", resume=True)
-    assert run.rows == in_memory.rows and run.limit == in_memory.limit
+    runs.same(run.rows, in_memory.rows, 1e-6)
+    assert run.rows[:5] == in_memory.rows[:5] and run.limit.kind == in_memory.limit.kind
+    assert run.limit.pressure == pytest.approx(in_memory.limit.pressure, rel=1e-6)
 
 
 def test_ones_own_interrupt_lets_go_of_the_folder(tmp_path):

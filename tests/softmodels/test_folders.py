@@ -228,7 +228,7 @@ def test_a_folder_in_use_is_refused_with_the_process_that_uses_it(says, copy):
     busy.leave()
     assert contents(copy) == before
     # A lock that a killed process has left behind holds nobody up.
-    (copy / ".softmodels.lock").write_text('{"pid": 1, "host": "elsewhere"}')
+    (copy / ".softmodels.lock").write_text("1\nelsewhere\n")
     assert says(command, *SHORT, "--output", copy)[0] == 0 and not list(copy.glob("*.lock"))
 
 
@@ -236,16 +236,19 @@ def test_where_the_system_knows_no_locks_the_file_alone_counts(tmp_path, monkeyp
     """Of this machine's processes it is seen whether they have ended; of another's it is not."""
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
-    monkeypatch.setattr(folders.fcntl, "flock", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOLCK, "no locks")))
+    monkeypatch.setattr("fcntl.flock", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOLCK, "no locks")))
     lock = folders.FolderLock(tmp_path / "lock")
     for pid, host, free in ((ended.pid, socket.gethostname(), True), (os.getppid(), socket.gethostname(), False),
                             (ended.pid, "elsewhere", False)):  # fmt: skip
-        lock.file.write_text(json.dumps({"pid": pid, "host": host, "since": "noon"}))
+        lock.file.write_text(f"{pid}\n{host}\n")
         if free:
             lock.take()
+            with pytest.raises(folders.InUseError, match=f"process {os.getpid()} on"):
+                folders.FolderLock(lock.file).take()
             lock.release()
+            assert not lock.file.exists()
         else:
-            with pytest.raises(folders.InUseError, match=f"process {pid} on {host}, since noon"):
+            with pytest.raises(folders.InUseError, match=rf"process {pid} on {host}, since \d{{4}}-"):
                 lock.take()
 
 

@@ -49,7 +49,7 @@ from softmodels.cli.run import run
 
 case = Case(name="disk", actuator=HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0),
             material=material_from(None, {}), pressures_cm=(5.0,))
-with mock.patch("softmodels.cli.run.record", side_effect=KeyboardInterrupt):
+with mock.patch("softmodels.runs.recording.record", side_effect=KeyboardInterrupt):
     try:
         run(case, Path("out"), quiet=True, draw=False)
     except KeyboardInterrupt:

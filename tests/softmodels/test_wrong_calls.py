@@ -18,7 +18,7 @@ import pytest
 
 import softmodels as sm
 from geometries import Actuator
-from softmodels.api.run import case_of
+from softmodels.case.from_python import case_of
 from softmodels.common.errors import OWN
 from softmodels.common.schema import (
     Choice,
@@ -213,6 +213,11 @@ def calls(loaded):
         {"device": "device", "material": "material", "components": "components",
          "formulation": "choice", "solver": "choice"},
     )  # fmt: skip
+    yield Call(
+        sm.Model, base,
+        {"device": "device", "material": "material", "components": "components",
+         "formulation": "choice", "solver": "choice"},
+    )  # fmt: skip
     case = PROBLEM.case
     right = {"name": "a", "actuator": DISK, "material": LAW, "pressures_cm": (0.0, 30.0)}
     yield Call(
@@ -282,7 +287,7 @@ def nothing_starts(monkeypatch, tmp_path):
     for place in (
         "geometries.actuator.Actuator.write", "softmodels.mechanics.system.System.__init__",
         "softmodels.api.calls.start", "softmodels.casting.files.made", "softmodels.design.optimise.start",
-        "softmodels.api.run.start", "softmodels.fitting.curves.fit.fit_law_to_curves",
+        "softmodels.api.run.start", "softmodels.runs.model.start", "softmodels.fitting.curves.fit.fit_law_to_curves",
         "softmodels.fitting.outlines.fit.start", "softmodels.api.run.begin",
     ):  # fmt: skip
         monkeypatch.setattr(place, started)
@@ -410,7 +415,7 @@ def test_every_public_name_is_called_wrongly(loaded):
     errors = {
         name for name in public if isinstance(getattr(sm, name), type) and issubclass(getattr(sm, name), Exception)
     }
-    results = {"Run", "SolvedState", "Score", "Limit"}
+    results = {"Run", "SolvedState", "Score", "Limit", "Equilibrium", "Mode"}
     below = {
         "Material",
         "ImportedActuator",

@@ -1,0 +1,366 @@
+"""A device whose equations are made: its equilibria, its path and its modes, without files."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geometries import Actuator
+from softmodels.case.case import Case
+from softmodels.case.entries import (
+    CaseError,
+)
+from softmodels.case.from_python import Values, in_unit
+from softmodels.common.arrays import Array
+from softmodels.common.calls import checked, read_only
+from softmodels.common.processes import one_at_a_time
+from softmodels.materials.laws import Material
+from softmodels.mechanics.compiling import CompilingError, compiling
+from softmodels.mechanics.component import Component, ComponentError
+from softmodels.mechanics.mpi import is_root, on_root, start
+from softmodels.runs.notes import sentences
+from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, RunError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.system import State
+    from softmodels.path.continuation import Continuation
+    from softmodels.path.points import Point
+    from softmodels.runs.fields import Figures
+
+
+@contextlib.contextmanager
+def temporary_folder(comm: MPI.Comm) -> Iterator[Path]:
+    """Provide a temporary folder, the same on all ranks."""
+    path = on_root(comm, lambda: Path(tempfile.mkdtemp(prefix="softmodels-")))
+    try:
+        yield path
+    finally:
+        if is_root(comm):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def meshed(device: Actuator, comm: MPI.Comm) -> Body:
+    """Mesh a device and read its mesh; all ranks call it.
+
+    Raises:
+        MeshingError, MeshFileError: The device cannot be meshed.
+        RunError: DOLFINx cannot compile what a mesh needs.
+    """
+    with temporary_folder(comm) as folder:
+        path = folder / "device.msh"
+        on_root(comm, lambda: device.write(path))
+        return body_of(device, path, comm)
+
+
+def body_of(device: Actuator, mesh: Path, comm: MPI.Comm) -> Body:
+    """Read a device's mesh; all ranks call it.
+
+    Raises:
+        MeshFileError: No mesh as `Actuator.write` makes them.
+        RunError: It is of another device, or DOLFINx cannot compile what it needs.
+    """
+    from softmodels.mechanics.body import Body, BodyError
+
+    try:
+        return Body.from_file(device, mesh, comm)
+    except (BodyError, CompilingError) as error:
+        raise RunError(str(error)) from error
+
+
+@checked
+class Model:
+    """A device, meshed, and the equations of its equilibrium.
+
+    Under weights and other dead loads every path begins where the device hangs under them. Every call is made by all ranks.
+
+    Args:
+        device: The device, with a cavity.
+        material: Its silicone, or the name of one.
+        components: Components added to it: `Gravity`, `Rigid`, `Fibres` and others, one or several.
+        formulation: ``"mixed"`` (displacement and pressure) or ``"displacement"``.
+        solver: How linear equations are solved: ``"auto"``, ``"direct"`` or ``"iterative"``.
+
+    Raises:
+        ArgumentError, CaseError: Invalid input.
+        RunError: The equations cannot be compiled, or do not fit into memory.
+        MeshingError, MeshFileError: The device cannot be meshed.
+
+    Attributes:
+        case: The device with all around it; its load is not looked at.
+        body, system, solver, fields: Its mesh, its equations, what solves them, and the fields of its states.
+    """
+
+    @one_at_a_time
+    def __init__(
+        self,
+        device: Actuator,
+        material: Material | str,
+        components: Component | Sequence[Component] = (),
+        formulation: str = "mixed",
+        *,
+        solver: str = "auto",
+    ):
+        case = Case(
+            "model", device, material, pressures_cm=(1.0,), components=components,  # type: ignore[arg-type]
+            formulation=formulation, solver=solver,
+        )  # fmt: skip
+        comm = start()
+        with sentences():
+            self._make(case, meshed(device, comm), case.material, case.components)
+
+    @classmethod
+    def of(
+        cls, case: Case, body: Body, material: Material | None = None, components: Sequence[Component] | None = None
+    ) -> Model:
+        """The model of a case on a mesh that is read already, with another material or components where they are given.
+
+        Raises:
+            RunError: Nothing can be compiled.
+        """
+        made = cls.__new__(cls)
+        made._make(case, body, material or case.material, case.components if components is None else components)
+        return made
+
+    def _make(self, case: Case, body: Body, material: Material, components: Sequence[Component]) -> None:
+        from softmodels.mechanics.body import BodyError
+        from softmodels.mechanics.solver import Solver
+        from softmodels.mechanics.system import System
+        from softmodels.runs.fields import Fields
+
+        self.case, self.body = case, body
+        try:
+            with compiling():
+                self.system = System(body, material, case.formulation, components)
+                self.solver = Solver(self.system, case.solver)
+                self.fields = Fields(self.solver, case.gauges)
+        except (BodyError, CompilingError) as error:
+            raise RunError(str(error)) from error
+
+    def __repr__(self) -> str:
+        size = self.system.space.dofmap
+        return f"<Model of {self.case.actuator.stem}: {size.index_map.size_global * size.index_map_bs} unknowns>"
+
+    def release(self) -> None:
+        """Give back what PETSc and MPI hold; the model is not used afterwards."""
+        self.solver.release()
+
+    # -- states -------------------------------------------------------------------------------------------------------
+
+    @checked
+    @one_at_a_time
+    def solve(self, pressure: float | str | None = None, volume: float | str | None = None) -> Equilibrium:
+        """The equilibrium at a pressure or an added volume; the path to there is followed.
+
+        Args:
+            pressure: In Pa, or a text such as ``"7 kPa"`` or ``"70 cm"``.
+            volume: Added volume of the cavity in m3, or a text such as ``"40 ml"``; past a limit point of the pressure too.
+                With neither, the state under the dead loads, which is undeformed where there are none.
+
+        Raises:
+            ArgumentError, CaseError: Invalid input.
+            RunError: There is no such equilibrium on the path, or it was not found.
+        """
+        if pressure is None and volume is None:
+            state = self.hanging() or self.system.rest()
+            return Equilibrium(self, state)
+        *_, last = self.path(None if pressure is None else [pressure], None if volume is None else [volume])
+        return last
+
+    @checked
+    def path(
+        self, pressures: Values | None = None, volumes: Values | None = None, *, control: str = "auto"
+    ) -> Iterator[Equilibrium]:
+        """Follow the device from rest, and yield every state: the requested ones, those between, limit points, bifurcations.
+
+        Args:
+            pressures: Pressures to stop at, rising: ``"0:177 cm"``, ``"0:17:1 kPa"``, or numbers in Pa.
+            volumes: The same of added volumes: ``"0:60 ml"``, or numbers in m3.
+            control: What the path follows: ``"auto"``, ``"pressure"``, ``"volume"`` or ``"arc-length"``.
+
+        Raises:
+            ArgumentError, CaseError: Invalid input.
+            RunError: The path ends before the last requested value.
+        """
+        if (pressures is None) == (volumes is None):
+            raise CaseError("give the pressures or the added volumes that the path goes to, one of them")
+        unit, values, what = ("cm", pressures, "pressure") if volumes is None else ("ml", volumes, "volume")
+        asked = in_unit(unit, values, what, self.case.cm)
+        quantity = {f"{what}s_{unit}": asked, **({"pressures_cm": ()} if unit == "ml" else {})}
+        case = dataclasses.replace(self.case, control=control, **quantity)  # type: ignore[arg-type]
+        return self._followed(case, what)
+
+    def _followed(self, case: Case, quantity: str) -> Iterator[Equilibrium]:
+        from softmodels.mechanics.newton import NoConvergence
+        from softmodels.path.continuation import trace
+        from softmodels.path.points import PathEnd
+
+        unit = self.system.stress_unit if quantity == "pressure" else self.system.volume_unit
+        try:
+            for point in trace(self.continuation(quantity, case.control), [goal / unit for goal in case.goals]):
+                yield Equilibrium(self, point.state, point)
+        except PathEnd as end:
+            status = NO_EQUILIBRIUM if end.physical else FAILED
+            raise RunError(f"the path ends before the last requested {quantity}: {end}", status) from end
+        except NoConvergence as failure:
+            raise RunError(f"the path could not be followed ({failure})") from failure
+
+    def continuation(self, quantity: str = "pressure", control: str = "auto") -> Continuation:
+        """The path to pressures or added volumes, not begun yet; its values are dimensionless."""
+        from softmodels.path.continuation import Continuation
+        from softmodels.path.points import DIRECT
+
+        return Continuation(self.solver, DIRECT[quantity], control, start=self.hanging())
+
+    def hanging(self) -> State | None:
+        """The state in which the device hangs under its dead loads, all of which are kept; None without any.
+
+        Raises:
+            ComponentError: There is none.
+        """
+        from softmodels.path.schedule import HangingEnd, hang, inflate_from
+
+        dead = self.system.dead
+        if not dead.loads:
+            return None
+        cavities = np.zeros(len(self.case.actuator.ratios))
+        try:
+            hung = hang(self.solver, [("its dead loads", np.concatenate([cavities, dead.amounts / dead.units]))])
+        except HangingEnd as end:
+            raise ComponentError(
+                f"the device has no equilibrium under {end.what} ({end}): converged up to {end.share:.3g} of the full load"
+            ) from end
+        return inflate_from(self.solver, hung)
+
+    # -- modes --------------------------------------------------------------------------------------------------------
+
+    @checked
+    @one_at_a_time
+    def modes(self, equilibrium: Equilibrium | None = None, count: int = 4) -> list[Mode]:
+        """The modes whose eigenvalues are nearest zero, rising: of K v = lambda M v at a given pressure, M of unit density.
+
+        Args:
+            equilibrium: A state of this model; that of `solve` without arguments if None.
+            count: At least how many.
+        """
+        from softmodels.path.stability import Stability
+
+        state = (equilibrium or self.solve()).state
+        self.system.load(state)
+        pairs = Stability.of(self.solver).eigenpairs(state, count)
+        unit = self.system.stress_unit / self.system.length_unit**2
+        return [Mode(value * unit, self._shape(w)) for value, w in pairs]
+
+    def _shape(self, w: Array) -> Array:
+        shape = self.fields.shape(w)
+        found: Array = on_root(self.body.mesh.comm, lambda: np.asarray(shape) / np.abs(np.asarray(shape)).max())
+        return read_only(found)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Mode:
+    """A mode of a device at an equilibrium.
+
+    Attributes:
+        eigenvalue: In Pa/m2; negative where the equilibrium is not stable at its pressure.
+        displacement: Its shape in device coordinates, shape (n, 3), largest entry 1 or -1.
+    """
+
+    eigenvalue: float
+    displacement: Array
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Equilibrium:
+    """A state of a `Model`, SI units. Fields are computed when they are asked for first; arrays are read-only.
+
+    Attributes:
+        model: Whose state it is.
+        state: Its unknowns, dimensionless.
+        point: Its point of the path; None of a state that was not followed to.
+    """
+
+    model: Model
+    state: State
+    point: Point | None = None
+
+    def __repr__(self) -> str:
+        return f"<Equilibrium of {self.model.case.actuator.stem} at {self.pressure:.5g} Pa>"
+
+    @functools.cached_property
+    def figures(self) -> Figures:
+        """All key figures, of the whole device."""
+        return self.model.fields.figures(self.state)
+
+    @functools.cached_property
+    def fields(self) -> Mapping[str, Array]:
+        """Nodal fields by name: ``displacement`` (n, 3), ``p``, ``von_mises``, ``largest_stretch``, ``J`` (n,)."""
+        nodal = self.model.fields.nodal(self.state)
+        found = on_root(self.model.body.mesh.comm, lambda: nodal or {})
+        return {name: read_only(values) for name, values in found.items()}
+
+    @property
+    def pressure(self) -> float:
+        """Pa."""
+        return self.figures.pressure
+
+    @property
+    def volume(self) -> float:
+        """Volume in m3 that the cavity has taken."""
+        return self.figures.added_volume
+
+    @property
+    def energy(self) -> float:
+        """Elastic energy in J of the whole device."""
+        return self.figures.stored_energy
+
+    @property
+    def rises(self) -> dict[str, float]:
+        """Rise of each probe in m by its name."""
+        return dict(self.figures.rises)
+
+    @property
+    def largest_stretch(self) -> float:
+        """Largest principal stretch at the integration points."""
+        return self.figures.max_stretch
+
+    @property
+    def displacement(self) -> Array:
+        """Displacement in m, in device coordinates, shape (n, 3)."""
+        return self.fields["displacement"]
+
+    @property
+    def points(self) -> Array:
+        """Undeformed nodes in device coordinates, m, shape (n, 3)."""
+        grid = self.model.fields.grid
+        return read_only(on_root(self.model.body.mesh.comm, lambda: grid.points))
+
+    @property
+    def requested(self) -> bool:
+        """Whether it is at one of the requested values."""
+        return self.point is not None and self.point.requested
+
+    @property
+    def limit(self) -> bool:
+        """Whether it is a limit point of the pressure."""
+        return self.point is not None and self.point.limit
+
+    @property
+    def bifurcation(self) -> bool:
+        """Whether another branch leaves the path here."""
+        return self.point is not None and self.point.bifurcation
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether it is stable at its pressure; None of a state that was not followed to."""
+        return None if self.point is None else self.point.stable_under_pressure
