@@ -6,16 +6,18 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometries import PLACES
-from geometries.actuator import Actuator
 from softmodels.common import schema
 from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError, GeometryError
 from softmodels.common.registry import Registry
 from softmodels.common.schema import Text, about
 from softmodels.common.units import exact_text
+
+if TYPE_CHECKING:
+    from geometries.actuator import Actuator
 
 
 def _list_variant_fields(device: type[Actuator]) -> None:

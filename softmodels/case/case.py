@@ -630,6 +630,9 @@ def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str | None:
 
 
 def _texts(name: str, value: object) -> Iterator[tuple[str, str]]:
+    if isinstance(value, tuple) and any(isinstance(part, Component) for part in value):
+        yield from ((part.where.strip("[]"), _text(part)) for part in value)
+        return
     if not dataclasses.is_dataclass(value):
         yield name, _text(value)
         return

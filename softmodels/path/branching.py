@@ -95,7 +95,7 @@ class Branch:
         change = (b.V - a.V, b.P - a.P)
         return self.path.plane.product(change, change) ** 0.5
 
-    def foretold(self, known: list[Point], found: Point) -> bool:
+    def predicted(self, known: list[Point], found: Point) -> bool:
         """Return whether two points predict a third well enough for arc-length control."""
         s, t = known[-1].state, known[-1].tangent
         path, new = self.path, found.state
@@ -140,7 +140,7 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
             yield path.keep(found)
             if ends(found):
                 return
-            if branch.foretold(known, found):
+            if branch.predicted(known, found):
                 break
     except NoConvergence as failure:
         raise PathEnd(str(failure)) from failure

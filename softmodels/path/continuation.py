@@ -140,7 +140,7 @@ def _sum(points: Sequence[Foretelling], values: Array, slopes: Array) -> tuple[A
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The end of a path: its last two points, from which the next is foretold.
+# The end of a path: its last two points, from which the next is predicted.
 
 
 class PathHistory:
@@ -296,8 +296,8 @@ class Corrector:
         if not system.potential.admits(s.w, state.w):
             raise NoConvergence("a wall passed through an obstacle")
         if not (line.needs_volume or system.drives_cavities):
-            foretold = t.V * (state.P - s.P) / t.P if t.P else math.inf
-            if abs(state.V - s.V) > FARTHEST * abs(foretold):
+            predicted = t.V * (state.P - s.P) / t.P if t.P else math.inf
+            if abs(state.V - s.V) > FARTHEST * abs(predicted):
                 raise NoConvergence("the travel was too large for one step")
 
     # -- between two points -------------------------------------------------------------------------------------------

@@ -182,7 +182,7 @@ def test_no_run_goes_on_with_another_contact(says, tmp_path):
     more = [*BASIC, "--pressure-cm=0,30,35", "--output", folder, "--resume"]
     for other in CONTACTS[1:]:
         status, _, err = says(command, *more, *other)
-        assert status == 2 and "another obstacle" in err and "obstacle" in err and contents(folder) == before
+        assert status == 2 and "another contact" in err and contents(folder) == before
     assert says(command, *more, *CONTACTS[0])[0] == 0
     assert runs.rows(folder)[-1]["pressure_cm"] == 35.0
 
@@ -193,9 +193,9 @@ def test_every_field_of_a_case_counts():
     texts = identity(dataclasses.replace(plain, components=[Obstacle("top", "z = 20 mm")]))
     counting = {field.name for field in dataclasses.fields(Case)} - {"solver"}  # either one finds the same states
     assert counting <= {name.split(".")[0] for name in texts}
-    assert {"actuator.membrane", "material.shear_modulus", "obstacle.stiffness"} <= texts.keys()
+    assert {"actuator.membrane", "material.shear_modulus", "contact"} <= texts.keys()
     assert not any(" at 0x" in text for text in texts.values())
-    assert difference(identity(plain), texts) == "obstacle"
+    assert difference(identity(plain), texts) == "contact"
     assert difference(identity(plain), identity(dataclasses.replace(plain, pressures_cm=(10.0, 20.0)))) is None
     assert identity(plain) == identity(dataclasses.replace(plain, solver="iterative"))
     assert identity(plain) == identity(Case.from_toml(plain.to_toml()))

@@ -102,7 +102,7 @@ def test_what_a_run_killed_while_compiling_left_is_taken_away(tmp_path):
         return False
 
     wait_for_cache(tmp_path, said.append, others)
-    assert len(said) == 1 and "compiling" in said[0]
+    assert len(said) == 1 and "compile" in said[0]
     assert ready.exists() and young.exists() and not old.exists()
 
 

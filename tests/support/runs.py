@@ -38,7 +38,7 @@ def rows(folder):
     """The table of a folder of results; numbers as numbers, None for an empty cell."""
     with (folder / "path.csv").open() as file:
         return [
-            {key: value if key == "following" else float(value) if value else None for key, value in row.items()}
+            {key: value if key == "control" else float(value) if value else None for key, value in row.items()}
             for row in csv.DictReader(file)
         ]
 
@@ -58,7 +58,7 @@ def same(found, wanted, tolerance):
     """Whether two tables hold the same numbers, to a share of each column's largest one."""
     assert [row["step"] for row in found] == [row["step"] for row in wanted]
     for name in wanted[0]:
-        if name == "following":
+        if name == "control":
             assert [row[name] for row in found] == [row[name] for row in wanted]
         elif name != "newton_iterations":
             assert [row[name] is None for row in found] == [row[name] is None for row in wanted]
