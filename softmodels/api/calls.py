@@ -49,12 +49,12 @@ from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, RunError, UnwrittenError
 from softmodels.runs.progress import Progress
 from softmodels.runs.recording import (
-    ResultsPlace,
     is_loaded,
     no_branch,
     solve_sources,
     solved_into,
 )
+from softmodels.runs.resume import ResultsPlace
 from softmodels.runs.row import Row
 from softmodels.runs.simulation import (
     Listener,

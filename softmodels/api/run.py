@@ -58,7 +58,7 @@ from softmodels.runs.outcomes import (
     RunError,
 )
 from softmodels.runs.recording import begin_branch, gather
-from softmodels.runs.resume import begin, recall, stored_point
+from softmodels.runs.resume import ResultsPlace, begin, recall, stored_point
 from softmodels.runs.row import Row
 from softmodels.runs.simulation import Simulation, Step
 from softmodels.runs.store import Results, ResultsError
@@ -706,7 +706,7 @@ class Run:
         return output
 
     def _save(self, folder: Path) -> None:
-        results, _ = begin(self.case, folder, resume=False, draw=False)
+        results, _ = begin(self.case, ResultsPlace(folder))
         try:
             mesh = results.folder / f"{self.case.name}.msh"
             mesh.write_bytes(self._source.mesh())

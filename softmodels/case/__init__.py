@@ -3,5 +3,6 @@
 Begin with `case`. A field of `Case` names its entry in `entries`, from which come table, option and messages.
 
 - `load`: requested pressures, volumes, strokes, loads. `materials`: materials as text, their errors, regions.
+- `from_python`: a case from the arguments of a call.
 - `components`: tables of what is added. `requests`: named points and angles. `own_modules`: the user's own Python files.
 """

@@ -42,11 +42,11 @@ from softmodels.runs.outcomes import (
 from softmodels.runs.progress import Progress
 from softmodels.runs.recording import (
     Observer,
-    ResultsPlace,
     branch_rows,
     solved_into,
     unstopped,
 )
+from softmodels.runs.resume import ResultsPlace
 from softmodels.runs.row import Row, at_rise, split
 from softmodels.runs.store import Results
 

@@ -4,6 +4,7 @@ Begin with `simulation`, which yields states; `recording` writes them.
 
 - `fields`, `state_values`, `self_contact`, `grid`: fields and figures of a state, and where they live.
 - `columns`, `row`: what stands in ``path.csv``. `notes`: warnings and explanations. `outcomes`: exit statuses.
-- `store`, `stored`, `resume`: the results folder: written, read, continued.
+- `store`, `formats`, `stored`, `resume`: the results folder: written, in which formats, read, continued. `progress`: the bar.
+- `model`: `sm.Model`: equilibria, paths and modes without files.
 - `limits`: limit pressure and its scatter. `band`: 95 % bands and the sources of a silicone.
 """

@@ -30,6 +30,7 @@ from softmodels.runs.notes import (
 )
 from softmodels.runs.outcomes import BAD_INPUT, DONE, STOPPED, Ended, RunError, UnwrittenError
 from softmodels.runs.resume import (
+    ResultsPlace,
     begin_together,
     last_stop,
     mesh_is_known,
@@ -134,24 +135,6 @@ def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
 # A case solved into a folder of results: the one way of all commands and of `softmodels.run`.
 
 
-@dataclasses.dataclass(frozen=True)
-class ResultsPlace:
-    """A folder to solve into.
-
-    Attributes:
-        folder: Empty, not there, or an earlier run's; all ranks see it. None for the first of ``results/NAME``,
-            ``results/NAME-2`` ... that is free or holds a run of this very case.
-        resume: Go on from what an interrupted run of the same case has left.
-        inputs: Files that the user has given: they are never written.
-        draw: Whether pictures are to be drawn there too.
-    """
-
-    folder: Path | None = None
-    resume: bool = False
-    inputs: Sequence[Path] = ()
-    draw: bool = False
-
-
 class Observer:
     """Is told on rank 0 how a folder of results comes about; here it does nothing."""
 
@@ -217,9 +200,7 @@ def solved_into(
             simulation = Simulation(case, comm, listener, stopped)
             try:
                 with sentences(unwritten):
-                    results, resumed = begin_together(
-                        case, place.folder, place.resume, comm, draw=place.draw, inputs=place.inputs
-                    )
+                    results, resumed = begin_together(case, place, comm)
                     if is_root(comm):
                         observer.opened(results)
                     record(simulation, results, resumed, branch, observer.begun)

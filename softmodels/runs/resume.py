@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import itertools
 import math
@@ -194,17 +195,26 @@ MOST_GAPS = 20
 """Number of consecutive missing numbered folders after which the search for an earlier run stops."""
 
 
-def begin(
-    case: Case, output: Path | None, resume: bool, draw: bool, inputs: Sequence[Path] = ()
-) -> tuple[Results, bool]:
-    """Open a folder for a run and prepare it.
+@dataclasses.dataclass(frozen=True)
+class ResultsPlace:
+    """A folder to solve into.
 
-    Args:
-        case: What is run.
-        output: The folder; None for ``results/NAME``, or the next number where that holds another run.
-        resume: Go on from what an interrupted run of this case has left.
+    Attributes:
+        folder: Empty, not there, or an earlier run's; all ranks see it. None for the first of ``results/NAME``,
+            ``results/NAME-2`` ... that is free or holds a run of this very case.
+        resume: Go on from what an interrupted run of the same case has left.
+        inputs: Files that the user has given: they are never written.
         draw: Whether pictures are to be drawn there too.
-        inputs: Files that the user has given, such as the case file: they are never written.
+    """
+
+    folder: Path | None = None
+    resume: bool = False
+    inputs: Sequence[Path] = ()
+    draw: bool = False
+
+
+def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
+    """Take a folder for a run and prepare it.
 
     Returns:
         The results, their folder locked; and whether there are states in it to go on from.
@@ -213,51 +223,44 @@ def begin(
         RunError, OwnFolderError, InUseError, ResultsError, CaseError: The folder, or what is in it, cannot be used.
     """
     try:
-        return _begin(case, output, resume, draw, inputs)
+        wanted, output, base = identity(case), place.folder, Path("results") / case.name
+        if output is None:
+            output = _found(base, case, wanted) if place.resume else None
+            own = take_default(base, RUN, wanted) if output is None else OwnFolder(output, RUN)
+        else:
+            own = OwnFolder(output, RUN)
+            _check_earlier(output)
+        results = Results(own.path, case.name, case.actuator.gauge)
+        results.own = own
+        own.take()
+        try:
+            if place.draw:
+                picture_folder(own.path).check_names(picture_files(case.actuator.gauge))
+            resumed = place.resume and _go_on(case, wanted, results)
+            if not resumed:
+                _begin_anew(case, wanted, results, place.inputs)
+        except BaseException:
+            own.leave()
+            raise
+        return results, resumed
     except OSError as error:
         status = FAILED if error.errno in FULL else BAD_INPUT
-        folder = output or Path("results") / case.name
+        folder = place.folder or base
         raise RunError(f"the folder {folder} cannot be written ({error.strerror})", status) from None
 
 
-def begin_together(
-    case: Case, output: Path | None, resume: bool, comm: MPI.Comm, *, draw: bool, inputs: Sequence[Path] = ()
-) -> tuple[Results, bool]:
-    """Open the folder on all ranks, of which only rank 0 locks it and writes there; see `begin`."""
+def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[Results, bool]:
+    """The same on all ranks, where rank 0 alone takes the folder and writes there."""
     begun: list[Results] = []
 
     def on_rank_0() -> tuple[Path, Path, bool]:
-        results, resumed = begin(case, output, resume, draw, inputs)
+        results, resumed = begin(case, place)
         begun.append(results)
         return results.own.path, results.folder, resumed
 
     home, at, resumed = on_root(comm, on_rank_0)
     results = begun[0] if begun else Results(home, case.name, case.actuator.gauge)
     results.folder = at
-    return results, resumed
-
-
-def _begin(case: Case, output: Path | None, resume: bool, draw: bool, inputs: Sequence[Path]) -> tuple[Results, bool]:
-    wanted = identity(case)
-    if output is None:
-        base = Path("results") / case.name
-        output = _found(base, case, wanted) if resume else None
-        own = take_default(base, RUN, wanted) if output is None else OwnFolder(output, RUN)
-    else:
-        own = OwnFolder(output, RUN)
-        _check_earlier(output)
-    results = Results(own.path, case.name, case.actuator.gauge)
-    results.own = own
-    own.take()
-    try:
-        if draw:
-            picture_folder(own.path).check_names(picture_files(case.actuator.gauge))
-        resumed = resume and _go_on(case, wanted, results)
-        if not resumed:
-            _begin_anew(case, wanted, results, inputs)
-    except BaseException:
-        own.leave()
-        raise
     return results, resumed
 
 
