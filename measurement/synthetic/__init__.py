@@ -1,1 +1,4 @@
-"""Synthetic photographs of known truth, with all kinds of bench errors."""
+"""Synthetic photographs of known truth, for demonstrations and tests.
+
+- `photographer`: camera, screen, lamps, bodies and boards; the light in each pixel.
+"""

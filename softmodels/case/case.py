@@ -622,7 +622,8 @@ def identity(case: Case) -> dict[str, str]:
 
 def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str | None:
     """Return the first name under which two identities differ, requested values aside; None if there is none."""
-    for name in [*new, *(name for name in old if name not in new)]:
+    names = [*new, *(name for name in old if name not in new)]
+    for name in sorted(names, key="components".__eq__):  # which one it is says more than that there are none
         grows = name.split(".")[0] in MAY_GROW or name == "driven.values"
         if not grows and old.get(name) != new.get(name):
             return name
@@ -631,7 +632,7 @@ def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str | None:
 
 def _texts(name: str, value: object) -> Iterator[tuple[str, str]]:
     if isinstance(value, tuple) and any(isinstance(part, Component) for part in value):
-        yield from ((part.where.strip("[]"), _text(part)) for part in value)
+        yield from ((f"{name}.{part.where.strip('[]')}", _text(part)) for part in value)
         return
     if not dataclasses.is_dataclass(value):
         yield name, _text(value)

@@ -12,14 +12,15 @@ from collections.abc import (
     Sequence,
 )
 from pathlib import Path
-from typing import Any, cast
-
-import numpy as np
-import numpy.typing as npt
+from typing import TYPE_CHECKING, Any, cast
 
 from softmodels.common import errors
 from softmodels.common.errors import Spoken, known_are
 from softmodels.common.units import UnitError, brief, numbers
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 _OWN_FILES = tuple(str(Path(__file__).parents[2] / package) for package in errors.OWN)
 """Files of the project: a warning names the line that called into them."""
@@ -223,6 +224,8 @@ def keep_arrays(value: object, *, copy: bool = False) -> None:
         value: The object, of a frozen dataclass too.
         copy: Copy them first: they are the caller's, who may change them later.
     """
+    import numpy as np
+
     for name, array in list(vars(value).items()):
         if isinstance(array, np.ndarray):
             object.__setattr__(value, name, read_only(array.copy() if copy else array))

@@ -60,7 +60,7 @@ def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[
     """
     if (name := difference(known, wanted)) is not None:
         raise RunError(
-            f"{folder} holds a run with another {name.split('.')[0]} ({name} is {known.get(name, 'not given')} there, "
+            f"{folder} holds a run with another {name.removeprefix('components.').split('.')[0]} ({name} is {known.get(name, 'not given')} there, "
             f"{wanted.get(name, 'not given')} here); resume with its options, or run without --resume",
             BAD_INPUT,
         )

@@ -96,7 +96,7 @@ def picture_folder(folder: Path) -> OwnFolder:
 
 
 FORMAT = 5
-"""Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read and not gone on with."""
+"""Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read, but not resumed."""
 INPUTS = "files/"
 """Subfolder for copies of a case's input files, such as a part's mesh."""
 RUN, BRANCH = "run", "branch/"

@@ -193,9 +193,9 @@ def test_every_field_of_a_case_counts():
     texts = identity(dataclasses.replace(plain, components=[Obstacle("top", "z = 20 mm")]))
     counting = {field.name for field in dataclasses.fields(Case)} - {"solver"}  # either one finds the same states
     assert counting <= {name.split(".")[0] for name in texts}
-    assert {"actuator.membrane", "material.shear_modulus", "contact"} <= texts.keys()
+    assert {"actuator.membrane", "material.shear_modulus", "components.contact"} <= texts.keys()
     assert not any(" at 0x" in text for text in texts.values())
-    assert difference(identity(plain), texts) == "contact"
+    assert difference(identity(plain), texts) == "components.contact"
     assert difference(identity(plain), identity(dataclasses.replace(plain, pressures_cm=(10.0, 20.0)))) is None
     assert identity(plain) == identity(dataclasses.replace(plain, solver="iterative"))
     assert identity(plain) == identity(Case.from_toml(plain.to_toml()))
