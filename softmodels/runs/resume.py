@@ -59,8 +59,9 @@ def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[
         RunError: They differ in more than the requested values, with the first that differs.
     """
     if (name := difference(known, wanted)) is not None:
+        what = name.removeprefix("components.").split(".")[0]
         raise RunError(
-            f"{folder} holds a run with another {name.removeprefix('components.').split('.')[0]} ({name} is {known.get(name, 'not given')} there, "
+            f"{folder} holds a run with another {what} ({name} is {known.get(name, 'not given')} there, "
             f"{wanted.get(name, 'not given')} here); resume with its options, or run without --resume",
             BAD_INPUT,
         )
