@@ -257,6 +257,9 @@ def checked_level(line: ZeroLine, placed: Array, upwards: Array) -> ZeroLine:
     else:
         # At the corners the smoothed edge is round already.
         inner = np.abs(away) < CORNERS
+        if int(inner.sum()) < MIN_SURFACE_POINTS:
+            doubt = "the surface reaches beyond what seem to be the body's sides, so that its level cannot be checked"
+            return dataclasses.replace(line, doubts=(*line.doubts, doubt))
         x, z, away = x[inner], z[inner], away[inner]
         profile = np.sqrt(1.0 - away**2)
     terms = np.column_stack([np.ones(len(x)), away, profile])

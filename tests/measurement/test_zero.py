@@ -119,6 +119,16 @@ def test_the_bow_of_a_round_body_shows_that_it_is_not_level(angle, seen):
             assert line.level_error == pytest.approx(true, rel=0.05)
 
 
+def test_sides_narrower_than_the_surface_leave_its_level_unchecked():
+    """Something else was taken for the body's sides: a bow cannot be told, and no exception ends the run."""
+    x = np.linspace(-15e-3, 15e-3, 400)
+    points = np.column_stack([x, 1e-6 * np.random.default_rng(0).normal(size=400)])
+    line = ZeroLine.fit(points, np.tile([0.0, 1.0], (400, 1)), np.full(400, 1e-6))
+    line = dataclasses.replace(line, sides=Sides(-2e-3, 10e-6, 0.0, 1e-6))
+    (doubt,) = checked_level(line, line.place(points), np.ones(400)).doubts
+    assert "level cannot be checked" in doubt
+
+
 def test_another_photograph_at_zero_stands_in_for_a_doubtful_one(monkeypatch):
     good, bad = (ZeroLine.through(np.array([[0.0, 0.0], [0.01, 0.0]])) for _ in range(2))
     bad = dataclasses.replace(bad, doubts=("a hair",))

@@ -54,7 +54,7 @@ def of_the_membrane():
     return found
 
 
-def of_the_balloon(_=None, below=0.0):
+def of_the_balloon(below=0.0):
     """An incompressible neo-Hookean sphere in closed form, its lower pole held.
 
     Args:
@@ -71,7 +71,7 @@ def of_the_balloon(_=None, below=0.0):
     return found
 
 
-def of_the_bellows(_):
+def of_the_bellows():
     """On a mesh of half the size."""
     fine = Bellows(section="axisymmetric", cell_size=0.0007, through=2)
     run = sm.inflate(fine, sm.NeoHookean(MODULUS), "0,6,12,18 cm")

@@ -18,6 +18,7 @@ from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from tests.support import bodies
+from tests.support.cavities import TubeBody
 
 LAW = NeoHookean(30e3, 0.3)
 DISK = HollowDisk.variant("shadow", section="axisymmetric", support="base", cell_size=0.004)
@@ -43,7 +44,7 @@ def opening(nu, inner, outer):
 def test_tube(clamps, radius, body_of, figure):
     tube = bodies.LayeredTube(through=4)
     components = [*clamps, Region(NeoHookean(60e3, 0.2), name="shell")] if radius == "between" else clamps
-    solver = Solver(System(body_of(tube), LAW, components=components))
+    solver = Solver(System(body_of(tube, TubeBody), LAW, components=components))
     solver.factorise(rest := solver.system.rest())
     along = solver.tangent(rest, pressure_control(0.0), 1e-10)
     found = along.V / along.P / (2 * rest.V)

@@ -30,6 +30,7 @@ from softmodels.mechanics.system import System
 from softmodels.runs.grid import Grid
 from softmodels.runs.state_values import Sampling
 from tests.support import bodies
+from tests.support.cavities import TubeBody
 
 RUBBER = NeoHookean(30e3, 0.49)
 PENALTY = Penalty(300.0, 0.005)
@@ -165,8 +166,8 @@ def test_two_shells_meet_as_one_meets_its_mirror_plane(pair_of_shells, body_of, 
     k, pressures = 3000.0, [0.2, 0.3, 0.4]
     shell, pair = bodies.Sphere(through=2, along=24), pair_of_shells(through=2, along=24)
     plane = f"z = {1e3 * (pair.outer + pair.gap / 2)} mm"
-    one = Solver(System(body_of(shell), RUBBER, components=[Obstacle("outer", plane, 2 * k)]))
-    two = Solver(System(body_of(pair), RUBBER, components=[Walls("lower, upper", k)]))
+    one = Solver(System(body_of(shell, TubeBody), RUBBER, components=[Obstacle("outer", plane, 2 * k)]))
+    two = Solver(System(body_of(pair, TubeBody), RUBBER, components=[Walls("lower, upper", k)]))
     found = {}
     for name, equations in (("one", one), ("two", two)):
         _, points, end = solved(equations, pressures)
@@ -242,7 +243,7 @@ def test_a_patch(body_of, figure):
 def test_every_step_ends_in_the_same_state(pair_of_shells, body_of, solved, figure):
     """One state by many steps of the pressure and by a few of the volume."""
     pair = pair_of_shells(through=2, along=24)
-    equations = Solver(System(body_of(pair), RUBBER, components=[Walls("lower, upper")]))
+    equations = Solver(System(body_of(pair, TubeBody), RUBBER, components=[Walls("lower, upper")]))
     _, points, end = solved(equations, [0.3])
     assert end is None
     rest, goal = equations.system.rest(), points[-1].state.V
