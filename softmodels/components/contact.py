@@ -900,7 +900,7 @@ class RigidShape(ContactPart):
         if not self.name:
             object.__setattr__(self, "name", self.shape)
         if not self.roles:
-            raise ComponentError(f"{self.where} needs the faces in contact (faces = 'outer')")
+            raise ComponentError(f"{self.where} needs faces in contact (faces = 'outer')")
         if len(self.at) != 3:
             raise ComponentError(f"{self.where}: at needs three coordinates (at = ['0 mm', '0 mm', '30 mm'])")
         self.check_stiffness()
@@ -1085,7 +1085,7 @@ class Obstacle(ContactPart):
     table: ClassVar[str] = "contact"
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = (
-        "contact needs the faces that are stopped and a plane (--contact top --contact-plane 'z = 9mm')"
+        "contact needs faces and a plane (--contact top --contact-plane 'z = 9mm')"
     )
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         "contact_force_N": ("contact force", "of the whole device on the rigid plane, along the plane's normal"),
@@ -1140,7 +1140,7 @@ class Obstacle(ContactPart):
             if str(error).startswith("contact plane: "):  # the form is right, and a number in it is not
                 raise ComponentError(str(error)) from None
         raise ComponentError(
-            f"contact plane {self.plane!r} is no plane; write 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm' or a cut "
+            f"contact plane {self.plane!r} is not a plane; write 'z = 9mm', 'normal 0.6, 0, 0.8 at 9 mm' or a cut "
             "plane's name"
         )
 
@@ -1158,7 +1158,7 @@ class Obstacle(ContactPart):
             return (0.0, 0.0, 0.0), cuts[self.plane]
         point, normal = self._written()
         if actuator.dimension == 2 and abs(normal[2]) < 1 - 1e-12:
-            raise ComponentError(f"contact plane {self.plane!r}: a section takes planes square to its axis, 'z = 9mm'")
+            raise ComponentError(f"contact plane {self.plane!r}: an axisymmetric section allows only planes perpendicular to its axis, 'z = 9mm'")
         return point, normal
 
     def term(self, setting: FormContext) -> PlaneTerm:

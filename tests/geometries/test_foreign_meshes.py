@@ -124,7 +124,7 @@ def test_a_deck_opens_no_other_file(tmp_path, monkeypatch, line):
 def test_a_set_is_no_longer_than_its_deck(tmp_path):
     file = tmp_path / "deck.inp"
     file.write_text(DECK.replace("1, 3, 1", "1, 100000000000, 1"))
-    with pytest.raises(GeometryError, match="more than the file has letters"):
+    with pytest.raises(GeometryError, match="more than the file has characters"):
         read_mesh(str(file), 1e-3, 1.0)
 
 

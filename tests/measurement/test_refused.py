@@ -115,7 +115,7 @@ PICTURES = {
     "upside down": (lambda: pixels()[::-1, ::-1], "turned or mirrored|turned, mirrored"),
     "mirrored": (lambda: pixels()[:, ::-1], "turned or mirrored|turned, mirrored"),
     "cropped and enlarged": (lambda: cv2.resize(pixels()[40:760, 60:1140], (1200, 800)), "moved|cropped"),
-    "another size": (lambda: pixels()[:-1], "1200 x 799 pixels where the setup has 1200 x 800"),
+    "another size": (lambda: pixels()[:-1], "it has 1200 x 799 pixels, but the setup has 1200 x 800"),
     "negative": (lambda: 255 - pixels(), "grid cannot be seen|no shadow"),
 }  # fmt: skip
 """Unusable pictures: how to make them, and what their reason must say."""

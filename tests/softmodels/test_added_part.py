@@ -89,12 +89,12 @@ def test_one_and_several_in_a_case_file():
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ("[springs]\nstiffness = '1 MPa/m'", "needs a face"),
+        ("[springs]\nstiffness = '1 MPa/m'", "needs face"),
         ("[springs]\nface = 'side'", "no face 'side'"),
         ("[springs]\nface = 'top'\nstiffness = '-1 Pa/m'", "no stiffness"),
         ("[springs]\nface = 'top'\nlength = 3", "unknown entry 'length'"),
         ("[springs]\nface = 'top'\n[springs.a]\nface = 'top'", "mixes entries with"),
-        ("[springs.A]\nface = 'top'", "small letter"),
+        ("[springs.A]\nface = 'top'", "lower-case letter"),
         ("[spring]\nface = 'top'", "unknown entry 'spring'"),
     ],
 )
@@ -110,7 +110,7 @@ def test_two_of_one_name():
 
 def test_another_stiffness_is_another_run():
     old, new = (identity(case(Springs("top", k))) for k in (1e5, 2e5))
-    assert difference(old, new) == "components"
+    assert difference(old, new) == "components.springs"
 
 
 def test_its_energy_is_in_the_file_and_in_the_stored_energy(tmp_path):

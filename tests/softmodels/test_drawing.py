@@ -122,7 +122,7 @@ def _film(folder, beside):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 def test_a_film_made_beside_is_the_same(section, monkeypatch):
-    monkeypatch.setattr(film, "frames", _frames)
+    monkeypatch.setattr(film, "render_frames", _frames)
     made = []
     for beside in (False, True):
         files, left_out = _film(section.folder, beside)
@@ -134,7 +134,7 @@ def test_a_film_made_beside_is_the_same(section, monkeypatch):
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 def test_a_film_that_was_rehearsed_is_the_same(section, tmp_path, monkeypatch):
     """Also if there was nothing to rehearse with."""
-    monkeypatch.setattr(film, "frames", lambda shown, count=9: _frames(shown)[:count])
+    monkeypatch.setattr(film, "render_frames", lambda shown, count=9: _frames(shown)[:count])
     files, _ = _film(section.folder, True)
     plain = [file.read_bytes() for file in files]
     with Film(True) as found:
@@ -146,9 +146,9 @@ def test_a_film_that_was_rehearsed_is_the_same(section, tmp_path, monkeypatch):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 def test_what_fails_beside_is_reported(section, tmp_path, monkeypatch):
-    monkeypatch.setattr(film, "frames", lambda shown: os._exit(7))
+    monkeypatch.setattr(film, "render_frames", lambda shown: os._exit(7))
     assert _film(section.folder, True) == ([], ["the film could not be made (its process ended with status 7)"])
-    monkeypatch.setattr(film, "frames", _frames)
+    monkeypatch.setattr(film, "render_frames", _frames)
     assert "holds no disk.h5" in _film(tmp_path, True)[1][0]
 
     def full(path, data):
@@ -160,7 +160,7 @@ def test_what_fails_beside_is_reported(section, tmp_path, monkeypatch):
 
 
 def test_a_film_nobody_waits_for_is_not_written(section, tmp_path, monkeypatch):
-    monkeypatch.setattr(film, "frames", _frames)
+    monkeypatch.setattr(film, "render_frames", _frames)
     assert film.make(look(States(section.folder, "disk")), tmp_path / "gone", lambda: False) == ([], [])
     assert not (tmp_path / "gone").exists()
 

@@ -67,7 +67,7 @@ def test_it_goes_on_to_the_same(pushed, tmp_path):
     heavier = dataclasses.replace(
         case, components=(*case.components[:1], Mass(face="top", amount=0.06), *case.components[2:])
     )
-    with pytest.raises(sm.RunError, match="holds a run with another parts"):
+    with pytest.raises(sm.RunError, match="holds a run with another mass"):
         sm.run(heavier, folder=tmp_path / "short", resume=True)
 
 

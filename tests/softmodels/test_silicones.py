@@ -57,6 +57,6 @@ def test_a_run_says_how_far_laboratories_differ(tmp_path):
         notes = json.loads((folder / "summary.json").read_text())["notes"]
         (note,) = [note for note in notes if "published sources disagree" in note]
         assert "liao-2021 28" in note and note in done.out + done.err
-        assert ("the middle of 4" in note) == (name == "ecoflex-00-30")
+        assert ("the median of 4" in note) == (name == "ecoflex-00-30")
         rises[name] = float((folder / "path.csv").read_text().splitlines()[-1].split(",")[4])
     assert rises["ecoflex-00-30"] < rises["ecoflex-00-30/marechal-2021"]

@@ -112,5 +112,5 @@ def test_a_balloon_s_outlines_state_what_they_count_from():
     with pytest.raises(sm.FitError, match=r"mm from flat, and heights of outlines count .* height_datum apex"):
         fit(BALLOON, of_the_balloon())
     options = sm.FitOptions(profiles=False, free=BENCH, height_datum="apex")
-    with pytest.raises(sm.FitError, match="outlines are of another device"):
+    with pytest.raises(sm.FitError, match="outlines belong to another device"):
         fit(BALLOON, of_the_balloon(below=2 * (BALLOON.radius + WALL)), options=options)

@@ -58,13 +58,13 @@ def test_the_exact_answer_has_its_two_ends():
 class BetweenPlatens(Potential):
     """A stiffness against any slope of the platen's displacement: it moves as one and stays upright."""
 
-    def stored(self, density, stiffness):
+    def stored(self, densities):
         import ufl
 
         on_face, N = self.body.sheet_face("cavity")
         slope = ufl.grad(self.displacement[0])
         across = slope - ufl.dot(slope, N) * N
-        return [*super().stored(density, stiffness), UPRIGHT / 2 * ufl.inner(across, across) * on_face]
+        return [*super().stored(densities), UPRIGHT / 2 * ufl.inner(across, across) * on_face]
 
 
 class Press(System):

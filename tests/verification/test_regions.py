@@ -213,7 +213,7 @@ def test_what_is_no_region(layered, body_of):
         Region(SOFT, name="core").check_on(layered["sphere"])
     with pytest.raises(ComponentError, match="no cells of this name; it has"):
         System(body_of(layered["sphere"]), SOFT, components=[Region(HARD, name="core")])
-    with pytest.raises(ComponentError, match="leave nothing to the main material"):
+    with pytest.raises(ComponentError, match="cover the whole device"):
         System(body_of(layered["sphere"]), SOFT, components=[Region(HARD, name="shell"), Region(HARD, name="solid")])
     with pytest.raises(ComponentError, match="no name"):
         Region(SOFT)

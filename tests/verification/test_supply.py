@@ -118,7 +118,7 @@ def test_a_stroke_has_a_limit_point_where_the_gas_goes_on_by_itself(disk, solved
         disk.system.rest().V * disk.system.volume_unit, disk.system.stress_unit, disk.system.volume_unit
     )
     path, points, end = solved(disk, [1000 * ML / disk.system.volume_unit], quantity=supply)
-    assert end is not None and "grown 60 times" in str(end)
+    assert end is not None and "grown 60-fold" in str(end)
     _, known, _ = solved(
         disk, [60 * ML / disk.system.volume_unit], "volume", "volume", largest_step=1 * ML / disk.system.volume_unit
     )
