@@ -1084,9 +1084,7 @@ class Obstacle(ContactPart):
 
     table: ClassVar[str] = "contact"
     optional: ClassVar[bool] = True
-    needs: ClassVar[str] = (
-        "contact needs faces and a plane (--contact top --contact-plane 'z = 9mm')"
-    )
+    needs: ClassVar[str] = "contact needs faces and a plane (--contact top --contact-plane 'z = 9mm')"
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         "contact_force_N": ("contact force", "of the whole device on the rigid plane, along the plane's normal"),
         "contact_depth_mm": ("contact depth", "how deep the stopped faces have sunk into the rigid plane"),
@@ -1158,7 +1156,9 @@ class Obstacle(ContactPart):
             return (0.0, 0.0, 0.0), cuts[self.plane]
         point, normal = self._written()
         if actuator.dimension == 2 and abs(normal[2]) < 1 - 1e-12:
-            raise ComponentError(f"contact plane {self.plane!r}: an axisymmetric section allows only planes perpendicular to its axis, 'z = 9mm'")
+            raise ComponentError(
+                f"contact plane {self.plane!r}: an axisymmetric section allows only planes perpendicular to its axis, 'z = 9mm'"
+            )
         return point, normal
 
     def term(self, setting: FormContext) -> PlaneTerm:

@@ -117,7 +117,7 @@ def pressure_of(asked: Asked) -> float | None:
 
 def highest_pressure(asked: Asked) -> float | None:
     """Return the highest pressure in Pa of a quantity or its components; None if it has none."""
-    found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "components", ()))]
+    found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "parts", ()))]
     return max((pressure for pressure in found if pressure is not None), default=None)
 
 
@@ -779,9 +779,7 @@ def _walls_apart(case: Case, terms: Sequence[ObjectiveTerm], limits: Sequence[Ke
         isinstance(one, LeastGap) for one in given
     ):
         return []
-    asked = [
-        one for whole in (*(term.quantity for term in terms), *given) for one in getattr(whole, "components", (whole,))
-    ]
+    asked = [one for whole in (*(term.quantity for term in terms), *given) for one in getattr(whole, "parts", (whole,))]
     loads = sorted({load for one in asked if isinstance(load := getattr(one, "load", None), JudgedLoad)})
     return [Keep(LeastGap(at=load), at_least=0.0) for load in loads]
 

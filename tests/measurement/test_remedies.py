@@ -12,7 +12,7 @@ import measurement
 ROOT = Path(measurement.__file__).parent
 REMEDIES = (
     "photograph", "give ", "setup --", "level ", "clear away", "leave one", "expose", "focus", "bring", "darken", "calibrate",
-    "show more", "aim ", "switch",
+    "show more", "aim ", "switch", "move the camera",
 )  # fmt: skip
 
 

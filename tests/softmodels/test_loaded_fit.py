@@ -177,7 +177,7 @@ def test_laws_profiles_and_a_tensile_curve(run_of):
     for number in ("c1", "c2"):
         low, high = report.chosen.profiles[number].interval
         assert low < getattr(TRUE, number) < high
-    (told,) = [note for note in report.notes if "hangs under" in note]
+    (told,) = [note for note in report.notes if "dead loads" in note]
     assert "[gravity] (" in told and "[force.thread] (0.1 N)" in told and "below the undeformed top" in told
     alone = sm.fit(case_of(device, components), outlines, "yeoh", QUICK).chosen
     assert report.chosen.fit.error("c1") < alone.fit.error("c1")

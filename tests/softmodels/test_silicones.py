@@ -43,7 +43,7 @@ def test_one_product_with_its_origins(says):
 
 def test_an_unknown_one_is_refused(says):
     status, out, complaint = says("silicones", "butter")
-    assert (status, out) == (2, "") and "'butter' is no silicone" in complaint
+    assert (status, out) == (2, "") and "'butter' is not a silicone" in complaint
 
 
 def test_a_run_says_how_far_laboratories_differ(tmp_path):
