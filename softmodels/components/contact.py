@@ -1157,7 +1157,8 @@ class Obstacle(ContactPart):
         point, normal = self._written()
         if actuator.dimension == 2 and abs(normal[2]) < 1 - 1e-12:
             raise ComponentError(
-                f"contact plane {self.plane!r}: an axisymmetric section allows only planes perpendicular to its axis, 'z = 9mm'"
+                f"contact plane {self.plane!r}: an axisymmetric section allows only planes perpendicular to its axis, "
+                "such as 'z = 9mm'"
             )
         return point, normal
 

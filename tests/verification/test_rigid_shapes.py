@@ -163,7 +163,7 @@ def test_a_case_keeps_its_shapes_and_refuses_what_makes_none(body_of):
         ({"shape": "capsule"}, "a capsule has a length"),
         ({"shape": "cube"}, "cube"),
         ({"stiffness": 0.0}, "shear moduli per size"),
-        ({"name": "Ball 1"}, "small letter"),
+        ({"name": "Ball 1"}, "lower-case letter"),
     ):
         with pytest.raises(ComponentError, match=words):
             dataclasses.replace(BALL, **changes)
