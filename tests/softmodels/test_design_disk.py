@@ -48,7 +48,7 @@ def test_the_example_ends_higher_than_it_began(tmp_path):
     assert found.feasible and not any(trial.failed for trial in found.trials) and len(found.trials) < 20
     before, after = 1e3 * found.first.values[key], 1e3 * found.values[key]
     page = (Path(__file__).parents[2] / "docs" / "pages" / "howto" / "design.md").read_text()
-    told = re.search(r"stands (\S+) mm high .*? in place of\s(\S+) mm", page, re.DOTALL)
+    told = re.search(r"stands (\S+) mm high .*? instead of\s(\S+) mm", page, re.DOTALL)
     assert (
         told and after == pytest.approx(float(told[1]), abs=0.06) and before == pytest.approx(float(told[2]), abs=0.06)
     )
