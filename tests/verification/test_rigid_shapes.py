@@ -168,8 +168,8 @@ def test_a_case_keeps_its_shapes_and_refuses_what_makes_none(body_of):
         with pytest.raises(ComponentError, match=words):
             dataclasses.replace(BALL, **changes)
     for device, shape, words in (
-        (SECTION, dataclasses.replace(BALL, at=(0.001, 0.0, 0.03)), "of revolution"),
-        (SECTION, dataclasses.replace(tube, along=(0.0, 1.0, 0.0)), "of revolution"),
+        (SECTION, dataclasses.replace(BALL, at=(0.001, 0.0, 0.03)), "must be axisymmetric"),
+        (SECTION, dataclasses.replace(tube, along=(0.0, 1.0, 0.0)), "must be axisymmetric"),
         (HollowDisk(), dataclasses.replace(BALL, at=(0.0, 0.002, 0.03)), "crosses the cut plane"),
     ):
         with pytest.raises(CaseError, match=words):
