@@ -16,7 +16,7 @@ PHRASES = re.compile(
     r"what is held leaves|dead pressure|everything else passes through|(is|are|be|was) fore(told|seen)|gone on with|"
     r"hangs on the shape|knows nothing of|nothing (says|tells)|cure by addition|one must know before"
 )
-PACKAGES = [ROOT / name for name in ("softmodels", "geometries", "measurement")]
+PACKAGES = [ROOT / name for name in ("softmodels", "geometries", "measurement", "docs")]
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
