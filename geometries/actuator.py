@@ -42,7 +42,7 @@ from softmodels.common.units import brief
 #
 # A mesh that was made of one device is moved to another of the same kind: its nodes on the boundary move to the places that
 # `carried` returns, those inside follow. So a quantity is a smooth function of the parameters, free of the noise of new meshes.
-# `geometries.actuator` has the parameters by name.
+# The parameters by name are below.
 
 
 class Designable:
@@ -50,7 +50,7 @@ class Designable:
 
     @property
     def movable(self) -> tuple[str, ...]:
-        """Names of the parameters that `carried` can follow, among those of `geometries.actuator.parameter_names`."""
+        """Names of the parameters that `carried` can follow, among those of `parameter_names`."""
         return ()
 
     def carried(self, other: Self, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -210,7 +210,7 @@ class MeshArrays:
         points: Nodes in m, shape (n, 3).
         cells: Nodes of the tetrahedra in the order of VTK and Abaqus, shape (m, 4) or (m, 10).
         regions: Cells by region.
-        faces: Of each role on faces: the cell behind each, and which of its `geometries.mesh_arrays.SIDES` it is, shape (k, 2).
+        faces: Of each role on faces: the cell behind each, and which of its `SIDES` it is, shape (k, 2).
         nodes: Nodes by role, of faces, lines and points.
     """
 

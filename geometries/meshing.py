@@ -188,7 +188,7 @@ def is_whole(path: Path) -> bool:
 
 
 def load_mesh(path: str | Path, dimension: int | None = None) -> list[tuple[int, int, str]]:
-    """Read a mesh file into the current Gmsh model (see `geometries.meshing.private_model`).
+    """Read a mesh file into the current Gmsh model (see `private_model`).
 
     Args:
         path: A file made by `Actuator.write`.

@@ -1460,7 +1460,7 @@ def _tube_map(
 # Where the boundary of a seminar actuator lies on another one.
 #
 # The outer faces follow the outline, from corner to corner and from tangent point to tangent point, the walls of the air go
-# their own way (`geometries.seminar`). On the mirror plane, what lies between the air and the faces follows both, more
+# their own way (below). On the mirror plane, what lies between the air and the faces follows both, more
 # the nearer one.
 
 

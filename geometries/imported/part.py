@@ -90,7 +90,7 @@ class ImportedPart(Actuator):
     A half, a quarter or a wedge of a part is cut on planes through the origin (``planes``), which meet at 180/n degrees, and
     its cavities may be open there and nowhere else. Physical groups: volume "solid", or several by their names; surfaces
     "cavity", "cavity2", ... in the order of ``cavities``, "support", "plane0", "plane1", ..., "bonded" if given, and "outer".
-    `geometries.imported.part` describes how faces are selected.
+    How faces are selected is described below.
 
     With several cavities, cavity i has the pressure ``pressure_ratios[i]`` times P. Then P works on the sum of the volumes
     times their ratios, and that is what `cavity_volume` and a run's added volume are. A load that gives each cavity a series

@@ -361,7 +361,7 @@ def read_photograph(path: Path, size: tuple[int, int] | None = None) -> Pixels:
     """Read a photograph as it left the sensor, unturned: the lens and the screen were measured in its own pixels.
 
     Args:
-        path: A picture file as `picture_file.read_pixels` takes it.
+        path: A picture file as `read_pixels` takes it.
         size: Width and height it must have, None if any will do.
 
     Returns:

@@ -3,7 +3,7 @@
 Across the edge the light falls from the lit screen's through the penumbra to the shadow's. At many stations along a coarse
 contour a profile across it, averaged over the station's length, gets a step by least squares: middle, width, both levels and
 the fall of the lit screen's light. The step is an error function first, and then has the shape that all profiles of the
-photograph have in common (`edge_shape`). Its middle is where half of the lamp is visible. Levels that belong to each profile
+photograph have in common (`edge.profiles`). Its middle is where half of the lamp is visible. Levels that belong to each profile
 make uneven light harmless, and the light is divided by what the grid's ink lets through before.
 
 Photographs are not warped or resampled for this; only the profiles' few samples lie between pixels.

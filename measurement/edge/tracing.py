@@ -58,7 +58,7 @@ DECISIVE = 12.0
 """Difference of the tones' chi-squares from which the edge's shape shows which is right; a chance of 1 in 400 that it errs."""
 
 WRONG = 3.5
-"""Misfit of the edge's shape (`edge_shape`) from which no tone is known to be right."""
+"""Misfit of the edge's shape (`edge.profiles`) from which no tone is known to be right."""
 
 LARGEST_TONE = 0.2
 """Departure e of the light from the tone curve beyond which it is no camera's."""

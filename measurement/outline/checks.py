@@ -98,7 +98,7 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
     """Return how far the surface beside the bulge lies from the zero plane.
 
     A soft body that bulges takes the rubber beside the bulge inwards, so that its surface may sink there by a share of the
-    height. That much is no mistake as long as the other photographs of the run agree (`settling.py`).
+    height. That much is no mistake as long as the other photographs of the run agree (`settling_doubts`).
 
     Args:
         placed: Edge as in `check_top`.
@@ -149,7 +149,7 @@ def displacement(placed: Array, upwards: Array, error: Array, zero: ZeroLine) ->
     )
     if abs(worst) > max(DISPLACED, tolerance):
         raise Unmeasurable(sentence)
-    # No pressure lifts the surface; a soft body that was lifted sinks back as it rises (`settling.py` needs to see both).
+    # No pressure lifts the surface; a soft body that was lifted sinks back as it rises (`settling_doubts` needs to see both).
     sunk = sunk if sunk > 0.0 else -max(worst, 0.0)
     return sunk, max(abs(worst), aslant), sentence if abs(worst) > max(ON_SURFACE, tolerance) else None
 

@@ -1,7 +1,7 @@
 """The screen's grid of lines, found in a photograph without a click.
 
-Long dark lines are sought in a reduced picture (`grid_lines`), sorted into two pencils with counted lines
-(`grid_lattice`), and their crossings measured in the photograph itself (`grid_crossings`). The pitch only scales the
+Long dark lines are sought in a reduced picture (`find_lines`), sorted into two pencils with counted lines
+(`count_lines`), and their crossings measured in the photograph itself (below). The pitch only scales the
 result: a grid with another pitch looks the same from another distance, so a wrong pitch cannot be noticed here.
 """
 

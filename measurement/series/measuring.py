@@ -539,7 +539,7 @@ def measure(photographs: Sequence[Photograph], setup: Setup, **how: Unpack[Measu
     Args:
         photographs: The list.
         setup: Camera and screen.
-        how: See `How`.
+        how: See `MeasuringOptions`.
 
     Raises:
         NoZero: No photograph, and nothing in the setup, shows the undeformed surface.
@@ -575,7 +575,7 @@ def outlines(
         photos: The list, ``photos.csv``, or its rows.
         setup: Camera and screen, or the file ``setup.toml`` that ``python -m measurement setup`` writes.
         column: The water column that the list's lengths were read from.
-        how: See `How`.
+        how: See `MeasuringOptions`.
 
     Returns:
         The outlines, and the reasons for rejected photographs.

@@ -596,7 +596,7 @@ def make_photographs(folder: Path) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Boards that the photographer of `measurement.synthetic.photographer` sees instead of the screen.
+# Boards that the photographer sees instead of the screen.
 
 
 Picture = NDArray[np.uint8]

@@ -39,7 +39,7 @@ def import_own_modules() -> None:
 def own_modules(*things: object) -> str:
     """Return the value of `VARIABLE` with which another process can import the classes of these objects and their contents.
 
-    So it does what their fields name (`Part.looked_up`).
+    So it does what their fields name (`Component.looked_up`).
     """
     names = {value.__module__: None for value in _within(things)}
     files = [_file(sys.modules.get(name)) for name in names if name.split(".")[0] not in LIBRARY]

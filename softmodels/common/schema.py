@@ -26,7 +26,7 @@ from softmodels.common.units import exact_text
 # ----------------------------------------------------------------------------------------------------------------------
 # Kinds of values: reading from text or tables, writing, and checking.
 #
-# A field of a dataclass names its kind; from that come its entry in a settings file (`softmodels.common.schema`), its option
+# A field of a dataclass names its kind; from that come its entry in a settings file, its option
 # on a command line (`geometries.options`) and the messages on invalid input.
 
 
@@ -404,7 +404,7 @@ def to_table(thing: Any, text: Text = exact_text) -> dict[str, Any]:
     """Return the fields of a value for a TOML table.
 
     Args:
-        thing: A value of a dataclass whose fields come from `softmodels.common.schema`.
+        thing: A value of a dataclass whose fields are made here.
         text: How quantities are written: `softmodels.common.units.exact_text`, so that `from_table` gives back the same
         numbers to
             the last bit, unless another is given, such as `readable` for people.

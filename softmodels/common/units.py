@@ -3,7 +3,7 @@
 Everything inside the project is SI; units live only where text is read or written. A bare number where a unit belongs is
 refused, because a silent guess (metres? millimetres?) looks like a solver that diverges. So is all that is not one number
 and one unit: Pint by itself drops commas (1,5mm would be 15 mm), multiplies numbers that stand side by side and evaluates
-powers of any size. It gets only the unit, and that only where the unit is not one of `common_units`.
+powers of any size. It gets only the unit, and that only where the unit is not a common one.
 """
 
 from __future__ import annotations

@@ -139,7 +139,7 @@ class ContactPart(EnergyComponent):
 
 
 class StoppingShape(Protocol):
-    """Common interface of rigid shapes; see `softmodels.components.contact.RigidShape`."""
+    """Common interface of rigid shapes; see `RigidShape`."""
 
     @property
     def where(self) -> str: ...
@@ -578,12 +578,12 @@ class ShapeTerm(EnergyTerm):
         return shape_figures(self.shape.label, actuator, self.shape.crossed(actuator), self.force(equations), depth)
 
     def force(self, equations: Equations) -> Array:
-        """Force of the slice on the shape in N, in the mesh's coordinates, shape (d,)."""
+        """Return the force of the slice on the shape in N, in the mesh's coordinates, shape (d,)."""
         by_role = [[equations.integral(form) for form in forces] for forces in self._compiled]
         return np.asarray(equations.stress_unit * equations.length_unit**2 * np.sum(by_role, axis=0))
 
     def depth(self, equations: Equations) -> float:
-        """How deep faces have sunk into it, in sizes of the device; below zero where none has."""
+        """Return the penetration of the faces, in sizes of the device; negative where none touches."""
         return -float(distances(self.nodes.moved(equations.w.x.array), self.numbers).min())
 
     def admits(self, before: Array, after: Array) -> bool:
@@ -592,7 +592,7 @@ class ShapeTerm(EnergyTerm):
 
 
 class SampledShapeTerm(PressingTerm[PressedByDistance]):
-    """The same energy as sums over samples, for a movable shape (`softmodels.components.contact`).
+    """The same energy as sums over samples, for a movable shape.
 
     Args:
         shape: The shape.
@@ -810,7 +810,7 @@ def _winding(places: Array, corners: Array) -> Array:
 # Contact of faces with rigid shapes: a sphere, a cylinder, a capsule, from outside or inside; a plane.
 #
 # With the signed distance g of a deformed place x to the shape, the energy per undeformed area is that of a plane's contact,
-# phi(max(-g, 0)); see `softmodels.components.contact`. A shape is fixed, optionally with friction, or movable along a guide.
+# phi(max(-g, 0)). A shape is fixed, optionally with friction, or movable along a guide.
 
 
 SHAPES = ("sphere", "cylinder", "capsule", "plane", "stl")
@@ -1167,7 +1167,7 @@ class Obstacle(ContactPart):
 
 
 def obstacle_of(components: Sequence[Component]) -> Obstacle | None:
-    """The plane among what is added to a device, None where there is none."""
+    """Return the plane among the components of a device; None without one."""
     return next((part for part in components if isinstance(part, Obstacle)), None)
 
 
@@ -1249,7 +1249,7 @@ def _check_facets(roles: Sequence[str], body: Body) -> None:
 
 
 def _side(obstacle: Obstacle, body: Body, places: Array, at: Array, along: Array) -> float:
-    """The side of a plane on which faces lie at rest, 1 or -1; that of the body, if they lie in the plane.
+    """Return the side of a plane on which undeformed faces lie, 1 or -1; that of the body, if they lie in the plane.
 
     Args:
         obstacle, body: Which faces of what.

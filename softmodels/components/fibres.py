@@ -145,7 +145,7 @@ class StrainTerm(EnergyTerm):
 
         Args:
             part: What is laid there, for messages.
-            direction: Of a face's normal, see `softmodels.components.fibres.Helix.field`.
+            direction: Of a face's normal, see `Helix.field`.
             equations: Compile and integrate.
 
         Raises:
@@ -707,7 +707,7 @@ class FibreTerm(StrainTerm):
             self._means.append([equations.form(self.integral(integrand, place)) for integrand in integrands])
 
     def breakdown(self, equations: Equations) -> PathFailure | None:
-        """Return the kinks of fibres that are compressed in the silicone; see `softmodels.components.fibres`."""
+        """Return the kinks of fibres that are compressed in the silicone."""
         if self.in_face or self._part.slack:
             return None
         body, u, found = self.setting.body, self.setting.displacement, []
@@ -740,7 +740,7 @@ class FibreTerm(StrainTerm):
 #     W = (k1 E11^2 + 2 v k2 E11 E22 + k2 E22^2) / (2 (1 - r v^2)) + 2 g E12^2
 #
 # (Saint-Venant and Kirchhoff's orthotropic membrane; v is the contraction across for a pull along). A fabric without
-# compression lets each yarn go slack separately, over a small strain as in `softmodels.components.fibres`; v is 0 then. It has
+# compression lets each yarn go slack separately, over a small strain as fibres do; v is 0 then. It has
 # no bending stiffness, like a sheet, and locks like one on solid meshes: see `softmodels.components.sheets`.
 
 

@@ -398,7 +398,7 @@ class DesignedBody:
         return system.integral(self._rest_volume) + float(system.coupling.shares[: len(chambers)] @ chambers)
 
     def face_load(self, role: str) -> Array:
-        """Return a unit load along the lift, spread evenly over a role: owned entries; see `mechanics.face_load`."""
+        """Return a unit load along the lift, spread evenly over a role: owned entries; see `face_load`."""
         return self.system.by_unknowns(face_load(self.system, role, self.system.body.actuator.lift)).copy()
 
     def answer(self, force: Array) -> Array:

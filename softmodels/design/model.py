@@ -517,7 +517,7 @@ def _parts(one: DesignQuantity) -> tuple[DesignQuantity, ...]:
 
 
 def evaluator(problem: DesignProblem, comm: MPI.Comm, how: SearchOptions) -> Judge:
-    """Return an evaluator with the interface of `softmodels.design.model.DesignModel`.
+    """Return an evaluator with the interface of `DesignModel`.
 
     Raises:
         GeometryError: A parameter that the device's mesh cannot follow.

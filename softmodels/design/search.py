@@ -14,7 +14,7 @@ In the last row only the elastic form came near the least violation (0.200 of a 
 Elastic means: one more variable t >= 0 relaxes all limits, at a penalty. So the quadratic problem of each step
 has a solution, and an infeasible problem ends at the smallest maximum violation.
 
-The search starts with short steps of all parameters at once (`softmodels.design.search`), so that meshes and states
+The search starts with short steps of all parameters at once, so that meshes and states
 follow; SLSQP takes over once those gain little. A failed trial (no state, or an invalid device) counts as no gain over
 the last point, so SLSQP halves its step. The same applies, without an evaluation, to a step longer than the first phase's
 last ones or twice the last good one, and to a step towards a failure. If the device had to be remeshed, the search
@@ -44,7 +44,7 @@ from softmodels.design.trials import Trial
 # First phase of a search: linear programs within move limits, which grow if a step was predicted well.
 #
 # Sequential linear programming with a trust region (Fletcher and Sainz de la Maza 1989, doi 10.1007/BF01582299), in the elastic
-# form of `softmodels.design.search`. All parameters move at once by small amounts, so that meshes and states follow; once
+# form of the search. All parameters move at once by small amounts, so that meshes and states follow; once
 # such steps gain little, second derivatives matter and the search continues with SLSQP.
 
 

@@ -96,7 +96,7 @@ def compare(fits: Sequence[LeastSquaresFit], judged: Sequence[LeastSquaresFit] |
 
     QAICc divides the misfit by the variance that remains in the closest fit (Burnham & Anderson 2002, Model Selection and
     Multimodel Inference, section 2.5). What the misfit is counted in decides, so measured curves are judged on one yardstick,
-    whatever errors they are fitted with: `yardstick.on_yardstick` fits each law again at the same stretches for every
+    whatever errors they are fitted with: `on_yardstick` fits each law again at the same stretches for every
     sampling, with what a test can tell, a share of the stress, as its error. Each curve counts as `CURVE_VALUES` values,
     however densely it is sampled. A further parameter then pays where it takes a tenth off the mean square misfit, or off
     what a test can tell where the misfit is below that. A simpler law is preferred only where its misfit on that yardstick is

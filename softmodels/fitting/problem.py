@@ -388,7 +388,7 @@ class FitOptions:
 
     Attributes:
         poisson: Poisson's ratio of the fitted material, given and not fitted (but see ``free``).
-        changes: Bounds, priors, starts and fixed values by parameter, see `softmodels.fitting.problem.Changes`; in SI units.
+        changes: Bounds, priors, starts and fixed values by parameter, see `Changes`; in SI units.
         robust: Whether outliers count by their size, not by its square.
         profiles: Whether the intervals come from profile likelihoods; else from the covariance.
         silicone: Name of the silicone, whose known moduli show pressures in a wrong unit; ``"any"`` if it is in no list.

@@ -307,7 +307,7 @@ register_law = LAWS.register
 #
 # Every law is an energy per reference volume W = shape(F) + bulk/2 (J - 1)^2, stress-free at F = I. The shape part defines
 # a law; the volumetric part is common, and becomes p (J - 1) - p^2 / (2 bulk) in the mixed form, so that
-# ``poisson = 0.5`` (an infinite bulk) is an ordinary value there. See `softmodels.materials.laws` for how to add a law.
+# ``poisson = 0.5`` (an infinite bulk) is an ordinary value there.
 
 
 __all__ = ["LAWS", "Gent", "Material", "MaterialError", "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh"]

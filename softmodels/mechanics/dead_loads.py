@@ -1,7 +1,7 @@
 """Dead loads as drivers besides the cavities: a magnitude and its work-conjugate.
 
 A dead load keeps its direction and its point of application on the undeformed body, so that its work is f L(u), with L linear
-in the displacement. So (f, L) is a pair like a cavity's pressure and volume: `mechanics.coupling` can control, fix or hold
+in the displacement. So (f, L) is a pair like a cavity's pressure and volume: `mechanics.controls` can control, fix or hold
 either of them, with limit points and arc lengths. The loads come behind the cavities, in the order of the device's parts.
 """
 
@@ -134,7 +134,8 @@ class HeavyPart(Component):
             along: Unit vector of gravity in the directions of the mesh.
 
         Returns:
-            Of each its mean displacement along gravity as a form (`Spread.mean`), and the mass in kg on the whole device.
+            Of each its mean displacement along gravity as a form (`DistributedLoad.mean`), and the mass in kg, of the whole
+            device.
         """
 
 

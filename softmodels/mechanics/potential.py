@@ -2,9 +2,9 @@
 
 Pi(u, p; P) = int shape(F) + p (J - 1) - p^2 / (2 bulk) dX - P V(u)
 
-Regions in other materials (`mechanics.regions`) have integrals of their own, and p jumps between them (`region_space`).
-A bonded sheet, contact with a plane and further parts (`mechanics.parts`) are further terms. With several cavities V is
-a sum of theirs, and other pressures work on their own volumes (`mechanics.coupling`). Residual and tangent are its
+Regions in other materials (`mechanics.regions`) have integrals of their own, and p jumps between them (`mechanics.assembly`).
+Sheets, contact and other components (`mechanics.component`) are further terms. With several cavities V is
+a sum of theirs, and other pressures work on their own volumes (`mechanics.controls`). Residual and tangent are its
 derivatives, which include the follower pressure's stiffness and are symmetric. Lengths are in sizes of the device and stresses
 in shear moduli.
 """

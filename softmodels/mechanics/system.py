@@ -520,7 +520,7 @@ def _centre(body: Body, part: RigidPart) -> Array:
 
 
 def still_pressures(body: Body, space: fem.FunctionSpace, components: Sequence[Component]) -> list[fem.DirichletBC]:
-    """Return the conditions that fix p in rigid regions, which do not strain; a region has its own p, see `region_space`.
+    """Return the conditions that fix p in rigid regions, which do not strain; a region has its own p, see `mechanics.assembly`.
 
     Args:
         body: The mesh; it has the regions, which `softmodels.mechanics.regions.Regions` checks.
@@ -814,7 +814,7 @@ def _thinnest(mesh: meshes.Mesh) -> float:
 def held_force(system: System, role: str, component: int) -> float:
     """Return the current force on the support of a role along a component of w, of the slice, dimensionless.
 
-    It is what of the forces on the role's dofs nothing else balances, see `softmodels.mechanics.system.Assembly.surplus`.
+    It is what of the forces on the role's dofs nothing else balances, see `Assembly.surplus`.
     """
     from dolfinx import fem
 

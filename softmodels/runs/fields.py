@@ -51,8 +51,8 @@ class Figures:
     all works on: their sum, or the sum of their products with the device's pressure ratios.
     ``rises`` are the probes' displacements along the lift, ``device`` is what `Actuator.device_figures` makes of their
     places, ``max_stretch_at`` the undeformed place of the largest stretch in device coordinates. ``extremes`` has the
-    least and the largest value of every output field that is sampled, SI units, by name; ``peaks`` the `results.peak` of those
-    that have one.
+    least and the largest value of every output field that is sampled, SI units, by name; ``peaks`` the `peak` of those that
+    have one.
     """
 
     pressure: float

@@ -405,7 +405,7 @@ def _away(fit: LeastSquaresFit) -> list[tuple[Parameter, float]]:
 # ----------------------------------------------------------------------------------------------------------------------
 # Find photographs that contradict the others if a fit of all is beyond chance, with their expected values.
 #
-# Two methods. The smooth curve of pressures over heights needs no law and finds gross errors (`pressure_course`).
+# Two methods. The smooth curve of pressures over heights needs no law and finds gross errors (above).
 # The fit finds small ones: its exact derivatives predict the misfit without each photograph, and a fit without the
 # suspects confirms it. A law that does not suit a silicone fails smoothly, most at the ends of the series: a small misfit there
 # is not blamed on a photograph.

@@ -1,7 +1,7 @@
 """Repeated solution of a device for changing parameters: states at added volumes or pressures, with derivatives.
 
 Added volumes count from the undeformed cavity. Dead loads are constant in newtons; the path then starts at the
-preloaded state, and heights count from there (`softmodels.fitting.outlines.device`).
+preloaded state, and heights count from there.
 """
 
 from __future__ import annotations
@@ -547,7 +547,7 @@ class MeasuredDevice:
         components: What else is added to it.
         solver: See `softmodels.case.case.Case`.
         height_datum: What heights count from where it hangs under loads or its top is not flat, see
-            `softmodels.fitting.outlines.device.Hanging`.
+            `Hanging`.
     """
 
     actuator: Actuator

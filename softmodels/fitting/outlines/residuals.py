@@ -539,7 +539,7 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
 # not possible, and systematic errors of the bench (a leak, an offset, a scale, the zero plane) can be neither
 # detected nor corrected: they do not show in the scatter. Their priors are propagated into the error bars to first
 # order (considered parameters: Schmidt 1966; Tapley, Schutz & Born 2004, Statistical Orbit Determination, chapter 6).
-# `softmodels.fitting.outlines.residuals` has both, and uses the whole outline.
+# The fit to whole outlines has both.
 
 
 STIFFER = (1.0, 1.1, 1.3, 2.0)
