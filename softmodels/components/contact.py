@@ -1171,46 +1171,15 @@ def obstacle_of(components: Sequence[Component]) -> Obstacle | None:
     return next((part for part in components if isinstance(part, Obstacle)), None)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _StandingPlane:
-    """An obstacle beside a device as `ShapeTerm` takes shapes; its contact grows no harder with depth.
-
-    Attributes:
-        at, along: A point of the plane in sizes of the device, and its normal to the device's side, shape (3,).
-    """
-
-    obstacle: Obstacle
-    at: Array
-    along: Array
-
-    shape: ClassVar[str] = "plane"
-    hollow: ClassVar[bool] = False
-    onset: ClassVar[float] = ONSET
+class _StandingPlane(RigidShape):
+    """An obstacle beside a device, turned to the side of its faces; its contact grows no harder with depth."""
 
     @property
-    def where(self) -> str:
-        return self.obstacle.where
-
-    @property
-    def label(self) -> str:
-        return self.obstacle.label
-
-    @property
-    def roles(self) -> list[str]:
-        return self.obstacle.roles
-
-    @property
-    def stiffness(self) -> float:
-        return self.obstacle.stiffness
-
-    def numbers(self, size: float) -> Numbers:
-        return self.at, self.along, None, 0.0, 1.0
+    def onset(self) -> float:
+        return ONSET
 
     def deepest(self, size: float) -> float:
         return ENDLESS
-
-    def crossed(self, actuator: Actuator) -> list[Array]:
-        return [np.asarray(plane.normal, dtype=float) for plane in actuator.cut_planes]
 
 
 class PlaneTerm(ShapeTerm):
@@ -1223,10 +1192,13 @@ class PlaneTerm(ShapeTerm):
     def __init__(self, obstacle: Obstacle, setting: FormContext):
         body = setting.body
         _check_facets(obstacle.roles, body)
-        point, normal = obstacle.place(body.actuator)
-        at, along = np.asarray(point) / body.actuator.size, np.asarray(normal, dtype=float)
+        point, normal = (np.asarray(vector, dtype=float) for vector in obstacle.place(body.actuator))
         nodes = FaceNodes(body, setting.w.function_space, obstacle.roles)
-        super().__init__(_StandingPlane(obstacle, at, _side(obstacle, body, nodes.places, at, along) * along), setting)
+        along = _side(obstacle, body, nodes.places, point, normal) * normal
+        plane = _StandingPlane(
+            "plane", obstacle.faces, tuple(point), along=tuple(along), stiffness=obstacle.stiffness, name=obstacle.table
+        )
+        super().__init__(plane, setting)
 
     def _check_rest(self, body: Body) -> None:
         """Other parts of the device may lie beyond the plane."""
@@ -1248,18 +1220,18 @@ def _check_facets(roles: Sequence[str], body: Body) -> None:
             )
 
 
-def _side(obstacle: Obstacle, body: Body, places: Array, at: Array, along: Array) -> float:
+def _side(obstacle: Obstacle, body: Body, places: Array, point: Array, normal: Array) -> float:
     """Return the side of a plane on which undeformed faces lie, 1 or -1; that of the body, if they lie in the plane.
 
     Args:
         obstacle, body: Which faces of what.
         places: Of the faces' nodes, shape (n, d), the same on all ranks.
-        at, along: The plane.
+        point, normal: The plane, in m.
     """
     size, d = body.actuator.size, body.actuator.dimension
 
     def span(x: Array) -> list[float]:
-        gaps = in_space(x) @ along - at @ along
+        gaps = in_space(x) @ normal - point @ normal / size
         return [largest(body.mesh.comm, float(values.max(initial=-math.inf))) for values in (gaps, -gaps)]
 
     above, below = span(places)
