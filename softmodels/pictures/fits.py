@@ -88,7 +88,7 @@ def draw_photographs(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     for axes in grid[-1]:
         axes.set_xlabel("distance from the axis (mm)")
     for axes in grid[:, 0]:
-        axes.set_ylabel("simulated less\nmeasured (um)")
+        axes.set_ylabel("residual (um)\nsimulated - measured")
     figure.suptitle(f"{law}: residuals of each photograph; grey: two standard errors of a bin's mean")
     return figure
 

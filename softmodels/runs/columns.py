@@ -332,8 +332,8 @@ COLUMNS: list[PathColumn | Columns] = [
     PathColumn("pressure_cm", "pressure",
            "of the air in the cavity, as the height of the water column that balances it", _height),
     PathColumn("pressure_Pa", "pressure", "the same in pascal, above ambient pressure", lambda s: s.pressure),
-    PathColumn("added_volume_ml", "added volume", "volume of the whole device's cavities less that at rest; with pressure "
-           "ratios, what the common pressure works on", lambda s: s.figures.added_volume * 1e6),
+    PathColumn("added_volume_ml", "added volume", "volume of the whole device's cavities minus that at rest; with pressure "
+           "ratios, the work-conjugate of the common pressure", lambda s: s.figures.added_volume * 1e6),
     PathColumn("stroke_ml", "stroke", "volume that the {supply} has displaced or let in",
            lambda s: _stroke(s) * 1e6, _supplied),
     PathColumn("gas_energy_mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy, _gas),
