@@ -21,7 +21,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 TOLERANCE = 1e-10
-RENAMED: dict[str, str] = {"path.csv:falling_directions": "path.csv:negative_eigenvalues"}
+RENAMED: dict[str, str] = {
+    "path.csv:falling_directions": "path.csv:negative_eigenvalues",
+    "path.csv:following": "path.csv:control",
+}
 """Columns and keys that have another name now: old to new."""
 SECTION = ("--variant", "shadow", "--section", "axisymmetric")
 HARDENING = ("--material", "yeoh", "--c1", "10kPa", "--c2", "20Pa", "--c3", "3Pa", "--poisson", "0.495")
