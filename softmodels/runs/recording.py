@@ -9,7 +9,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
@@ -61,22 +61,27 @@ REACHED = Ended()
 """The end of a run that reached all its values."""
 
 
-def gather(case: Case, results: Results, ended: Ended = REACHED) -> None:
-    """Bring all steps into one file and write ``summary.json``, with the notes of `notes_of`; on rank 0.
+Summary = dict[str, Any]
+"""What ``summary.json`` holds."""
+
+
+def gather(case: Case, results: Results, ended: Ended = REACHED) -> Summary:
+    """Bring all steps into one file, and write and return the summary, with the notes of `notes_of`; on rank 0.
 
     Raises:
         OSError: There is no room; the steps stay where they are.
     """
     results.finish()
     words = state_labels(case)
-    text = {
+    summary = {
         "status": ended.status, "message": ended.message, "steps": len(results.stored), "last": results.rows[-1].cells,
         "events": events(results.rows, words), "stretch_at_break": stretch_at_break(case.material),
         "notes": notes_of(case, results.rows, results.sources(case)),
         "stability": stability_text(results.rows, case.actuator, words, branch_rows(results)),
     }  # fmt: skip
     results.own.claim(["summary.json"])
-    write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
+    write_text(results.folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    return summary
 
 
 def branch_rows(results: Results) -> list[Row]:
@@ -144,8 +149,9 @@ class Observer:
     def begun(self, results: Results) -> None:
         """The folder holds the first state of this run."""
 
-    def closed(self, results: Results | None, ended: Ended) -> None:
-        """The run has ended and its folder is complete, and still locked; None where no folder could be taken."""
+    def closed(self, results: Results | None, ended: Ended, summary: Summary) -> None:
+        """The run has ended and its folder is complete, and still locked; None where no folder could be taken. The summary is
+        empty where there are no states, or it could not be written."""
 
 
 class Solved(NamedTuple):
@@ -225,17 +231,17 @@ def _complete(case: Case, results: Results | None, ended: Ended, observer: Obser
     Returns:
         Why that failed, where the run itself did not, else empty; and `Solved.loaded`.
     """
-    failure = ""
+    failure, summary = "", Summary()
     if results is not None and results.stored and ended.status != BAD_INPUT:
         try:
-            gather(case, results, ended)
+            summary = gather(case, results, ended)
             results.own.forget_unwritten()
         except (OSError, OwnFolderError) as error:
             if ended.status == DONE:
                 advice = "make room and run again with --resume"
                 failure = f"the steps could not be gathered in one file ({reason(error)}); {advice}"
                 ended = Ended.by(UnwrittenError(failure))
-    observer.closed(results, ended)
+    observer.closed(results, ended, summary)
     return failure, results is not None and is_loaded(results.rows)
 
 

@@ -261,10 +261,7 @@ class Hanging:
             return inflate_from(self.solver, hang(self.solver, [("its loads", amounts)]))
         except HangingEnd as end:
             self.couple()
-            raise CannotEvaluate(
-                f"the device has no equilibrium under {end.what}; converged up to {end.share:.3g} of the "
-                f"full load: {end}"
-            ) from None
+            raise CannotEvaluate(end.sentence) from None
 
 
 SAME = 1e-9
