@@ -312,8 +312,10 @@ class WorkingStates:
         """
         met: list[State] = []
         limit = forked = end = None
+        # Near the limit point steps of the volume converge, where several steps of the pressure may fail.
+        control = "auto" if start is None else AddedVolume.name
         try:
-            for point in trace(Continuation(self.solver, start=start), goals):
+            for point in trace(Continuation(self.solver, control=control, start=start), goals):
                 self.newton += point.state.iterations
                 limit = point if point.limit and limit is None else limit
                 forked = point if point.bifurcation and forked is None else forked

@@ -266,7 +266,7 @@ def _linear_fit(points: npt.NDArray[np.float64], places: npt.NDArray[np.float64]
 #     min over q of  q + 1/(share V) int max(v - q, 0) dV,
 #
 # whose derivative by the field is taken at fixed q. The kink of max(x, 0) is rounded within `ROUNDED` of q, which raises the
-# peak by less than that share, so that the derivative is continuous.
+# peak by less than that share, so that the derivative is continuous. A stretch is measured from 1, so that it is 1 at rest.
 
 
 SHARE = 0.005
@@ -284,21 +284,23 @@ def excess(x: Array) -> tuple[Array, Array]:
     return np.where(x > ROUNDED, x, ROUNDED * inner**2), inner
 
 
-def volume_peak(comm: MPI.Comm, values: Array, volumes: Array) -> tuple[float, float]:
+def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0) -> tuple[float, float]:
     """Return the peak of a field, and its threshold q.
 
     Args:
         comm: MPI communicator; called on all ranks.
-        values: The field at this rank's integration points, none of them negative.
+        values: The field at this rank's integration points.
         volumes: Volumes of the points, of the same shape.
+        rest: The field's value at rest, above which it is measured: q is rounded relative to what is above.
 
     Returns:
-        Peak and q, equal on all ranks; 0 and 0 of a field that vanishes.
+        Peak and q, equal on all ranks; ``rest`` twice of a field that is nowhere above.
     """
+    values = values - rest
     top = largest(comm, float(values.max()) if values.size else 0.0)
     whole = SHARE * total(comm, float(volumes.sum()))
     if top <= 0.0:
-        return 0.0, 0.0
+        return rest, rest
 
     def slope(q: float) -> float:
         x = values / q - 1.0
@@ -312,4 +314,4 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array) -> tuple[float, f
         q = 0.5 * (low + high)
         low, high = (low, q) if slope(q) > 0.0 else (q, high)
     above, _ = excess(values / q - 1.0)
-    return q * (1.0 + total(comm, float((volumes * above).sum())) / whole), q
+    return rest + q * (1.0 + total(comm, float((volumes * above).sum())) / whole), rest + q
