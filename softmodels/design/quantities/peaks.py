@@ -134,7 +134,9 @@ class PeakStretch(DesignQuantity):
     def measure(self, design: DesignedBody) -> Measure:
         import ufl
 
-        return PeakMeasure(design, ufl.sqrt(eigenvalues(design.strain.C)[0]), _Stretch(), counted_in_stress=False, rest=1.0)
+        return PeakMeasure(
+            design, ufl.sqrt(eigenvalues(design.strain.C)[0]), _Stretch(), counted_in_stress=False, rest=1.0
+        )
 
 
 @register_quantity
