@@ -66,12 +66,11 @@ class Silhouette:
     def __init__(self, system: System):
         self.system = eq = system
         body, actuator = eq.body, eq.body.actuator
-        edges = outer_edges(body)
-        space, nodes = coordinates(body.mesh)
-        self._blocks = edge_nodes(eq, space, edges)
-        self._nodes, self._mix = nodes[self._blocks], np.eye(3) if self._blocks.shape[1] == 3 else STRAIGHT
-        grid = Grid(eq)
-        self._dofs = displacement_maps(eq, grid)[0][edge_nodes(eq, grid.space, edges)]
+        edges, grid = outer_edges(body), Grid(eq)
+        self._blocks = edge_nodes(eq, coordinates(body.mesh)[0], edges)
+        self._mix = np.eye(3) if self._blocks.shape[1] == 3 else STRAIGHT
+        self._space, self._nodes = grid.space, edge_nodes(eq, grid.space, edges)
+        self._dofs = displacement_maps(eq, grid)[0][self._nodes]
         self._along = _sideways(actuator)
         places = self._everywhere(self._here())
         self._order, self._turned = _chain(places, np.asarray(actuator.lift), self._along, eq.length_unit)
@@ -83,14 +82,13 @@ class Silhouette:
         self.top = self.points[0, 0]
 
     def _here(self) -> Array:
-        """Return the dimensionless places of the edges' own nodes on the current mesh, shape (m, 2 or 3, d)."""
-        geometry = self.system.body.mesh.geometry
-        return geometry.x[self._nodes, : geometry.dim]
+        """Return the dimensionless places of the edges' ends and middles on the current mesh, shape (m, 3, d)."""
+        return self._space.tabulate_dof_coordinates()[self._nodes][..., : self.system.body.mesh.geometry.dim]
 
     def _everywhere(self, x: Array) -> Array:
-        """Return the dimensionless vectors of the mesh at the edges' own nodes as those of all ranks' edges in the device, m,
-        shape (m, 3, 3)."""
-        local = np.einsum("sk,mkd->msd", self._mix, x) * self.system.length_unit
+        """Return dimensionless vectors of the mesh at the edges' ends and middles, shape (m, 3, d), as those of the edges
+        of all ranks in the device, m."""
+        local = x * self.system.length_unit
         if local.shape[-1] == 2:
             local = np.stack([local[..., 0], np.zeros(local.shape[:-1]), local[..., 1]], axis=-1)
         return everywhere(self.system.comm, local)
@@ -126,7 +124,7 @@ class Silhouette:
         """
         moved = self._displacement(w)
         if X is not None:
-            rest = self._arranged(self._everywhere(X[self._blocks]))
+            rest = self._arranged(self._everywhere(np.einsum("sk,mkd->msd", self._mix, X[self._blocks])))
             moved = moved + rest - rest[0, 0]
         return self._in_plane(moved)
 
