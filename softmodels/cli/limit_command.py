@@ -310,6 +310,8 @@ def limit(kind: type[Actuator], **values: object) -> None:
     same height (a thinner membrane over a thicker base). A sideways shift of a disk's core is not
     sampled: by symmetry it has no first-order effect.
 
+    Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium under the preload.
+
     \b
     Examples:
       softmodels limit results/disk/case.toml

@@ -73,8 +73,7 @@ def test_outlines_of_a_device_that_is_curved_at_rest_are_refused(device):
         OutlineResiduals(made, [])
     source = HeightResiduals(made, [Height("one", 5e3, 1.2e-3), Height("two", 9e3, 2.1e-3)])
     (first, second) = (
-        made.curve(state).nodes[0, 0, 1]
-        for state in made.states({"shear_modulus": 30e3}, source.pressures, "pressure")
+        made.curve(state).nodes[0, 0, 1] for state in made.states({"shear_modulus": 30e3}, source.pressures, "pressure")
     )
     assert 1e-3 < first < second
 
