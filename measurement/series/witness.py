@@ -9,13 +9,21 @@ the pressure was let down, and lies then between the course upwards and `LAG` be
 from __future__ import annotations
 
 import dataclasses
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import least_squares
 from scipy.stats import norm
 
-from measurement.outline.checks import ON_SURFACE
+from measurement.camera.pictures import Pixels
 from measurement.outline.outline import Outline
+from measurement.outline.shape import ON_SURFACE
+from measurement.series.copies import copies, same_pictures
+from measurement.series.photo_list import Photograph
 from softmodels.common.arrays import Array
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -272,25 +280,21 @@ class Readings:
         return Course.through(*parts)
 
 
-def doubts(outlines: list[Outline]) -> list[str | None]:
-    """Return what speaks against each outline of a run by the others; None where nothing does, or it is not trusted already.
+def contradictions(outlines: Mapping[int, Outline]) -> dict[int, str]:
+    """Return what speaks by the others against outlines above one zero plane, given in the list's order by their numbers.
 
-    Args:
-        outlines: Those above one zero plane, in the list's order.
+    Those that are not trusted already are no witnesses.
     """
-    found: list[str | None] = [None] * len(outlines)
-    trusted = [k for k, outline in enumerate(outlines) if outline.trusted]
+    trusted = [k for k, outline in outlines.items() if outline.trusted]
     if not trusted:
-        return found
+        return {}
     run = Readings.of([outlines[k] for k in trusted])
     told = _signs(run)
     told.update({k: why for k, why in _risen_zeros(run).items() if k not in told})
     good = np.array([k not in told for k in range(len(trusted))])
     numbers = np.nonzero(good)[0]
     told.update({int(numbers[k]): why for k, why in _strangers(run[good]).items()})
-    for k, why in told.items():
-        found[trusted[k]] = why
-    return found
+    return {trusted[k]: why for k, why in told.items()}
 
 
 def course_of(outlines: list[Outline]) -> Course | None:
@@ -439,3 +443,123 @@ def _cause(run: Readings, course: Course, k: int, odd: npt.NDArray[np.int64]) ->
         if (_tails(run, course, pair, run.pressures[pair[::-1]]) > FITS).all():
             return f": its row and that of {run.names[other]} may be swapped"
     return ""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What changes smoothly with the height in a run whose body stands still: how far the surface beside the bulge sinks, and how
+# far apart the body's sides lie.
+#
+# Under pressure a soft body draws in the rubber beside its bulge, and its sides may give way: both grow smoothly with the
+# height and vanish with it, from one photograph of a run to the next. A body that was moved after the zero photograph lies off
+# by the same amount at every height, and one that was moved for a single photograph lies off in that one. Moved along the
+# light, its shadow is larger or smaller as a whole, and so is the distance of its sides.
+
+
+MIN_RAISED_OUTLINES = 4
+"""Raised outlines from which their common course can be told from a body that was moved."""
+
+CURVED = 6
+"""Raised outlines from which the course may bend."""
+
+MIN_HEIGHT_RATIO = 5.0
+"""Heights below this many times `ON_SURFACE` tell nothing of the course."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Common:
+    """A value of each outline of a run, and its common course over the height.
+
+    Attributes:
+        numbers: Numbers of the outlines.
+        heights: In m, shape (n,).
+        values: The values, shape (n,).
+        known: Which outlines are raised and have one, shape (n,).
+        usual: How far a value may lie off the course before it counts less.
+    """
+
+    numbers: list[int]
+    heights: Array
+    values: Array
+    known: Flags
+    usual: float
+
+    @classmethod
+    def of(cls, outlines: Mapping[int, Outline], value: Callable[[Outline], float], usual: float) -> Common:
+        """Return that of a run's outlines."""
+        heights, values = np.array([(outline.height, value(outline)) for outline in outlines.values()]).reshape(-1, 2).T
+        known = (heights > MIN_HEIGHT_RATIO * ON_SURFACE) & np.isfinite(values)
+        return cls(list(outlines), heights, values, known, usual)
+
+    @functools.cached_property
+    def course(self) -> np.polynomial.Polynomial | None:
+        """The values over the height; None where too few outlines tell it."""
+        if self.known.sum() < MIN_RAISED_OUTLINES:
+            return None
+        return _common(self.heights[self.known], self.values[self.known], self.usual)
+
+
+def _common(heights: Array, values: Array, usual: float) -> np.polynomial.Polynomial:
+    """Return the values (n,) over height (n,): a line, or a parabola where there are points enough, that none of them draws
+    away.
+
+    Args:
+        heights: Heights in m.
+        values: What follows them.
+        usual: How far a value may lie off the course before it counts less.
+    """
+    scale = float(heights.max())
+    terms = np.vander(heights / scale, 3 if len(heights) >= CURVED else 2, increasing=True)
+    fit = least_squares(
+        lambda c: (terms @ c - values) / usual,
+        np.zeros(terms.shape[1]),
+        loss="soft_l1",
+        jac=lambda c: terms / usual,
+    )
+    return np.polynomial.Polynomial(fit.x / scale ** np.arange(terms.shape[1]))
+
+
+def unknown_sinking(outlines: list[Outline]) -> list[float]:
+    """Return how far in m each outline may lie off because too few photographs tell a soft body from one that was moved."""
+    raised = [outline.height > MIN_HEIGHT_RATIO * ON_SURFACE for outline in outlines]
+    few = sum(raised) < MIN_RAISED_OUTLINES
+    return [outline.sunk if few and up else 0.0 for outline, up in zip(outlines, raised, strict=True)]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Run:
+    """The photographs of a run in the list's order.
+
+    Attributes:
+        outlines: Outlines above one zero plane by their numbers in the list.
+        samples: Patches of the pictures (`copies.cut_out`) by the same numbers, as far as there are any.
+        rows: The list.
+    """
+
+    outlines: Mapping[int, Outline] = MappingProxyType({})
+    samples: Mapping[int, Pixels] = MappingProxyType({})
+    rows: Sequence[Photograph] = ()
+
+    @functools.cached_property
+    def repeated(self) -> dict[Path, str]:
+        """Files with the same bytes as another one of the list, and why they must not be measured."""
+        return same_pictures(self.rows)
+
+    @functools.cached_property
+    def sinking(self) -> Common:
+        """How far the surface beside the bulge has sunk in m."""
+        return Common.of(self.outlines, lambda outline: outline.sunk, 0.2 * ON_SURFACE)
+
+    @functools.cached_property
+    def scaling(self) -> Common:
+        """By which share the body's sides lie farther apart than at zero pressure."""
+        return Common.of(self.outlines, lambda outline: outline.scale - 1.0, 1e-4)
+
+    @functools.cached_property
+    def copies(self) -> dict[int, str]:
+        """Photographs that are copies of others, and why they must not be used."""
+        return copies(self.outlines, self.samples)
+
+    @functools.cached_property
+    def contradictions(self) -> dict[int, str]:
+        """Trusted outlines that the others contradict, and by what."""
+        return contradictions(self.outlines)
