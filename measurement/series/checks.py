@@ -307,28 +307,19 @@ class Movement(Check, stage=EDGE):
 
 
 @register_check
-class Contrast(Check, stage=EDGE):
-    """Is enough of the edge clear?"""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        count = len(e.traced.edge.px)
-        if count >= FEWEST_POINTS:
-            return None
-        return Doubt(
-            f"only {count} points of the edge are clear enough; at least {FEWEST_POINTS} are needed",
-            "photograph it again with more light and contrast, and with no grid line along the surface",
-            rejects=True)  # fmt: skip
-
-
-@register_check
-class Focus(Check, stage=EDGE):
-    """Is the edge sharp enough for half of the light to be a place?"""
+class Sharp(Check, stage=EDGE):
+    """Is enough of the edge clear, and sharp enough for half of the light to be a place?"""
 
     WIDEST = 300e-6
     """Greatest standard deviation in m of penumbra and blur together."""
 
     def doubt(self, e: Evidence) -> Doubt | None:
         edge = e.traced.edge
+        if len(edge.px) < FEWEST_POINTS:
+            return Doubt(
+                f"only {len(edge.px)} points of the edge are clear enough; at least {FEWEST_POINTS} are needed",
+                "photograph it again with more light and contrast, and with no grid line along the surface",
+                rejects=True)  # fmt: skip
         slope = e.traced.setup.jacobian(edge.px)
         width = edge.width * np.linalg.norm(slope @ edge.normal[..., None], axis=(1, 2))
         wide = float(np.percentile(width, 90))
@@ -553,40 +544,45 @@ class Moved(Check, stage=OUTLINE):
     """Distance in m of the surface beside the bulge from the zero plane from which nothing is measured."""
 
     def doubt(self, e: Evidence) -> Doubt | None:
-        again = "photograph it at zero pressure again and list that"
         if e.above.sum() < FEWEST_POINTS:
             return Doubt(
-                "the shadow is below the surface at zero pressure: the actuator has moved, or the zero is wrong", again,
-                rejects=True)  # fmt: skip
+                "the shadow is below the surface at zero pressure: the actuator has moved, or the zero is wrong",
+                "photograph it at zero pressure again and list that", rejects=True)  # fmt: skip
         if not e.standing and np.median(e.upwards[e.above]) < 0.5:
             return Doubt(
-                "the edge on the surface's line is not level: the actuator has moved or is not in the picture", again,
-                rejects=True)  # fmt: skip
+                "the edge on the surface's line is not level: the actuator has moved or is not in the picture",
+                "photograph it at zero pressure again and list that", rejects=True)  # fmt: skip
         seen = e.displaced
         if seen is None:
             return Doubt(
-                "the shadow is beside the surface at zero pressure: the actuator has moved, or the zero is wrong", again,
-                rejects=True)  # fmt: skip
-        again = "photograph it at zero pressure again"
+                "the shadow is beside the surface at zero pressure: the actuator has moved, or the zero is wrong",
+                "photograph it at zero pressure again and list that", rejects=True)  # fmt: skip
         off = abs(seen.off)
         if seen.seen and off > max(ON_SURFACE, seen.tolerance):
             return Doubt(
                 f"beside the bulge the surface lies {off * 1e3:.2f} mm {'above' if seen.off > 0.0 else 'below'} the zero "
-                "plane: the actuator, the lamp or the camera has moved since the zero was taken", again,
-                rejects=off > max(self.MOST, seen.tolerance))  # fmt: skip
+                "plane: the actuator, the lamp or the camera has moved since the zero was taken",
+                "photograph it at zero pressure again", rejects=off > max(self.MOST, seen.tolerance))  # fmt: skip
         if not seen.seen and seen.aslant > ON_SURFACE:
             return Doubt(
                 f"one end of the surface lies {2e3 * seen.aslant:.2f} mm lower than the other: the actuator, the lamp or the "
-                "camera was tilted since the zero was taken", again)  # fmt: skip
+                "camera was tilted since the zero was taken", "photograph it at zero pressure again")  # fmt: skip
         return None
 
 
 @register_check
-class Corner(Check, stage=OUTLINE):
-    """Does the edge bend as a membrane does?"""
+class Membrane(Check):
+    """Is the outline that of one membrane, and no second thing (hair, tube, drop, fibre, dust) on it or before it?
+
+    Such a thing may show as a corner, as a bump, and by a small width: what it shows first is said.
+    """
 
     CREASE, CORNER = 8.0, 25.0
     """Turn in degrees, beyond that of the neighbouring edge, which no membrane makes by itself, and which is another thing."""
+    RIPPLE, NOISES = 15e-6, 8.0
+    """Distance in m of the edge from its neighbourhood, and the same in its own scatter, from which it is no membrane's."""
+    NARROWEST = 0.08
+    """Least width at half height of what stands on the surface, as a share of the surface that is visible."""
 
     def doubt(self, e: Evidence) -> Doubt | None:
         place, turn = sharpest_turn(e.raw)
@@ -595,48 +591,25 @@ class Corner(Check, stage=OUTLINE):
             return Doubt(
                 f"the edge has a corner of {high}: a second thing (hair, tube, drop, finger) merges with the shadow, or hides "
                 "part of it", "take it away and photograph it again", rejects=True)  # fmt: skip
+        at, bump, scatter = e.ripple
+        if abs(bump) > max(self.RIPPLE, self.NOISES * scatter):
+            return Doubt(
+                f"{e.raw[at, 1] * 1e3:.1f} mm above the surface the outline has a {'bump' if bump > 0.0 else 'hollow'} of "
+                f"{abs(bump) * 1e6:.0f} um that is narrower than a membrane can bend: a fibre, a grain or a drop on it or "
+                "on the lens, or the screen is not flat")  # fmt: skip
         if turn > self.CREASE:
             return Doubt(
                 f"the edge bends sharply by {high}: something lies on it or hides part of it, or it is creased"
             )
-        return None
-
-
-@register_check
-class Ripple(Check, stage=OUTLINE):
-    """Is the edge free of bumps that are narrower than a membrane can bend?"""
-
-    LEAST, NOISES = 15e-6, 8.0
-    """Distance in m of the edge from its neighbourhood, and the same in its own scatter, from which it is no membrane's."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        place, height, scatter = e.ripple
-        if abs(height) <= max(self.LEAST, self.NOISES * scatter):
-            return None
-        return Doubt(
-            f"{e.raw[place, 1] * 1e3:.1f} mm above the surface the outline has a {'bump' if height > 0.0 else 'hollow'} of "
-            f"{abs(height) * 1e6:.0f} um that is narrower than a membrane can bend: a fibre, a grain or a drop on it or "
-            "on the lens, or the screen is not flat")  # fmt: skip
-
-
-@register_check
-class Width(Check, stage=OUTLINE):
-    """Is what stands on the surface as wide as a bulge, and no dust, drop or blister?"""
-
-    NARROWEST = 0.08
-    """Least width at half height, as a share of the surface that is visible."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
         x, z = e.placed.T
         top = int(np.argmax(z))
-        if z[top] < max(10.0 * e.error[top], ON_SURFACE):
-            return None
         width = float(np.ptp(x[z > 0.5 * z[top]]))
-        if width >= self.NARROWEST * min(e.zero.extent[1] - e.zero.extent[0], float(np.ptp(x))):
-            return None
-        return Doubt(
-            f"the object on the surface is only {width * 1e3:.1f} mm wide at half its height: dust, a drop or another object"
-        )
+        seen = min(e.zero.extent[1] - e.zero.extent[0], float(np.ptp(x)))
+        if z[top] >= max(10.0 * e.error[top], ON_SURFACE) and width < self.NARROWEST * seen:
+            return Doubt(
+                f"the object on the surface is only {width * 1e3:.1f} mm wide at half its height: dust, a drop or another "
+                "object")  # fmt: skip
+        return None
 
 
 @register_check

@@ -9,7 +9,8 @@ import pytest
 
 from measurement.edge.edge import Edge, smoothed
 from measurement.outline.shape import highest_ripple
-from measurement.series.checks import Ripple
+from measurement.outline.zero import ZeroLine
+from measurement.series.checks import Membrane
 
 RADIUS, SPACING, NOISE = 900.0, 3.0, 0.06
 
@@ -76,7 +77,11 @@ def outline(bump=0.0, length=6e-3, seed=0):
 
 
 def check_ripples(placed):
-    return Ripple().doubt(SimpleNamespace(raw=placed, ripple=highest_ripple(placed)))
+    flat = ZeroLine.through(np.array([[0.0, 0.0], [1.0, 0.0]]))
+    error = np.full(len(placed), 2e-6)
+    return Membrane().doubt(
+        SimpleNamespace(raw=placed, ripple=highest_ripple(placed), placed=placed, error=error, zero=flat)
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
