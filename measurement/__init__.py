@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from measurement.screen.seen import setup_from_grid as setup_from_grid
     from measurement.screen.setup import Setup as Setup
     from measurement.screen.setup import SetupError as SetupError
+    from measurement.series.checks import Check as Check
+    from measurement.series.checks import Doubt as Doubt
+    from measurement.series.checks import Evidence as Evidence
+    from measurement.series.checks import register_check as register_check
     from measurement.series.measuring import (
         Measurement as Measurement,
     )
@@ -66,6 +70,7 @@ _PLACES = {
     "measurement.screen.grid": ("GridError",),
     "measurement.screen.setup": ("Setup", "SetupError"),
     "measurement.screen.seen": ("setup_from_grid",),
+    "measurement.series.checks": ("Check", "Doubt", "Evidence", "register_check"),
     "measurement.series.photo_list": ("Column", "ColumnError", "Photograph", "PhotoListError", "read_photos"),
     "measurement.series.measuring": ("Measurement", "outlines", "NoZero", "Result"),
     "measurement.series.photo": ("Refusal",),

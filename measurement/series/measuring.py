@@ -18,7 +18,7 @@ from measurement.camera.pictures import Pixels, Unmeasurable, read_photograph
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine, with_known_body
 from measurement.screen.setup import Setup
-from measurement.series.checks import COURSE, LIST, RUN, Evidence, asked
+from measurement.series.checks import CHECKS, COURSE, LIST, RUN, Check, Evidence, asked
 from measurement.series.copies import cut_out
 from measurement.series.photo import (
     AUTO,
@@ -149,7 +149,7 @@ def measure_all(
     else:
         # Fresh processes: a fork would copy the threads' locks of OpenCV and of the terminal's progress bar.
         context = multiprocessing.get_context("spawn")
-        with concurrent.futures.ProcessPoolExecutor(min(jobs, len(work)), context, initializer=_alone) as pool:
+        with concurrent.futures.ProcessPoolExecutor(min(jobs, len(work)), context, _alone, (CHECKS.loaded,)) as pool:
             for future in concurrent.futures.as_completed([pool.submit(_measure_one, *task) for task in work]):
                 result = future.result()
                 results[result.name] = result
@@ -209,8 +209,9 @@ def _unforeseen(error: Exception) -> str:
     return f"it led to an unforeseen failure ({type(error).__name__}: {words})"
 
 
-def _alone() -> None:
+def _alone(checks: dict[str, type[Check]]) -> None:
     cv2.setNumThreads(1)  # the processes share the cores already
+    CHECKS.update(checks)  # also those that a user's program has registered
 
 
 def _measure_one(

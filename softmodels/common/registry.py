@@ -1,4 +1,4 @@
-"""Classes by name, to which a user's own are added: laws, devices, components, supplies, quantities of designs.
+"""Classes by name, to which a user's own are added: laws, devices, components, supplies, quantities of designs, checks.
 
 Each registry has a class decorator, such as ``register_law = LAWS.register``. A class of the same module and name, as a
 notebook defines it anew, takes the place of the one before.
