@@ -29,7 +29,7 @@ from measurement.series.photo import (
     trace_image,
 )
 from measurement.series.photo_list import Column, Photograph, read_photos
-from measurement.series.witness import Run, unknown_sinking
+from measurement.series.witness import Run
 
 MOST_ASKED = 4
 """Photographs that are asked for the tone where the zero plane's does not tell it."""
@@ -154,16 +154,12 @@ def measure_all(
                 result = future.result()
                 results[result.name] = result
                 done(result)
-    return _compared([results[name] for name in names], setup, zero, tone, pictures)
-
-
-def _compared(results: list[Result], setup: Setup, zero: ZeroLine, tone: str, pictures: Path | None) -> list[Result]:
-    """Return `judged`, and the pictures of what has lost its trust by it."""
-    compared = judged(results)
-    for before, after in zip(results, compared, strict=True):
-        if pictures is not None and after is not before:
-            _draw_again(after, setup, zero, tone, pictures)
-    return compared
+    before = [results[name] for name in names]
+    after = judged(before)
+    for k, result in enumerate(after):
+        if pictures is not None and result is not before[k]:
+            _draw_again(result, setup, zero, tone, pictures)
+    return after
 
 
 def judged(results: Sequence[Result]) -> list[Result]:
@@ -181,10 +177,9 @@ def judged(results: Sequence[Result]) -> list[Result]:
                     doubted = dataclasses.replace(outline, trusted=False, reasons=reasons)
                     outcomes[k] = rejected if doubt.rejects else doubted
         if stage == RUN:
-            whole = _outlines(outcomes)
-            for k, off in zip(whole, unknown_sinking(list(whole.values())), strict=True):
-                if off:
-                    outcomes[k] = dataclasses.replace(whole[k], error=np.hypot(whole[k].error, off))
+            run = Run(_outlines(outcomes))
+            for k, off in run.unknown.items():
+                outcomes[k] = dataclasses.replace(run.outlines[k], error=np.hypot(run.outlines[k].error, off))
     return [
         result if outcome is result.outcome else dataclasses.replace(result, outcome=outcome)
         for result, outcome in zip(results, outcomes, strict=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -231,39 +231,36 @@ CLEAR = 3.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Readings:
-    """Pressures and heights of a run in the list's order, all shapes (n,).
+class Run:
+    """The photographs of a run in the list's order, and what each shows of the others.
 
     Attributes:
-        names: Names of the photographs.
-        pressures: In Pa.
-        pressure_errors: Their standard errors in Pa.
-        heights: In m.
-        height_errors: Their standard errors in m.
+        outlines: Outlines above one zero plane by their numbers in the list.
+        samples: Patches of the pictures (`copies.cut_out`) by the same numbers, as far as there are any.
+        rows: The list.
+        heights, height_errors: Heights of the outlines and their standard errors in m, shapes (n,).
+        pressures, pressure_errors: Pressures of the outlines and their standard errors in Pa, shapes (n,).
     """
 
-    names: list[str]
-    pressures: Array
-    pressure_errors: Array
-    heights: Array
-    height_errors: Array
+    outlines: Mapping[int, Outline] = MappingProxyType({})
+    samples: Mapping[int, Pixels] = MappingProxyType({})
+    rows: Sequence[Photograph] = ()
 
-    @classmethod
-    def of(cls, outlines: list[Outline]) -> Readings:
-        """Return those of some outlines."""
-        columns = ("pressure", "pressure_error", "height", "height_error")
-        values = [np.array([getattr(outline, name) for outline in outlines], dtype=float) for name in columns]
-        return cls([outline.source for outline in outlines], *values)
+    heights = functools.cached_property[Array](lambda run: run._each("height"))
+    height_errors = functools.cached_property[Array](lambda run: run._each("height_error"))
+    pressures = functools.cached_property[Array](lambda run: run._each("pressure"))
+    pressure_errors = functools.cached_property[Array](lambda run: run._each("pressure_error"))
 
-    def __getitem__(self, chosen: Flags) -> Readings:
-        names = [name for name, take in zip(self.names, chosen, strict=True) if take]
-        return Readings(
-            names,
-            self.pressures[chosen],
-            self.pressure_errors[chosen],
-            self.heights[chosen],
-            self.height_errors[chosen],
-        )
+    def __getitem__(self, chosen: Flags) -> Run:
+        return Run({k: outline for (k, outline), take in zip(self.outlines.items(), chosen, strict=True) if take})
+
+    def _each(self, name: str) -> Array:
+        return np.array([getattr(outline, name) for outline in self.outlines.values()], dtype=float)
+
+    @property
+    def trusted(self) -> Run:
+        """The trusted outlines."""
+        return self[np.array([outline.trusted for outline in self.outlines.values()], dtype=bool)]
 
     @property
     def is_zero(self) -> Flags:
@@ -279,37 +276,64 @@ class Readings:
             parts = [np.append(part, value) for part, value in zip(parts, (0.0, 0.0, 0.0, least), strict=True)]
         return Course.through(*parts)
 
+    @functools.cached_property
+    def contradictions(self) -> dict[int, str]:
+        """Trusted outlines that the others contradict, and by what; the others are no witnesses."""
+        run = self.trusted
+        if not run.outlines:
+            return {}
+        told = {**_risen_zeros(run), **_signs(run)}
+        good = ~np.isin(np.arange(len(run.outlines)), list(told))
+        odd = _strangers(run[good])
+        told.update({int(k): odd[place] for place, k in enumerate(np.flatnonzero(good)) if place in odd})
+        return {number: told[k] for k, number in enumerate(run.outlines) if k in told}
 
-def contradictions(outlines: Mapping[int, Outline]) -> dict[int, str]:
-    """Return what speaks by the others against outlines above one zero plane, given in the list's order by their numbers.
+    @functools.cached_property
+    def sinking(self) -> Common:
+        """How far the surface beside the bulge has sunk in m."""
+        return self._common(self._each("sunk"), 0.2 * ON_SURFACE)
 
-    Those that are not trusted already are no witnesses.
-    """
-    trusted = [k for k, outline in outlines.items() if outline.trusted]
-    if not trusted:
-        return {}
-    run = Readings.of([outlines[k] for k in trusted])
-    told = _signs(run)
-    told.update({k: why for k, why in _risen_zeros(run).items() if k not in told})
-    good = np.array([k not in told for k in range(len(trusted))])
-    numbers = np.nonzero(good)[0]
-    told.update({int(numbers[k]): why for k, why in _strangers(run[good]).items()})
-    return {trusted[k]: why for k, why in told.items()}
+    @functools.cached_property
+    def scaling(self) -> Common:
+        """By which share the body's sides lie farther apart than at zero pressure."""
+        return self._common(self._each("scale") - 1.0, 1e-4)
+
+    def _common(self, values: Array, usual: float) -> Common:
+        known = (self.heights > MIN_HEIGHT_RATIO * ON_SURFACE) & np.isfinite(values)
+        return Common(list(self.outlines), self.heights, values, known, usual)
+
+    @property
+    def unknown(self) -> dict[int, float]:
+        """How far in m outlines may lie off because too few photographs tell a soft body from one that was moved."""
+        if self.sinking.course is not None:
+            return {}
+        raised = self[self.sinking.known].outlines
+        return {k: outline.sunk for k, outline in raised.items() if outline.sunk}
+
+    @functools.cached_property
+    def copies(self) -> dict[int, str]:
+        """Photographs that are copies of others, and why they must not be used."""
+        return copies(self.outlines, self.samples)
+
+    @functools.cached_property
+    def repeated(self) -> dict[Path, str]:
+        """Files with the same bytes as another one of the list, and why they must not be measured."""
+        return same_pictures(self.rows)
 
 
 def course_of(outlines: list[Outline]) -> Course | None:
     """Return the course through the trusted outlines of a run; None where they are too few or do not rise."""
-    run = Readings.of([outline for outline in outlines if outline.trusted])
+    run = Run(dict(enumerate(outlines))).trusted
     return run.course if _tells(run) else None
 
 
-def _tells(run: Readings) -> bool:
-    return len(run.names) >= FEWEST and float(run.heights.max()) > max(
+def _tells(run: Run) -> bool:
+    return len(run.outlines) >= FEWEST and float(run.heights.max()) > max(
         10.0 * float(np.median(run.height_errors)), ON_SURFACE
     )
 
 
-def _signs(run: Readings) -> dict[int, str]:
+def _signs(run: Run) -> dict[int, str]:
     """Return the photographs at a pressure below zero: suction draws a surface in, where its shadow cannot show it."""
     found = {}
     for k in np.nonzero(run.pressures < -CLEAR * run.pressure_errors)[0]:
@@ -323,7 +347,7 @@ def _signs(run: Readings) -> dict[int, str]:
     return found
 
 
-def _risen_zeros(run: Readings) -> dict[int, str]:
+def _risen_zeros(run: Run) -> dict[int, str]:
     """Return the photographs at zero pressure whose outline does not lie in the zero plane."""
     raised = (run.pressures > 0.0) & ~run.is_zero
     # The lowest pressures tell best how far the reading's error may lift a surface at zero.
@@ -340,7 +364,7 @@ def _risen_zeros(run: Readings) -> dict[int, str]:
     }
 
 
-def _strangers(run: Readings) -> dict[int, str]:
+def _strangers(run: Run) -> dict[int, str]:
     """Return the photographs that the others contradict, each with what the others lead one to expect."""
     if not _tells(run):
         return {}
@@ -355,38 +379,38 @@ def _strangers(run: Readings) -> dict[int, str]:
     return _named(run, odd)
 
 
-def _let_down(run: Readings) -> Flags:
+def _let_down(run: Run) -> Flags:
     """Return the photographs that follow a higher one at a higher pressure; none where the list's order is not the
     experiment's."""
     steps = np.sign(np.diff(run.pressures))
     steps = steps[steps != 0.0]
     if np.sum(steps[1:] != steps[:-1]) > TURNS:
-        return np.zeros(len(run.names), dtype=bool)
-    earlier = np.tri(len(run.names), k=-1, dtype=bool)
+        return np.zeros(len(run.outlines), dtype=bool)
+    earlier = np.tri(len(run.outlines), k=-1, dtype=bool)
     above = run.pressures[None, :] - run.pressures[:, None] > CLEAR * run.pressure_errors[:, None]
     higher = run.heights[None, :] - run.heights[:, None] > CLEAR * run.height_errors[:, None]
     return np.any(earlier & above & higher, axis=1)
 
 
-def _lagging(run: Readings, course: Course) -> Flags:
+def _lagging(run: Run, course: Course) -> Flags:
     """Return whether each may have been taken while the pressure was let down, by the course upwards."""
     upwards, spread, _ = course.at(run.heights, run.pressure_errors)
     return (run.pressures < upwards + CLEAR * spread) & (run.pressures > (1.0 - LAG) * upwards - CLEAR * spread)
 
 
-def _outliers(run: Readings) -> Flags:
+def _outliers(run: Run) -> Flags:
     """Return the photographs that the others contradict.
 
     Several wrong ones hide each other, so the least likely are put aside one after the other first, likely or not, and are
     taken back, the likeliest first, as long as the course through the others allows.
     """
-    kept = np.ones(len(run.names), dtype=bool)
+    kept = np.ones(len(run.outlines), dtype=bool)
     judged = ~run.is_zero | (run.heights > ON_SURFACE)
     for _ in range(max(1, len(kept) // SHARE)):
         if kept.sum() < FEWEST:
             break
         part = run[kept]
-        tails = part.course.left_out()[2][: len(part.names)]
+        tails = part.course.left_out()[2][: len(part.outlines)]
         tails = np.where(judged[kept], tails, np.inf)
         if not np.isfinite(tails).any():
             break
@@ -401,14 +425,14 @@ def _outliers(run: Readings) -> Flags:
     return ~kept
 
 
-def _tails(run: Readings, course: Course, numbers: npt.NDArray[np.int64], pressures: Array) -> Array:
+def _tails(run: Run, course: Course, numbers: npt.NDArray[np.int64], pressures: Array) -> Array:
     """Return the probabilities that good photographs of these heights are as far off as at these pressures (k,) in Pa."""
     errors = np.hypot(run.pressure_errors[numbers], course.slope(run.heights[numbers]) * run.height_errors[numbers])
     table = course.at(run.heights[numbers], errors)[2]
     return course.tail(table, pressures)
 
 
-def _named(run: Readings, odd: Flags) -> dict[int, str]:
+def _named(run: Run, odd: Flags) -> dict[int, str]:
     """Return a sentence for each photograph that is odd."""
     if not odd.any():
         return {}
@@ -430,7 +454,7 @@ def _named(run: Readings, odd: Flags) -> dict[int, str]:
     return found
 
 
-def _cause(run: Readings, course: Course, k: int, odd: npt.NDArray[np.int64]) -> str:
+def _cause(run: Run, course: Course, k: int, odd: npt.NDArray[np.int64]) -> str:
     """Return what would explain an odd photograph; empty if nothing simple does."""
     here = np.array([k])
     for factor, word in ((10.0, "a tenth of what it was"), (0.1, "ten times what it was")):
@@ -441,7 +465,7 @@ def _cause(run: Readings, course: Course, k: int, odd: npt.NDArray[np.int64]) ->
             continue
         pair = np.array([k, other])
         if (_tails(run, course, pair, run.pressures[pair[::-1]]) > FITS).all():
-            return f": its row and that of {run.names[other]} may be swapped"
+            return f": its row and that of {list(run.outlines.values())[other].source} may be swapped"
     return ""
 
 
@@ -483,13 +507,6 @@ class Common:
     known: Flags
     usual: float
 
-    @classmethod
-    def of(cls, outlines: Mapping[int, Outline], value: Callable[[Outline], float], usual: float) -> Common:
-        """Return that of a run's outlines."""
-        heights, values = np.array([(outline.height, value(outline)) for outline in outlines.values()]).reshape(-1, 2).T
-        known = (heights > MIN_HEIGHT_RATIO * ON_SURFACE) & np.isfinite(values)
-        return cls(list(outlines), heights, values, known, usual)
-
     @functools.cached_property
     def course(self) -> np.polynomial.Polynomial | None:
         """The values over the height; None where too few outlines tell it."""
@@ -516,50 +533,3 @@ def _common(heights: Array, values: Array, usual: float) -> np.polynomial.Polyno
         jac=lambda c: terms / usual,
     )
     return np.polynomial.Polynomial(fit.x / scale ** np.arange(terms.shape[1]))
-
-
-def unknown_sinking(outlines: list[Outline]) -> list[float]:
-    """Return how far in m each outline may lie off because too few photographs tell a soft body from one that was moved."""
-    raised = [outline.height > MIN_HEIGHT_RATIO * ON_SURFACE for outline in outlines]
-    few = sum(raised) < MIN_RAISED_OUTLINES
-    return [outline.sunk if few and up else 0.0 for outline, up in zip(outlines, raised, strict=True)]
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Run:
-    """The photographs of a run in the list's order.
-
-    Attributes:
-        outlines: Outlines above one zero plane by their numbers in the list.
-        samples: Patches of the pictures (`copies.cut_out`) by the same numbers, as far as there are any.
-        rows: The list.
-    """
-
-    outlines: Mapping[int, Outline] = MappingProxyType({})
-    samples: Mapping[int, Pixels] = MappingProxyType({})
-    rows: Sequence[Photograph] = ()
-
-    @functools.cached_property
-    def repeated(self) -> dict[Path, str]:
-        """Files with the same bytes as another one of the list, and why they must not be measured."""
-        return same_pictures(self.rows)
-
-    @functools.cached_property
-    def sinking(self) -> Common:
-        """How far the surface beside the bulge has sunk in m."""
-        return Common.of(self.outlines, lambda outline: outline.sunk, 0.2 * ON_SURFACE)
-
-    @functools.cached_property
-    def scaling(self) -> Common:
-        """By which share the body's sides lie farther apart than at zero pressure."""
-        return Common.of(self.outlines, lambda outline: outline.scale - 1.0, 1e-4)
-
-    @functools.cached_property
-    def copies(self) -> dict[int, str]:
-        """Photographs that are copies of others, and why they must not be used."""
-        return copies(self.outlines, self.samples)
-
-    @functools.cached_property
-    def contradictions(self) -> dict[int, str]:
-        """Trusted outlines that the others contradict, and by what."""
-        return contradictions(self.outlines)

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from measurement.series.overview import draw_heights
-from measurement.series.witness import Course, contradictions, course_of
+from measurement.series.witness import Course, Run, course_of
 from tests.support.photographs.courses import COURSES, DAMAGES, Rows, damaged, run
 
 STEPS = np.linspace(0.0, 1.0, 9)
@@ -29,7 +29,7 @@ def softening(count=9):
 
 
 def told(made):
-    return contradictions(dict(enumerate(made.outlines())))
+    return Run(dict(enumerate(made.outlines()))).contradictions
 
 
 @pytest.mark.parametrize("kind", COURSES)
@@ -119,7 +119,7 @@ def test_a_run_that_does_not_rise_or_is_short_tells_nothing():
     assert told(rows([0.0, 300.0, 700.0, 1000.0, 1500.0], [0.0, 4e-6, -3e-6, 8e-6, 2e-6])) == {}
     assert told(rows([0.0, 500.0, 700.0], [0.0, 2e-3, 1e-3])) == {}
     assert course_of(rows([0.0, 500.0], [0.0, 2e-3]).outlines()) is None
-    assert contradictions({}) == {}
+    assert Run().contradictions == {}
 
 
 def test_the_course_states_its_own_uncertainty():
