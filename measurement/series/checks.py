@@ -603,13 +603,14 @@ class Membrane(Check):
             )
         x, z = e.placed.T
         top = int(np.argmax(z))
+        if z[top] < max(10.0 * e.error[top], ON_SURFACE):
+            return None
         width = float(np.ptp(x[z > 0.5 * z[top]]))
-        seen = min(e.zero.extent[1] - e.zero.extent[0], float(np.ptp(x)))
-        if z[top] >= max(10.0 * e.error[top], ON_SURFACE) and width < self.NARROWEST * seen:
-            return Doubt(
-                f"the object on the surface is only {width * 1e3:.1f} mm wide at half its height: dust, a drop or another "
-                "object")  # fmt: skip
-        return None
+        if width >= self.NARROWEST * min(e.zero.extent[1] - e.zero.extent[0], float(np.ptp(x))):
+            return None
+        return Doubt(
+            f"the object on the surface is only {width * 1e3:.1f} mm wide at half its height: dust, a drop or another object"
+        )
 
 
 @register_check

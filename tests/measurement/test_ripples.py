@@ -53,3 +53,8 @@ def test_a_high_one_is_doubted(bump, name):
     doubt = check_ripples(edge(bump))
     assert name in str(doubt)
     assert unsure(edge(bump)) > 20e-6
+
+
+def test_a_flat_surface_a_little_below_the_zero_plane_is_no_second_thing():
+    x = np.linspace(-14e-3, 14e-3, 561)
+    assert check_ripples(np.column_stack([x, np.full(561, -20e-6)])) is None
