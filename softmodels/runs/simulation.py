@@ -14,7 +14,6 @@ from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors
 from softmodels.common.arrays import Array
 from softmodels.materials.stability import weakness
-from softmodels.mechanics import c_library
 from softmodels.mechanics.compiling import cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.runs.columns import Solved, row_of
@@ -153,8 +152,6 @@ class Simulation:
         """
         device = self.case.actuator
         self.listener.say(meshing.mesh_label(device))
-        if device.dimension == 3 and is_root(self.comm):
-            c_library.begin("moduli")
         try:
             on_root(self.comm, lambda: device.write(file, self.stopped))
         except MeshingStopped:
