@@ -5,7 +5,6 @@ They use the same compiler and flags as the kernels; see `softmodels.mechanics.c
 
 from __future__ import annotations
 
-import ctypes
 import functools
 import hashlib
 import importlib.util
@@ -15,22 +14,16 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from softmodels.mechanics.compiling import cache, compiler_flags
 from softmodels.mechanics.mpi import on_root
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-    from petsc4py import PETSc
 
 
 _TABLES = f"int64_t, int64_t, int64_t, const int32_t *{', const double *' * 5}"
-_ROWS = "typedef struct { void *matrix, *set; const int32_t *starts, *columns; double *values; } rows;"
-_MODULI = f"{_ROWS} void moduli_take(int64_t, int64_t, int64_t, const double *, const double *, double *);" + "".join(
-    f"void moduli_{of}({_TABLES}, const double *, double *);"
-    f"int matrix_{of}({_TABLES}, int64_t, const int8_t *, const rows *);"
-    for of in ("of_gradients", "with_pressure", "with_values")
+_MODULI = "void moduli_take(int64_t, int64_t, int64_t, const double *, const double *, double *);" + "".join(
+    f"void moduli_{of}({_TABLES}, const double *, double *);" for of in ("of_gradients", "with_pressure", "with_values")
 )
 _LEVEL = "int64_t, const int32_t *, const int32_t *, const float *, const double *, const double *"
 _MULTIGRID = """
@@ -67,42 +60,6 @@ def library(comm: MPI.Comm, source: str) -> ModuleType:
     place = _place(source)
     on_root(comm, lambda: _compile(source, place))
     return _loaded(_name(place), place)
-
-
-class Rows:
-    """Target of the C code that adds cell matrices.
-
-    Args:
-        matrix: A matrix of PETSc with a place for each entry.
-
-    Attributes:
-        c: The C code's own description of it.
-    """
-
-    def __init__(self, matrix: PETSc.Mat):
-        from petsc4py import PETSc
-
-        self._ffi = library(matrix.comm.tompi4py(), "moduli").ffi
-        petsc, self._matrix = ctypes.CDLL(PETSc.__file__), matrix
-        self.c = self._ffi.new("rows *")
-        self.c.matrix = self._ffi.cast("void *", matrix.handle)
-        if matrix.comm.size > 1 or not matrix.assembled:
-            function = ctypes.cast(petsc.MatSetValuesLocal, ctypes.c_void_p).value
-            self.c.set = self._ffi.cast("void *", function)
-            return
-        # PETSc would search for the place of every entry, which takes most of an assembly.
-        self._places = [np.asarray(part, dtype=np.int32) for part in matrix.getRowIJ()]
-        values = ctypes.c_void_p()
-        self.check(petsc.MatSeqAIJGetArray(ctypes.c_void_p(matrix.handle), ctypes.byref(values)))
-        self.c.starts, self.c.columns = (self._ffi.from_buffer("int32_t[]", part) for part in self._places)
-        self.c.values = self._ffi.cast("double *", values.value)
-
-    def check(self, error: int) -> None:
-        """Raise the error for a code of the C functions or PETSc; 0 is success."""
-        from petsc4py import PETSc
-
-        if error:
-            raise PETSc.Error(error)
 
 
 def _text(source: str) -> str:
