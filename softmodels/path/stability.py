@@ -188,7 +188,7 @@ def nearest(
             and so on; as many are looked for. An eigenvalue's error is about the residual's square. Infinite for one that
             is taken as the space has it where the others are found.
         most: Solves after which an eigenvalue counts as not found.
-        negatives: How many eigenvalues are negative, where that is known.
+        negatives: How many eigenvalues are negative, where that is known: then K^-1 is the exact one.
 
     Raises:
         NoConvergence: A residual did not fall below its tolerance, or more eigenvalues are negative.
@@ -221,7 +221,8 @@ def nearest(
             return Modes(best, [space.combined(column, space.x) for column in shares[:, chosen].T])
         place = min(len(found), len(chosen) - 1)
         tolerance = tolerances[min(place, count - 1)]
-        size, new = _correction(space, here[place], shares[:, chosen[: place + 1]], min(LOOSE, max(TIGHT, tolerance)))
+        solved = min(LOOSE, max(TIGHT, tolerance))
+        size, new = _correction(space, here[place], shares[:, chosen[place]], solved, negatives is not None)
         if size <= tolerance and len(found) < len(chosen):
             found.append(here[place])
             polished[place] = _polished(space, here[place], new)
@@ -251,25 +252,18 @@ def _chosen(values: Array, of_first: Array, count: int) -> npt.NDArray[np.intp]:
     return np.union1d(near, np.flatnonzero(known & (values < 0.0)))  # values are in rising order
 
 
-def _correction(space: Space, value: float, modes: Array, tolerance: float) -> tuple[float, PETSc.Vec]:
-    """Return K^-1 times the residual of a mode of the space, to a tolerance, and its length.
+def _correction(space: Space, value: float, shares: Array, tolerance: float, exact: bool) -> tuple[float, PETSc.Vec]:
+    """Return K^-1 times the residual of a mode of the space, to a tolerance and without the mode's own part, and its length.
 
-    It is without the parts of that mode and of those already found: near a critical point K^-1 turns rounding into its mode.
-
-    Args:
-        space: The space.
-        value: The mode's eigenvalue.
-        modes: Shares in the space of the modes already found, then of that one, as columns.
-        tolerance: Of the solve.
+    With the exact K^-1 what lies in the space is rounding, which near a critical point is large: it is left out.
     """
-    pencil, shares = space.pencil, modes[:, -1]
+    pencil = space.pencil
     residual, new = pencil.M.createVecLeft(), pencil.M.createVecRight()
     residual.maxpy([float(share) for share in shares], space.Kx)
     residual.maxpy([float(-value * share) for share in shares], space.Mx)
     pencil.solve(residual, new, tolerance)
-    for one in modes.T:
-        x, image = space.combined(one, space.x), space.combined(one, space.Mx)
-        new.axpy(-new.dot(image), x)
+    inside = np.asarray(new.mDot(space.Mx))
+    new.maxpy([float(-share) for share in (inside if exact else inside @ shares * shares)], space.x)
     pencil.M.mult(new, residual)
     return max(new.dot(residual), 0.0) ** 0.5, new
 
