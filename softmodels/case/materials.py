@@ -6,7 +6,7 @@ import dataclasses
 import json
 from collections.abc import Iterator, Mapping, MutableMapping
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +40,7 @@ from softmodels.materials.laws import (
     NeoHookean,
     parameter_fields,
 )
+from softmodels.materials.memory import Memory
 from softmodels.materials.silicones import (
     PRODUCTS,
     named,
@@ -59,6 +60,8 @@ CONVENTION = "convention"
 """Key of the convention of a law's parameters, if there are several."""
 FITTED = "fitted_stretch"
 """Key of the fitted range of stretch."""
+MEMORY = "memory"
+"""Key of the table of relaxation and softening."""
 
 
 def material_options_of() -> dict[str, tuple[str, list[str]]]:
@@ -157,6 +160,8 @@ def to_table(material: Material, text: Text = exact_text) -> dict[str, object]:
         table[CONVENTION] = material.conventions[0]  # the same numbers in the other convention are another rubber
     if material.fitted_stretch is not None:
         table[FITTED] = list(material.fitted_stretch)
+    if material.memory is not None:
+        table[MEMORY] = material.memory.to_table(text)
     return table
 
 
@@ -192,7 +197,7 @@ def from_table(table: Mapping[str, object]) -> Material:
     if not isinstance(name, str) or name not in LAWS:
         raise MaterialError(f"law {name!r} is unknown; {known_are(name, LAWS)}")
     law = LAWS[name]
-    fitted = _range(name, values.pop(FITTED, None))
+    further: dict[str, Any] = {FITTED: _range(name, values.pop(FITTED, None)), MEMORY: _memory(name, values.pop(MEMORY, None))}
     fields = {field.name: field for field in parameter_fields(law)}
     convention = values.pop(CONVENTION, law.conventions[0]) if law.conventions else ""
     if not isinstance(convention, str) or (convention and convention not in law.conventions):
@@ -211,7 +216,15 @@ def from_table(table: Mapping[str, object]) -> Material:
             if key not in parameters and field.default is dataclasses.MISSING:
                 raise MaterialError(f"{name} needs {key} ({field.metadata['help']}); give it with {_flag(key)}")
     made = law.from_values(parameters, convention)
-    return made if fitted is None else dataclasses.replace(made, fitted_stretch=fitted)
+    further = {key: value for key, value in further.items() if value is not None}
+    return dataclasses.replace(made, **further) if further else made
+
+
+def _memory(law: str, table: object) -> Memory | None:
+    try:
+        return None if table is None else Memory.from_table(table)
+    except FieldError as error:
+        raise MaterialError(f"{law}: {error}") from None
 
 
 def _range(law: str, value: object) -> tuple[float, float] | None:
@@ -225,9 +238,8 @@ def _range(law: str, value: object) -> tuple[float, float] | None:
 
 
 def _mixed(beside: Mapping[str, object]) -> list[str]:
-    """Return the keys that conflict with a silicone's name or a material's file: all except Poisson's
-    ratio."""
-    return [name for name in beside if name != "poisson"]
+    """Return the keys that conflict with a silicone's name or a material's file: all except Poisson's ratio and memory."""
+    return [name for name in beside if name not in ("poisson", MEMORY)]
 
 
 def _many(law: str, key: str, value: object, unit: str) -> tuple[float, ...]:

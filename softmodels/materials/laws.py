@@ -13,13 +13,14 @@ import cmath
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError, Spoken
 from softmodels.common.registry import Registry
 from softmodels.common.schema import Quantity, Several
 from softmodels.common.units import with_prefix
+from softmodels.materials.memory import Memory
 from softmodels.materials.strain import Dual, Expression, HomogeneousStrain, StrainMeasures
 
 Values = Mapping[str, Any]
@@ -100,6 +101,7 @@ class Material:
         convention_help: What the conventions are.
         fitted_stretch: Range of stretch that the parameters were fitted over; None where that is not known. It is no part of
             the law: two materials that differ only in it are equal.
+        memory: Relaxation and softening, where loads have times; the law itself is that of equilibrium. See `with_memory`.
     """
 
     name: ClassVar[str]
@@ -115,11 +117,14 @@ class Material:
     fitted_stretch: tuple[float, float] | None = dataclasses.field(
         default=None, kw_only=True, compare=False, repr=False
     )
+    memory: Memory | None = dataclasses.field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         if type(self) is Material:
             raise MaterialError("Material is the base class of all laws; use one of them, such as Yeoh")
         _check_range(self.name, self.fitted_stretch)
+        if not (self.memory is None or isinstance(self.memory, Memory)):
+            raise MaterialError(f"{self.name}: memory is not a Memory; use with_memory(branches=..., softening=...)")
         for field in parameter_fields(self):
             of = Quantity(field.metadata["unit"])
             kind = Several(of) if field.metadata["many"] else of
@@ -211,6 +216,29 @@ class Material:
     def stretch_terms(self) -> tuple[tuple[float, float], ...]:
         """Pairs (mu in Pa, alpha) of a law that is Ogden's sum over isochoric stretches, mu/alpha (...); empty for others."""
         return ()
+
+    @checked
+    def with_memory(self, branches: Any = (), softening: Any = None) -> Self:
+        """Return the material with a memory, which acts where loads have times.
+
+        Args:
+            branches: Pairs of a share of the law's shear modulus at small strain, which stays that of equilibrium, and a
+                relaxation time in s or as a text: ``[(0.2, 1.0), (0.1, "30 s")]``.
+            softening: Mullins softening r, m in Pa and beta, perhaps with a recovery time: ``(1.6, "2 kPa", 0.1, "8 h")``.
+
+        Raises:
+            MaterialError: Numbers that make none.
+        """
+        try:
+            memory = Memory.of(branches, softening)
+        except FieldError as error:
+            raise MaterialError(f"{self.name}: {error}") from None
+        return dataclasses.replace(self, memory=memory)
+
+    @property
+    def relaxed(self) -> Self:
+        """The material without its memory: what it is after a long time."""
+        return self if self.memory is None else dataclasses.replace(self, memory=None)
 
     # -- how it is written --------------------------------------------------------------------------------------------
 

@@ -1,0 +1,321 @@
+"""Silicone with a memory: relaxing branches and softening, each a closed term of the energy of one time step.
+
+A branch is a neo-Hookean spring G behind a dashpot of relaxation time tau (Maxwell). Its internal variable Cv, symmetric with
+det Cv = 1, is the strain at which the spring carries nothing, and creeps after the strain (bar: the isochoric part):
+
+    dCv/dt = (1/tau) (Cbar - (Cbar : Cv^-1)/3 Cv),        energy G/2 (Cbar : Cv^-1 - 3)
+
+Over a step dt the unimodular part of an H + b Cbar solves this, with H and b known where the step begins, and
+
+    W(F) = 3 G/(2 b) det(H + b Cbar)^(1/3)   has   dW/dCbar = G/2 Cv^-1   at the end of the step
+
+so that a branch stays a term of one potential, with a symmetric tangent and no local iterations. With H = Cv and b = dt/tau
+this is implicit Euler (Shutov, Landgraf, Ihlemann 2013, doi 10.1016/j.cma.2013.07.004); `step_of` is of second order.
+
+Softening is Ogden and Roxburgh's (1999, doi 10.1098/rspa.1999.0431): below the largest energy so far the law carries less.
+
+Symmetric tensors are their six entries 11, 22, 33, 12, 13, 23, each a UFL expression or a numpy array.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from softmodels.common.arrays import Array
+from softmodels.common.errors import FieldError
+from softmodels.common.schema import Quantity, Text
+from softmodels.common.units import brief, exact_text
+from softmodels.materials.strain import Expression
+
+Six = Sequence[Expression]
+
+IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+SECONDS = Quantity("s")
+LARGEST_SHARE = 1e3
+"""Above it a branch's share of the shear modulus is taken for a modulus in Pa."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The data of a law.
+
+
+@dataclasses.dataclass(frozen=True)
+class Branch:
+    """A Maxwell branch.
+
+    Attributes:
+        share: Its spring's shear modulus over the law's at small strain, which stays that of equilibrium.
+        time: Relaxation time in s.
+    """
+
+    share: float
+    time: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Softening:
+    """Mullins softening: below the largest energy Wm so far, stresses are 1 - erf((Wm - W)/(m + beta Wm))/r of the law's.
+
+    Attributes:
+        r: Above 1; the larger, the less softening.
+        m: Energy scale in Pa, 0 or more.
+        beta: Energy scale's growth with Wm, 0 or more.
+        recovery: Time in s in which Wm falls towards the energy of the moment; infinite for none.
+    """
+
+    r: float
+    m: float
+    beta: float
+    recovery: float = math.inf
+
+
+@dataclasses.dataclass(frozen=True)
+class Memory:
+    """What a silicone remembers.
+
+    The softening acts on the law, not on the branches: its energy is then known at both ends of a step, whatever the step.
+
+    Attributes:
+        branches: None for a silicone that only softens.
+        softening: None for one that only relaxes.
+    """
+
+    branches: tuple[Branch, ...] = ()
+    softening: Softening | None = None
+
+    @classmethod
+    def of(cls, branches: object = (), softening: object = None) -> Memory:
+        """Return the memory of numbers, or texts with units: pairs (share, time), and (r, m, beta) or (r, m, beta, recovery).
+
+        Raises:
+            FieldError: They are none.
+        """
+        if isinstance(branches, str | Mapping) or not isinstance(branches, Sequence):
+            raise FieldError(f"branches {brief(branches)} are no pairs of share and time, such as [[0.2, '1 s']]")
+        found = cls(tuple(_branch(one) for one in branches), None if softening is None else _softening(softening))
+        if not (found.branches or found.softening):
+            raise FieldError("the memory has neither branches nor softening; give branches = [[0.2, '1 s']], or leave it out")
+        return found
+
+    @classmethod
+    def from_table(cls, table: object) -> Memory:
+        """Return the memory of a ``[material.memory]`` table; see `of`."""
+        if not isinstance(table, Mapping):
+            raise FieldError(f"memory {brief(table)} is no table; write [material.memory] with branches = [[0.2, '1 s']]")
+        if unknown := set(table) - {"branches", "softening"}:
+            raise FieldError(f"memory has an unknown entry {min(map(str, unknown))!r}; known are branches, softening")
+        return cls.of(**table)
+
+    def to_table(self, text: Text = exact_text) -> dict[str, object]:
+        """Return the table that `from_table` takes back."""
+        table: dict[str, object] = {}
+        if self.branches:
+            table["branches"] = [[one.share, text(one.time, "s")] for one in self.branches]
+        if self.softening:
+            r, m, beta, recovery = dataclasses.astuple(self.softening)
+            table["softening"] = [r, text(m, "Pa"), beta, *([] if math.isinf(recovery) else [text(recovery, "s")])]
+        return table
+
+    @property
+    def shortest(self) -> float:
+        """The shortest relaxation time in s; infinite without branches."""
+        return min((one.time for one in self.branches), default=math.inf)
+
+
+def _branch(given: object) -> Branch:
+    if isinstance(given, Branch):
+        given = (given.share, given.time)
+    if isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
+        raise FieldError(f"branch {brief(given)} is no pair of share and time, such as [0.2, '1 s']")
+    share, time = Quantity().settled("share of a branch", given[0]), SECONDS.settled("time of a branch", given[1])
+    if not 0.0 < share <= LARGEST_SHARE:
+        raise FieldError(
+            f"share of a branch is {share:g}; it is the branch's part of the law's shear modulus, above 0, such as 0.2"
+        )
+    if not time > 0.0:
+        raise FieldError(f"relaxation time of a branch is {time:g} s; it must be above 0")
+    return Branch(share, time)
+
+
+def _softening(given: object) -> Softening:
+    if isinstance(given, Softening):
+        given = [value for value in dataclasses.astuple(given) if math.isfinite(value)]
+    if isinstance(given, str) or not isinstance(given, Sequence) or not 3 <= len(given) <= 4:
+        raise FieldError(f"softening {brief(given)} is not r, m, beta and perhaps a recovery time, such as [1.6, '2 kPa', 0.1]")
+    r, beta = (Quantity().settled(f"softening {name}", given[at]) for name, at in (("r", 0), ("beta", 2)))
+    m = Quantity("Pa").settled("softening m", given[1])
+    recovery = SECONDS.settled("recovery time", given[3]) if len(given) == 4 else math.inf
+    if not r > 1.0:
+        raise FieldError(f"softening r is {r:g}; it must be above 1, or the silicone would carry nothing")
+    if m < 0.0 or beta < 0.0 or m + beta == 0.0:
+        raise FieldError(f"softening m is {m:g} Pa and beta {beta:g}; neither may be negative, and one must be above 0")
+    if not recovery > 0.0:
+        raise FieldError(f"recovery time is {recovery:g} s; it must be above 0")
+    return Softening(r, m, beta, recovery)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The formulas, once for UFL and numpy.
+
+
+class Functions(Protocol):
+    """Functions of expressions."""
+
+    def exp(self, x: Expression) -> Expression: ...
+    def erf(self, x: Expression) -> Expression: ...
+    def below(self, x: Expression, y: Expression, then: Expression, other: Expression) -> Expression:
+        """Return ``then`` where x < y, ``other`` elsewhere."""
+
+
+class InUfl:
+    """`Functions` of UFL."""
+
+    @staticmethod
+    def exp(x: Expression) -> Expression:
+        import ufl
+
+        return ufl.exp(x)
+
+    @staticmethod
+    def erf(x: Expression) -> Expression:
+        import ufl
+
+        return ufl.erf(x)
+
+    @staticmethod
+    def below(x: Expression, y: Expression, then: Expression, other: Expression) -> Expression:
+        import ufl
+
+        return ufl.conditional(ufl.lt(x, y), then, other)
+
+
+class InNumpy:
+    """`Functions` of numpy."""
+
+    @staticmethod
+    def exp(x: Expression) -> Expression:
+        return np.exp(x)
+
+    @staticmethod
+    def erf(x: Expression) -> Expression:
+        from scipy.special import erf
+
+        return erf(x)
+
+    @staticmethod
+    def below(x: Expression, y: Expression, then: Expression, other: Expression) -> Expression:
+        return np.where(x < y, then, other)
+
+
+def six(A: Expression) -> list[Expression]:
+    """Return the entries of a symmetric 3 x 3 tensor that is indexed by A[i, j]."""
+    return [A[0, 0], A[1, 1], A[2, 2], A[0, 1], A[0, 2], A[1, 2]]
+
+
+def cofactors(A: Six) -> list[Expression]:
+    a, b, c, ab, ac, bc = A
+    return [b * c - bc**2, a * c - ac**2, a * b - ab**2, ac * bc - ab * c, ab * bc - ac * b, ab * ac - bc * a]
+
+
+def contracted(A: Six, B: Six) -> Expression:
+    """Return A : B."""
+    return A[0] * B[0] + A[1] * B[1] + A[2] * B[2] + 2 * (A[3] * B[3] + A[4] * B[4] + A[5] * B[5])
+
+
+def determinant(A: Six) -> Expression:
+    a, b, c, ab, ac, bc = A
+    return a * (b * c - bc**2) - ab * (ab * c - ac * bc) + ac * (ab * bc - ac * b)
+
+
+SMALL = 0.02
+"""Argument below which the two functions of `_shares` are their series, to rounding."""
+
+
+def _shares(z: Expression, of: Functions) -> tuple[Expression, Expression]:
+    """Return (1 - exp(-z))/z and (z - 1 + exp(-z))/z^2."""
+    series = [sum((-z) ** k / math.factorial(k + n) for k in range(6)) for n in (1, 2)]
+    big = of.below(z, SMALL, SMALL, z)
+    first = (1 - of.exp(-big)) / big
+    return of.below(z, SMALL, series[0], first), of.below(z, SMALL, series[1], (1 - first) / big)
+
+
+def step_of(C: Six, Cv: Six, x: Expression, of: Functions) -> tuple[list[Expression], Expression]:
+    """Return H and b of a step.
+
+    With A' = (det A)^(1/3) Cbar/tau for Cv before it is made unimodular, (det A)^(1/3) growing at the rate k/tau that it has
+    where the step begins, and Cbar linear over the step: second order in its length. Both are divided by exp(k dt/tau),
+    which changes neither W nor Cv and keeps them finite for steps that are long against tau.
+
+    Args:
+        C, Cv: Cbar and Cv where the step begins.
+        x: Its length over tau.
+        of: Functions of the arguments' kind.
+    """
+    z = x * contracted(C, cofactors(Cv)) / 3
+    whole, late = _shares(z, of)
+    b = x * late
+    early, kept = x * whole - b, of.exp(-z)
+    return [kept * v + early * c for v, c in zip(Cv, C, strict=True)], b
+
+
+def step_energy(C: Six, H: Six, b: Expression) -> Expression:
+    """Return W/G of a branch at the end of a step, without 3/(2 b) (det H)^(1/3), which is constant and grows as 1/b.
+
+    Args:
+        C: Cbar at the end of the step.
+        H, b: See `step_of`.
+    """
+    h = determinant(H)
+    rise = contracted(cofactors(H), C) + b * contracted(H, cofactors(C)) + b**2  # (det(H + b Cbar) - det H)/b
+    root, end = h ** (1 / 3), (h + b * rise) ** (1 / 3)
+    return 1.5 * rise / (end**2 + end * root + root**2) - 1.5
+
+
+def crept(C: Six, H: Six, b: Expression) -> list[Expression]:
+    """Return Cv at the end of a step; see `step_energy`."""
+    A = [h + b * c for h, c in zip(H, C, strict=True)]
+    scale = determinant(A) ** (-1 / 3)
+    return [scale * a for a in A]
+
+
+def stored(C: Six, Cv: Six) -> Expression:
+    """Return the energy of a branch over G."""
+    return (contracted(C, cofactors(Cv)) - 3) / 2
+
+
+def lost(C: Six, Cv: Six) -> Expression:
+    """Return the power that a branch dissipates, times tau and over G: never negative."""
+    B = cofactors(Cv)  # the inverse, because det Cv = 1
+    CB = [[sum(_entry(C, i, k) * _entry(B, k, j) for k in range(3)) for j in range(3)] for i in range(3)]
+    square = sum(CB[i][j] * CB[j][i] for i in range(3) for j in range(3))
+    return (square - sum(CB[i][i] for i in range(3)) ** 2 / 3) / 2
+
+
+def _entry(A: Six, i: int, j: int) -> Expression:
+    return A[i] if i == j else A[2 + i + j]
+
+
+def softened(W: Expression, Wm: Expression, values: Softening | object, of: Functions) -> Expression:
+    """Return the softened energy, whose derivative by W is the share of the stress that is left.
+
+    Args:
+        W: Energy of the law.
+        Wm: The largest so far.
+        values: `Softening`, or its constants by the same names.
+        of: Functions of the arguments' kind.
+    """
+    s = values.m + values.beta * Wm  # type: ignore[attr-defined]
+    y = (Wm - W) / s
+    psi = W + s / values.r * (y * of.erf(y) + (of.exp(-(y**2)) - 1) / math.sqrt(math.pi))  # type: ignore[attr-defined]
+    return of.below(W, Wm, psi, W)
+
+
+def left(W: Array, Wm: Array, values: Softening) -> Array:
+    """Return the share of the stress that softening leaves."""
+    y = np.maximum(Wm - W, 0.0) / (values.m + values.beta * Wm)
+    return np.asarray(1.0 - InNumpy.erf(y) / values.r)
