@@ -244,7 +244,12 @@ def _shares(z: Expression, of: Functions) -> tuple[Expression, Expression]:
     return of.below(z, SMALL, series[0], first), of.below(z, SMALL, series[1], (1 - first) / big)
 
 
-def step_of(C: Six, Cv: Six, x: Expression, of: Functions) -> tuple[list[Expression], Expression]:
+def growth(C: Six, Cv: Six) -> Expression:
+    """Return k: the rate over 1/tau at which (det A)^(1/3) grows; 1 at equilibrium, and more elsewhere."""
+    return contracted(C, cofactors(Cv)) / 3
+
+
+def step_of(C: Six, Cv: Six, x: Expression, of: Functions, k: Expression = None) -> tuple[list[Expression], Expression]:
     """Return H and b of a step.
 
     With A' = (det A)^(1/3) Cbar/tau for Cv before it is made unimodular, (det A)^(1/3) growing at the rate k/tau that it has
@@ -255,8 +260,9 @@ def step_of(C: Six, Cv: Six, x: Expression, of: Functions) -> tuple[list[Express
         C, Cv: Cbar and Cv where the step begins.
         x: Its length over tau.
         of: Functions of the arguments' kind.
+        k: `growth` over the step; if None that where it begins.
     """
-    z = x * contracted(C, cofactors(Cv)) / 3
+    z = x * (growth(C, Cv) if k is None else k)
     whole, late = _shares(z, of)
     b = x * late
     early, kept = x * whole - b, of.exp(-z)

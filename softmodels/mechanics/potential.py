@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,7 @@ from softmodels.mechanics.component import (
     gravity_of,
 )
 from softmodels.mechanics.controls import Coupling
+from softmodels.mechanics.memory import History
 from softmodels.mechanics.regions import Regions, constants
 
 if TYPE_CHECKING:
@@ -62,6 +63,8 @@ class Potential:
         pressures: Each cavity's pressure.
         cavity_volume: What P works on.
         energies: Terms of the stored energy.
+        free_energies: What is stored, where that differs: silicone with a memory loses some on the way.
+        histories: Of the regions whose silicone has a memory.
         internal: Their derivatives by w; ``forces`` has the pressures' too.
         terms: Those of further parts, by their labels.
     """
@@ -100,12 +103,22 @@ class Potential:
         pressures = self._pressures()
         self.direction = fem.Function(self.space)
         self.regions = (regions.main(self.parameters, self.bulk), *regions.others())
-        densities = [self.density(region.material, region.parameters, region.bulk) for region in self.regions]
+        self.histories = self._histories()
+        remembered = {history.region.name: history for history in self.histories}
+        densities, free = (
+            [
+                self.density(region.material, region.parameters, region.bulk, getattr(remembered.get(region.name), what, None))
+                for region in self.regions
+            ]
+            for what in ("density", "free")
+        )
         self.energies = self.stored(densities)
         self.per_pascal = fem.Constant(mesh, 1.0)
         setting = FormContext(body, self.w, self.displacement, self.per_pascal, gravity_of(components))
         self.terms = {part.label: part.term(setting) for part in components if isinstance(part, EnergyComponent)}
-        self.energies += [energy for term in self.terms.values() for energy in term.energies]
+        added = [energy for term in self.terms.values() for energy in term.energies]
+        self.energies += added
+        self.free_energies = [*self.stored(free), *added] if self.histories else self.energies
         self.internal = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
         self.forces = [*self.internal, *([-pressures] if self.volumes else [])]
         # The stress of sheets and fibres predicted from another state, only in Newton's matrix; see `foresee`.
@@ -134,12 +147,26 @@ class Potential:
         """Return the forces of a unit pressure on each cavity's walls, see `Body.pressing`."""
         return self.body.pressing(self.displacement, self._vector_part(self._test)) if self.volumes else []
 
-    def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr) -> Expr:
-        """Return a law's energy per reference volume, of anything that carries its parameters by name."""
+    def _histories(self) -> list[History]:
+        """Return the histories of the regions whose silicone has a memory; make what a step begins with."""
+        from dolfinx import fem
+
+        found = [region for region in self.regions if region.material.memory is not None]
+        if not found:
+            return []
+        self.step, self._before = fem.Constant(self.body.mesh, 0.0), fem.Function(self.space)
+        before = self._vector_part(self._before)
+        return [History(self.body, region, self.displacement, before, self.step) for region in found]
+
+    def density(
+        self, law: Material, parameters: types.SimpleNamespace, bulk: Expr, shape: Expr | None = None
+    ) -> Expr:
+        """Return a law's energy per reference volume, of anything that carries its parameters by name; or with another energy
+        of the change of shape."""
         import ufl
 
         strain = Strain(self.body.deformation_gradient(self.displacement))
-        shape = law.shape(strain, parameters)
+        shape = law.shape(strain, parameters) if shape is None else shape
         if not self.mixed:
             return shape + bulk / 2 * (strain.J - 1) ** 2
         p = ufl.split(self.w)[1]
@@ -181,6 +208,56 @@ class Potential:
         """Accept a converged state's w; see `softmodels.mechanics.component.EnergyTerm.keep`."""
         for term in self.terms.values():
             term.keep(w, anew)
+        if self.histories:
+            self._remember(w, anew)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether its forces depend on earlier states."""
+        return bool(self.histories) or any(term.remembers for term in self.terms.values())
+
+    def pass_time(self, step: float) -> None:
+        """Begin a step of this length in s from the last accepted state; 0 where nothing remembers."""
+        if self.histories:
+            self.step.value = step
+
+    def memory_error(self, w: npt.NDArray[np.float64]) -> tuple[float, float]:
+        """Return the error of the stress by the length of a step that ends in w, and the largest stress, in shear moduli."""
+        self.w.x.array[:] = w[: len(self.w.x.array)]
+        found = [history.trial() for history in self.histories]
+        return max((error for error, _ in found), default=0.0), max((size for _, size in found), default=0.0)
+
+    def _remember(self, w: npt.NDArray[np.float64], anew: bool) -> None:
+        """Let the silicone remember an accepted state; from here on no time passes until `pass_time`."""
+        here = self.w.x.array.copy()
+        if anew:
+            self.w.x.array[: len(w)] = w[: len(here)]
+            for history in self.histories:
+                history.begin()
+        else:
+            self.memory_error(w)
+        for history in () if anew else self.histories:
+            history.advance()
+        self._before.x.array[:], self.step.value = self.w.x.array, 0.0
+        self.w.x.array[:] = here
+
+    def remembered(self) -> tuple[Any, ...]:
+        """Return a copy of all that the silicone remembers, for `forget`."""
+        if not self.histories:
+            return ()
+        return (self._before.x.array.copy(), *(history.copied() for history in self.histories))
+
+    def forget(self, since: tuple[Any, ...]) -> None:
+        """Go back to what `remembered` has copied."""
+        for history, kept in zip(self.histories, since[1:], strict=True):
+            history.restore(kept)
+        if since:
+            self._before.x.array[:], self.step.value = since[0], 0.0
+
+    @property
+    def dissipated(self) -> float:
+        """Energy that the silicone has dissipated, dimensionless."""
+        return sum(history.dissipated for history in self.histories)
 
     # -- values -------------------------------------------------------------------------------------------------------
 
@@ -189,6 +266,8 @@ class Potential:
         mu = material.shear_modulus_0
         for region in self.regions:
             region.take(region.material if region.name else material, mu, self.mixed)
+        for history in self.histories:
+            history.take(history.region.material, mu)
         self.per_pascal.value = 1 / mu
 
     def set_pressures(self, P: float, coupling: Coupling, pressures: npt.NDArray[np.float64]) -> None:

@@ -638,7 +638,7 @@ class System(Assembly):
         self._loads = [[form(load)] for load in potential.loads]
         for term in potential.terms.values():
             term.compile(self)
-        self._stored = [form(energy) for energy in potential.energies]
+        self._stored = [form(energy) for energy in potential.free_energies]
         self._internal = [form(force) for force in potential.internal]
         self._products = TangentOperator(potential, self._internal, [load for (load,) in self._loads], form)
         self.points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)

@@ -235,17 +235,20 @@ class Corrector:
             NoConvergence: There is none, or it lies on another branch.
         """
         w, P = predict(around, line)
-        try:
-            state = self.solver.solve(line, w, P)
-        except NoConvergence:
-            if not self.solver.system.potential.foreseen:
-                raise
-            # A stiff sheet or stiff fibres may have prevented convergence.
-            state = self.solver.solve(line, w, P, since=around[-1].state.w)
+        state = self.solve_from(line, w, P, around[-1].state)
         for mode in self.trail.modes:
             if abs(mode.share(state.w - w)) > LARGEST_MODE_SHARE * mode.size(w - around[-1].state.w):
                 raise NoConvergence("Newton converged to another branch")
         return state
+
+    def solve_from(self, line: Curve, w: Array, P: float, last: State) -> State:
+        """Return the state on a line from a guess, and from the last state too where stiff sheets or fibres prevent that."""
+        try:
+            return self.solver.solve(line, w, P)
+        except NoConvergence:
+            if not self.solver.system.potential.foreseen:
+                raise
+            return self.solver.solve(line, w, P, since=last.w)
 
     def point(self, state: State, requested: bool = False, limit: bool = False, step: float | None = None) -> Point:
         """Return the point of a state, with tangent and signature, factorised if these need it.
@@ -279,6 +282,14 @@ class Corrector:
             signature = self.stability.signature(stale, negative)
         return Point(state, tangent, requested, limit, step, self.trail.line, stiffest, signature)
 
+    def check_whole(self, state: State) -> None:
+        """Reject a converged state that is inverted or on the other side of a wall; see `check_branch`."""
+        system = self.solver.system
+        if (system.volumes() <= 0.0).any():
+            raise Emptied("a cavity would collapse to zero volume")
+        if not system.potential.admits(self.trail.last.state.w, state.w):
+            raise NoConvergence("a wall passed through an obstacle")
+
     def check_branch(self, state: State, line: Curve) -> None:
         """Reject a converged state on the wrong branch: behind the last one, inverted, or through a wall.
 
@@ -290,13 +301,9 @@ class Corrector:
         """
         s, t = self.trail.last.state, self.trail.last.tangent
         system, plane = self.solver.system, self.plane.stiffened(self.trail.last.stiffest)
-        along = plane.product((state.V - s.V, state.P - s.P), (t.V, t.P))
-        if (system.volumes() <= 0.0).any():
-            raise Emptied("a cavity would collapse to zero volume")
-        if along <= 0.0:
+        self.check_whole(state)
+        if plane.product((state.V - s.V, state.P - s.P), (t.V, t.P)) <= 0.0:
             raise NoConvergence("Newton converged to another branch")
-        if not system.potential.admits(s.w, state.w):
-            raise NoConvergence("a wall passed through an obstacle")
         if not (line.needs_volume or system.drives_cavities):
             predicted = t.V * (state.P - s.P) / t.P if t.P else math.inf
             if abs(state.V - s.V) > FARTHEST * abs(predicted):

@@ -1,8 +1,9 @@
 """Load programs: values of cavities and dead loads, step by step.
 
 Each cavity, and each dead load that changes, has a series of values, one for each step; from step to step all of them change
-together, in proportion. A step changes either pressures, forces and the like, or volumes and travels. A device is taken
-through it by `softmodels.path.schedule`.
+together, in proportion. A step changes either pressures, forces and the like, or volumes and travels. A series of times says
+when; a step between equal values is then a hold, and one between equal times a jump. A device is taken through it by
+`softmodels.path.schedule`.
 """
 
 from __future__ import annotations
@@ -52,7 +53,10 @@ LOAD_KEYS = {
     "moment": {"moment_Nmm": ProgramValue("Nmm", scale=1e-3), "turn_deg": ProgramValue("deg", True, math.pi / 180)},
 }
 """Quantities of a dead load, by its table."""
+TIME, TIME_KEY = "time", "time_s"
+"""Target and key of the series of times, which drives nothing."""
 EVERY_KEY = {key: given for keys in (KEYS, *LOAD_KEYS.values()) for key, given in keys.items()}
+EVERY_KEY[TIME_KEY] = ProgramValue("s")
 MOST_STEPS = 1000
 
 
@@ -68,7 +72,7 @@ class Series:
     Attributes:
         key: One of `EVERY_KEY`.
         values: Pressures in cm of water, added volumes in ml and so on, one for each step.
-        target: The dead load, such as ``"force.tip"``; empty for a cavity, whose place among these counts.
+        target: The dead load, such as ``"force.tip"``; empty for a cavity, whose place among these counts; `TIME` for times.
     """
 
     key: str
@@ -93,13 +97,17 @@ Program = tuple[Series, ...]
 
 
 def from_tables(tables: Mapping[str, object]) -> Program:
-    """Return the program of a case file's tables: ``cavity1`` and so on by name, and ``gravity``, ``force.NAME``,
-    ``moment.NAME``.
+    """Return the program of a case file's tables: ``cavity1`` and so on by name, ``gravity``, ``force.NAME``,
+    ``moment.NAME``, and ``time_s``.
 
     Raises:
-        ProgramError: Unknown entries, values that are no numbers, pressures below zero, series of unlike lengths, or a step
-            that changes nothing or both pressures and volumes.
+        ProgramError: Unknown entries, values that are no numbers, pressures below zero, series of unlike lengths, times that
+            run backwards, or a step that changes nothing or both pressures and volumes.
     """
+    tables = dict(tables)
+    times = tables.pop(TIME_KEY, None)
+    if times is not None and not tables:
+        raise ProgramError(f"{TIME_KEY} needs a series that changes in time, such as cavity1.pressure_cm = [0, 40, 0]")
     cavities = [name for name in tables if name not in LOAD_KEYS]
     names = [f"cavity{i + 1}" for i in range(len(cavities))]
     if sorted(cavities) != sorted(names):
@@ -108,12 +116,16 @@ def from_tables(tables: Mapping[str, object]) -> Program:
     given = {name: _series(name, tables[name], KEYS) for name in names}
     for target, table in loads.items():
         given[target] = dataclasses.replace(_series(target, table, LOAD_KEYS[target.partition(".")[0]]), target=target)
+    if times is not None:
+        given[TIME] = dataclasses.replace(_series(TIME, {TIME_KEY: times}, {TIME_KEY: EVERY_KEY[TIME_KEY]}), target=TIME)
     count = max(len(series.values) for series in given.values())
     if count > MOST_STEPS:
         raise ProgramError(f"the program has {count} steps; at most {MOST_STEPS} are allowed")
     # A single value is constant over all steps.
     program = tuple(
-        dataclasses.replace(series, values=series.values * count) if len(series.values) == 1 else series
+        dataclasses.replace(series, values=series.values * count)
+        if len(series.values) == 1 and series.target != TIME
+        else series
         for series in given.values()
     )
     for name, series in zip(given, program, strict=True):
@@ -169,17 +181,43 @@ def _series(name: str, table: object, keys: Mapping[str, ProgramValue]) -> Serie
 
 
 def _check_steps(program: Program) -> None:
-    if not changes(program).any():
+    if not changes(drivers(program)).any():
         raise ProgramError("the program contains only zeros; add a value above 0")
+    times = times_of(program)
+    if times is not None and (times[0] < 0.0 or (np.diff(times) < 0.0).any()):
+        raise ProgramError(f"{TIME_KEY} {brief(times.tolist())} runs backwards; give times from 0 on, none before the last one")
     for number, change in enumerate(changes(program), 1 - int(begins_at_rest(program))):
-        kinds = {series.is_volume for series, step in zip(program, change, strict=True) if step}
-        if not kinds and number > 0:
+        kinds = {series.is_volume for series, step in zip(program, change, strict=True) if step and series.target != TIME}
+        if not change.any() and number > 0:
             raise ProgramError(f"step {number} of the program changes nothing; leave it out, or give other values")
         if len(kinds) == 2:
             raise ProgramError(
                 f"step {number} of the program changes pressures and volumes at once; change them in two steps, one after "
                 "the other"
             )
+
+
+def drivers(program: Program) -> Program:
+    """Return a program without its times."""
+    return tuple(series for series in program if series.target != TIME)
+
+
+def times_of(program: Program) -> npt.NDArray[np.float64] | None:
+    """Return the times in s of a program's values; None for one without."""
+    return next((np.array(series.values) for series in program if series.target == TIME), None)
+
+
+def timed(program: Program) -> bool:
+    """Return whether a program has times."""
+    return times_of(program) is not None
+
+
+def time_at(program: Program, come: float) -> float:
+    """Return the time in s after so many steps, 1.5 for half of the second."""
+    times = times_of(program)
+    assert times is not None
+    ends = times if begins_at_rest(program) else np.concatenate([[0.0], times])
+    return float(np.interp(come, np.arange(len(ends)), ends))
 
 
 def begins_at_rest(program: Program) -> bool:
@@ -204,11 +242,12 @@ def goes_on(program: Program, old: Program) -> bool:
 def to_tables(program: Program) -> dict[str, object]:
     """Return the tables that `from_tables` takes back."""
     written: dict[str, dict[str, object]] = {}
-    for name, series in named(program).items():
+    for name, series in named(drivers(program)).items():
         kind, _, own = name.partition(".")
         table = written.setdefault(kind, {})
         (table if not own else table.setdefault(own, {})).update({series.key: list(series.values)})  # type: ignore[attr-defined]
-    return dict(written)
+    times = times_of(program)
+    return {**written, **({} if times is None else {TIME_KEY: times.tolist()})}
 
 
 def named(program: Program) -> dict[str, Series]:

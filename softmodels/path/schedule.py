@@ -27,7 +27,8 @@ from softmodels.path.points import (
     Pressure,
     VolumeGain,
 )
-from softmodels.path.program import Program, begins_at_rest
+from softmodels.path.program import Program, begins_at_rest, drivers, time_at, timed
+from softmodels.path.time_steps import march
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Load stages: all drivers change proportionally from one state to another, as one path.
@@ -102,16 +103,21 @@ class Stage:
         start: Where it begins.
         coupling: Of the drivers.
         requested: What is asked for: the magnitude, or the volume, that stands for all.
-        goal: How far it goes.
+        goal: How far it goes; 0 for a hold.
+        duration: Time in s that it takes.
     """
 
     start: StageEnd
     coupling: Coupling
     requested: PathQuantity
     goal: float
+    duration: float = 0.0
 
     @classmethod
-    def between(cls, start: StageEnd, change: Array, held: Sequence[int], volumes: Array) -> Stage:
+    def between(
+        cls, start: StageEnd, change: Array, held: Sequence[int], volumes: Array, duration: float = 0.0,
+        before: Array | None = None,
+    ) -> Stage:  # fmt: skip
         """Return a stage that changes either magnitudes or their conjugates.
 
         Args:
@@ -119,11 +125,15 @@ class Stage:
             change: By how much each driver changes, shape (k,): of those held what it works on.
             held: Drivers whose volume or travel is given.
             volumes: What is worked on where it begins, shape (k,).
+            duration: Time in s that it takes.
+            before: Last change of a stage that is a hold: what that has reached is kept.
         """
+        goal = float(np.abs(change).max())
+        change = change if goal or before is None else before
         by_volume = any(change[driver] for driver in held)
         make = Coupling.by_volume if by_volume else Coupling.by_pressure
         requested = VolumeGain() if by_volume else Pressure()
-        return cls(start, make(start.drives, change, held, volumes), requested, float(np.abs(change).max()))
+        return cls(start, make(start.drives, change, held, volumes), requested, goal, duration)
 
     def follow(self, solver: Solver, control: str, report: Callable[[str], None]) -> Iterator[tuple[float, Point]]:
         """Follow the stage to its end.
@@ -137,6 +147,9 @@ class Stage:
         start = solver.couple(self.coupling, self.start.state, self.start.drives)
         largest = self.goal / POINTS_PER_STAGE
         path = Continuation(solver, self.requested, control, largest, start=start, report=report)
+        if self.duration:
+            yield from march(path, self.goal, self.duration)
+            return
         for point in trace(path, [self.goal]):
             yield path.value(point.state) / self.goal, point
 
@@ -234,11 +247,15 @@ def follow(
     before = hung.drives.copy()
     before[held] = (hung.driven - rest)[held]
     values[:, held] = np.where(values[:, held] == 0.0, before[held], values[:, held])
+    durations = [time_at(program, k) - time_at(program, k - 1) for k in range(1, len(values) + 1)] if timed(program) else []
+    changed = np.ones(len(before))  # a hold before anything changes
     for number, row in enumerate(values[first:], 1):
+        last, changed = changed, row - before if (row != before).any() else changed
         if number <= here.number:
             before = row
             continue
-        stage = Stage.between(here, row - before, held, rest + before)
+        duration = durations[number - 1] if durations else 0.0
+        stage = Stage.between(here, row - before, held, rest + before, duration, last)
         for place, (come, point) in enumerate(stage.follow(solver, control, report)):
             if place:
                 yield float(number) if point.requested else number - 1 + come, point
@@ -265,7 +282,7 @@ def in_drivers(
         "volume_ml": [1e-6 / eq.volume_unit] * cavities,
     }
     values, held, unnamed = np.tile(kept, (len(program[0].values), 1)), [], iter(range(cavities))
-    for series in program:
+    for series in drivers(program):
         place = cavities + eq.dead.index(series.target) if series.target else next(unnamed)
         if series.target:
             unit = series.scale * (eq.dead.amounts[place - cavities] if series.key == "share" else 1.0)

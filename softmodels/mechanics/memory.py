@@ -1,0 +1,183 @@
+"""Histories of a region's silicone at the integration points, and its energy over one time step; see `materials.memory`.
+
+What a step begins with are functions: the displacement there, and at the points each branch's Cv and the largest energy Wm of
+the softening. With a step of no length the energy is that of the state itself, where nothing creeps.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from softmodels.common.arrays import Array
+from softmodels.materials import memory
+from softmodels.materials.laws import Material
+from softmodels.materials.memory import IDENTITY, InUfl, Memory, six
+from softmodels.materials.strain import Strain
+from softmodels.mechanics.body import QUADRATURE_DEGREE, Body
+from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.mpi import largest, total
+
+if TYPE_CHECKING:
+    from dolfinx import fem
+    from ufl.core.expr import Expr
+
+    from softmodels.mechanics.regions import MaterialRegion
+
+SIX = len(IDENTITY)
+
+
+class History:
+    """History of one region.
+
+    Args:
+        body: Mesh and roles.
+        region: Where, and the constants of its law.
+        displacement: Skew components of the displacement, in UFL.
+        before: The same where the step begins.
+        step: Length of the step in s.
+
+    Attributes:
+        memory: What its silicone remembers.
+        values: Of each integration point the branches' Cv, one after the other, and behind them Wm.
+        density: Energy at the end of the step without that of the change of volume; its derivatives are those of the stress.
+        free: Energy stored in the state where the step begins and ends, at no length of it.
+    """
+
+    def __init__(self, body: Body, region: MaterialRegion, displacement: Expr, before: Expr, step: fem.Constant):
+        import basix.ufl
+        from dolfinx import fem
+
+        assert region.material.memory is not None
+        self.body, self.region, self.step = body, region, step
+        self.memory: Memory = region.material.memory
+        mesh = body.mesh
+        branches, softening = self.memory.branches, self.memory.softening
+        self.size = SIX * len(branches) + (softening is not None)
+        element = basix.ufl.quadrature_element(
+            mesh.basix_cell(), value_shape=(self.size,), degree=QUADRATURE_DEGREE, scheme="default"
+        )
+        space = fem.functionspace(mesh, element)
+        self.values = fem.Function(space)
+        self._places = np.array(space.dofmap.list)[region.cells]
+        self.times = fem.Constant(mesh, np.array([one.time for one in branches] or [1.0]))
+        self.moduli = fem.Constant(mesh, np.zeros(max(1, len(branches))))
+        self.softening = types.SimpleNamespace(
+            **{name: fem.Constant(mesh, 1.0) for name in ("r", "m", "beta", "recovery") if softening is not None}
+        )
+        self.strain, self._before = (Strain(body.deformation_gradient(u)) for u in (displacement, before))
+        self._make()
+        self.begin()
+
+    def _make(self) -> None:
+        """Make the energies and the expressions of a step."""
+        import basix
+        import ufl
+        from dolfinx import fem
+
+        law, parameters = self.region.material, self.region.parameters
+        C, C0 = (six(strain.J ** (-2 / 3) * strain.C) for strain in (self.strain, self._before))
+        W = law.shape(self.strain, parameters)
+        density, free, error = W, W, 0.0
+        spent: Expr = ufl.as_ufl(0.0)
+        after: list[Expr] = []
+        for k in range(len(self.memory.branches)):
+            Cv = [self.values[SIX * k + i] for i in range(SIX)]
+            G, x = self.moduli[k], self.step / self.times[k]
+            H, b = memory.step_of(C0, Cv, x, InUfl)
+            new = memory.crept(C, H, b)
+            mean = (memory.growth(C0, Cv) + memory.growth(C, new)) / 2
+            better = memory.crept(C, *memory.step_of(C0, Cv, x, InUfl, mean))
+            off = [p - q for p, q in zip(memory.cofactors(new), memory.cofactors(better), strict=True)]
+            error += G / 2 * ufl.sqrt(memory.contracted(off, off)) * memory.contracted(C, IDENTITY) / 3
+            density += G * memory.step_energy(C, H, b)
+            free += G * memory.stored(C, Cv)
+            half = [(c + c0) / 2 for c, c0 in zip(C, C0, strict=True)]
+            middle = memory.crept(half, *memory.step_of(C0, Cv, x / 2, InUfl))
+            lost = memory.lost(C0, Cv) + 4 * memory.lost(half, middle) + memory.lost(C, new)
+            spent += G * x * lost / 6  # Simpson's rule
+            after += new
+        hurt: Expr = ufl.as_ufl(0.0)
+        if self.memory.softening is not None:
+            Wm = self.values[self.size - 1]
+            if math.isfinite(self.memory.softening.recovery):
+                W0 = law.shape(self._before, parameters)
+                Wm = W0 + (Wm - W0) * ufl.exp(-self.step / self.softening.recovery)
+            hurt = memory.softened(ufl.as_ufl(0.0), Wm, self.softening, InUfl)
+            density += memory.softened(W, Wm, self.softening, InUfl) - W
+            free += memory.softened(W, Wm, self.softening, InUfl) - W - hurt
+            after.append(InUfl.below(W, Wm, Wm, W))
+        stretch = [c - one for c, one in zip(C, IDENTITY, strict=True)]
+        size = (1.0 + sum(self.moduli[k] for k in range(len(self.memory.branches)))) / 2
+        self.density, self.free = density, free
+        self._spent, self._hurt = (
+            fem.form(one * self.body.hoop * self.region.dx, jit_options=JIT) for one in (spent, hurt)
+        )
+        found = ufl.as_vector([*after, error, size * ufl.sqrt(memory.contracted(stretch, stretch))])
+        points, _ = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
+        self._found = fem.Expression(found, points, jit_options=JIT)
+
+    def take(self, material: Material, mu: float) -> None:
+        """Set a material's parameters, in units of a shear modulus in Pa; the number of branches stays."""
+        found = material.memory
+        assert found is not None
+        if found.branches:
+            self.times.value = [one.time for one in found.branches]
+            self.moduli.value = [one.share * material.shear_modulus_0 / mu for one in found.branches]
+        if found.softening is not None:
+            soft = self.softening
+            soft.r.value, soft.m.value, soft.beta.value = found.softening.r, found.softening.m / mu, found.softening.beta
+            soft.recovery.value = found.softening.recovery if math.isfinite(found.softening.recovery) else 1.0
+
+    # -- what is remembered -------------------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Forget everything: at rest for ever."""
+        rest = [*IDENTITY * len(self.memory.branches), *([0.0] if self.memory.softening else [])]
+        self.values.x.array.reshape(-1, self.size)[:] = rest
+        self._creep = 0.0
+
+    def trial(self) -> tuple[float, float]:
+        """Look at the end of the step, in the state that the functions hold.
+
+        Returns:
+            Largest error of the branches' stress in the step, and largest stress, in shear moduli, on all ranks.
+        """
+        mesh, comm = self.body.mesh, self.body.mesh.comm
+        values = self._found.eval(mesh, self.region.cells)
+        self._next = values.reshape(len(self.region.cells), -1, self.size + 2)
+        error, size = (largest(comm, float(self._next[..., i].max(initial=0.0))) for i in (-2, -1))
+        return error, size
+
+    def advance(self) -> None:
+        """Make the end of the step that `trial` has looked at the beginning of the next."""
+        self._creep += self._integral(self._spent)
+        self.values.x.array.reshape(-1, self.size)[self._places] = self._next[..., :-2]
+
+    @property
+    def dissipated(self) -> float:
+        """Energy that branches and softening have dissipated until the step began, dimensionless, on all ranks."""
+        return self._creep + self._integral(self._hurt)
+
+    def _integral(self, form: fem.Form) -> float:
+        from dolfinx import fem
+
+        return total(self.body.mesh.comm, fem.assemble_scalar(form))
+
+    def stress(self) -> Array:
+        """Return the sum of the branches' G Cv^-1, shape (cells, points, 6), in shear moduli."""
+        kept = self.values.x.array.reshape(-1, self.size)[self._places]
+        return sum(
+            float(G) * np.stack(memory.cofactors([kept[..., SIX * k + i] for i in range(SIX)]), axis=-1)
+            for k, G in enumerate(self.moduli.value[: len(self.memory.branches)])
+        ) + np.zeros((*kept.shape[:2], SIX))
+
+    def copied(self) -> tuple[Array, float]:
+        """Return a copy of all that is remembered, for `restore`."""
+        return self.values.x.array.copy(), self._creep
+
+    def restore(self, kept: tuple[Array, float]) -> None:
+        self.values.x.array[:], self._creep = kept
