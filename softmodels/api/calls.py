@@ -41,6 +41,7 @@ from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.mpi import is_root, start
 from softmodels.path.program import Program
+from softmodels.path.time_steps import TOLERANCE
 from softmodels.path.supply import AirSupply
 from softmodels.runs.columns import state_labels
 from softmodels.runs.limits import Limit, find_limit
@@ -166,6 +167,11 @@ def inflate(
     pressures: Values | None = None,
     volumes: Values | None = None,
     *,
+    times: Values | None = None,
+    rate: str = "",
+    hold: float | str = 0.0,
+    cycles: int = 0,
+    time_tolerance: float = TOLERANCE,
     strokes: Values | None = None,
     driven: LoadRequest | None = None,
     supply: AirSupply | None = None,
@@ -192,6 +198,11 @@ def inflate(
         pressures: Pressures to stop at, rising: ``"0:177 cm"`` (from, to, in steps chosen by the solver), ``"0:17:1 kPa"``,
             ``"0,70,130 cm"``, ``["7 kPa", "14 kPa"]``, or numbers in Pa.
         volumes: The same for added volumes of the cavity: ``"0:60 ml"``, or numbers in m3.
+        times: When these values are reached, in s or as texts, for a silicone with a memory: the values may fall then, and one
+            that repeats is a hold.
+        rate, hold, cycles: Instead of times how fast the values change (``"1 kPa/s"``, ``"2 ml/s"``; at once if empty), how
+            long the last one is held (in s, or a text), and how often all is gone through and back to 0.
+        time_tolerance: Error of the stress by one step in time, over the largest stress.
         strokes: The same for strokes of the supply: ``"0:20 ml"``, or numbers in m3.
         driven: Requested forces, travels or shares of a dead load among the parts, instead of pressures.
         supply: Air supply driven by strokes, such as a `Syringe`.
@@ -222,7 +233,8 @@ def inflate(
         StartError: MPI or PETSc cannot be started.
     """
     case = case_of(
-        device, material, pressures, volumes, strokes=strokes, driven=driven, supply=supply, control=control,
+        device, material, pressures, volumes, times, rate=rate, hold=hold, cycles=cycles, time_tolerance=time_tolerance,
+        strokes=strokes, driven=driven, supply=supply, control=control,
         formulation=formulation, solver=solver, components=components, gauges=gauges, band=band,
         load_unload=load_unload, program=program, water_density=water_density, name=name,
     )  # fmt: skip

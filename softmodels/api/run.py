@@ -371,7 +371,7 @@ def _between(simulation: Simulation, source: Source, ends: tuple[int, int], aske
     )
     followed = source.case.quantity if quantity in source.rows[0] else quantity
     path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.model.hanging())
-    solved = [step for step in range(ends[0] + 1) if step not in passed]
+    solved = dict.fromkeys((step for step in range(ends[0] + 1) if step not in passed), 0.0)
     path.recall = functools.partial(recall, stored, fields, comm, solved)
     try:
         path.resume(points)

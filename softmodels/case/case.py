@@ -50,6 +50,7 @@ from softmodels.case.load import (
     Load,
     LoadRequest,
     LoadRequestEntry,
+    in_time,
 )
 from softmodels.case.materials import (
     DEFAULT,
@@ -86,7 +87,8 @@ from softmodels.mechanics.component import Component
 from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.solver import METHODS
 from softmodels.path import program as programs
-from softmodels.path.program import LOAD_KEYS, Program, Series
+from softmodels.path.program import LOAD_KEYS, TIME_KEY, Program, Series, timed
+from softmodels.path.time_steps import TOLERANCE
 from softmodels.path.supply import AirSupply
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -133,7 +135,7 @@ class ProgramEntry(Entry[Program]):
     tables = ("load",)
 
     def known(self, key: str) -> bool:
-        return key.startswith("cavity") or key in LOAD_KEYS
+        return key.startswith("cavity") or key in LOAD_KEYS or key == TIME_KEY
 
     def read(self, tables: Tables) -> Program | Missing:
         series = {key: value for key, value in table_of(tables, "load").items() if self.known(key)}
@@ -314,6 +316,9 @@ class Case:
             solved too; None for neither.
         driven: Requested forces, or travels, of a dead load among these.
         solver: How linear equations are solved; no number depends on it.
+        rate, hold, cycles: Pressures or volumes in time, which become a program: how fast they change, such as ``"1 kPa/s"``
+            (empty for at once), how long the last one is held (a text, or seconds), and how often all is gone through.
+        time_tolerance: Error of the stress by one step in time, over the largest stress.
 
     Raises:
         CaseError: From the constructor, if the case is invalid.
@@ -358,6 +363,22 @@ class Case:
         "in the model size), or chosen by the available memory (auto)",
         "auto", hidden=True, option="solver",
     )  # fmt: skip
+    rate: str = _value(
+        "load", "rate", Words(),
+        "rate of pressure or added volume, of a silicone with a memory: 1kPa/s, 5cm/s of the column or 2ml/s; without it they "
+        "are applied at once", "", hidden=True, metavar="RATE",
+    )  # fmt: skip
+    hold: float = _value(
+        "load", "hold", Quantity("s"), "time for which the last pressure or volume is held, such as 60s", 0.0, hidden=True
+    )
+    cycles: float = _value(
+        "load", "cycles", Quantity(), "number of times the pressure or volume goes up, and down to 0 again, at the rate", 0.0,
+        hidden=True,
+    )  # fmt: skip
+    time_tolerance: float = _value(
+        "solver", "time_tolerance", Quantity(), "error of the stress by one step in time, over the largest stress", TOLERANCE,
+        hidden=True,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"\w[\w.+-]*", self.name):
@@ -366,6 +387,7 @@ class Case:
             )
         try:
             self._settle()
+            self._take_times()
             self.load.check(self.actuator)
             self.gauges.check(self.actuator)
             object.__setattr__(self, "components", with_walls(self.components, self.actuator))
@@ -399,6 +421,17 @@ class Case:
         if self.gauges is None:
             object.__setattr__(self, "gauges", gauge_tables.NONE)
 
+    def _take_times(self) -> None:
+        """Make a program of pressures or volumes with a rate, a hold or cycles."""
+        if not 0.0 < self.time_tolerance < 1.0:
+            raise CaseError(f"time_tolerance is {self.time_tolerance:g}; it must be between 0 and 1, such as {TOLERANCE:g}")
+        if not (self.rate or self.hold or self.cycles):
+            return
+        made = in_time(self.load, self.rate, self.hold, self.cycles, len(self.actuator.ratios))
+        gone = {"pressures_cm": (), "volumes_ml": (), "rate": "", "hold": 0.0, "cycles": 0.0}
+        for name, value in {"program": made, **gone}.items():
+            object.__setattr__(self, name, value)
+
     # -- the load -----------------------------------------------------------------------------------------------------
 
     @property
@@ -415,6 +448,28 @@ class Case:
     def goals(self) -> tuple[float, ...]:
         """Requested pressures in Pa, added volumes or strokes in m3; none of a program."""
         return self.load.goals
+
+    @property
+    def timed(self) -> bool:
+        """Whether the load has times, so that silicone with a memory creeps."""
+        return timed(self.program)
+
+    @property
+    def at_rest(self) -> Case:
+        """The case with every silicone as it is after a long time, if the load has no times: then nothing creeps."""
+        if self.timed:
+            return self
+        parts = tuple(
+            dataclasses.replace(part, material=part.material.relaxed) if isinstance(part, RegionPart) else part
+            for part in self.components
+        )
+        return dataclasses.replace(self, material=self.material.relaxed, components=parts)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether a silicone of it has a memory."""
+        regions = [part.material for part in self.components if isinstance(part, RegionPart)]
+        return any(one.memory is not None for one in (self.material, *regions))
 
     @property
     def quantity(self) -> str:

@@ -38,11 +38,12 @@ from softmodels.common.units import (
 )
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
-from softmodels.path.program import Program
+from softmodels.path.program import TIME_KEY, Program, from_tables
 from softmodels.path.supply import AirSupply
 
 type Values = str | float | Sequence[float | str] | npt.NDArray[np.float64]
 """Requested values: a text with a unit such as ``"0:177 cm"``, texts such as ``["1 kPa", "2 kPa"]``, or numbers in SI units."""
+SECONDS = Quantity("s")
 LEAST_PRESSURE = 200.0
 """Pa; if all pressures given as numbers are below this, their unit is doubtful: most devices hardly move."""
 
@@ -63,6 +64,10 @@ class RequestOptions(TypedDict, total=False):
     program: Program
     gauges: Probes | None
     water_density: float | str
+    rate: str
+    hold: float | str
+    cycles: int
+    time_tolerance: float
 
 
 def case_of(
@@ -70,6 +75,7 @@ def case_of(
     material: Material | str,
     pressures: Values | None = None,
     volumes: Values | None = None,
+    times: Values | None = None,
     **options: Unpack[RequestOptions],
 ) -> Case:
     """A case.
@@ -79,6 +85,7 @@ def case_of(
         material: Its silicone, or the name of one.
         pressures: Requested pressures: numbers in Pa, or a text in cm of the water column or in a unit of pressure.
         volumes: Requested added volumes of the cavity: numbers in m3, or a text.
+        times: When they are reached, in s or as texts; then they may fall too. A value that repeats is a hold.
         options: ``strokes`` of a syringe (m3, or a text) with the ``supply``; other fields of a `Case` by their names.
 
     Raises:
@@ -91,18 +98,38 @@ def case_of(
     except FieldError as error:
         raise CaseError(str(error)) from None
     cm = pascal_per_cm(density)
+    falls = times is not None
+    asked = {
+        "pressures_cm": in_unit("cm", pressures, "pressure", cm, falls),
+        "volumes_ml": in_unit("ml", volumes, "volume", cm, falls),
+    }
+    if times is not None:
+        chosen["program"] = _in_time(asked, times, len(device.ratios))
+        asked = {}
     fields = {
         "name": device.stem,
-        "pressures_cm": in_unit("cm", pressures, "pressure", cm),
-        "volumes_ml": in_unit("ml", volumes, "volume", cm),
+        **({"pressures_cm": ()} if times is not None else asked),
         "strokes_ml": in_unit("ml", options.get("strokes"), "stroke", cm),
         **chosen,
     }
     if isinstance(band := fields.get("band"), str | Path):
         fields["band"] = band_of(band)
     case = Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
-    _doubt_pressures(pressures, case)
+    if times is None:
+        _doubt_pressures(pressures, case)
     return case
+
+
+def _in_time(asked: dict[str, tuple[float, ...]], times: Values, cavities: int) -> Program:
+    """Return the program of requested values and their times."""
+    given = {key: values for key, values in asked.items() if values}
+    if len(given) != 1:
+        raise CaseError("times belong to requested pressures or to added volumes; give one of these")
+    (key, values), at = next(iter(given.items())), [SECONDS.settled("times", one) for one in _listed(times, "times")]
+    if len(at) != len(values):
+        raise CaseError(f"there are {len(values)} values but {len(at)} times; give one for each")
+    key = {"pressures_cm": "pressure_cm", "volumes_ml": "volume_ml"}[key]
+    return from_tables({**{f"cavity{i}": {key: values} for i in range(1, cavities + 1)}, TIME_KEY: at})
 
 
 def _doubt_pressures(pressures: Values | None, case: Case) -> None:
@@ -143,8 +170,10 @@ def _scaled(number: str, what: str) -> float:
         raise CaseError(f"{what} {brief(number)}: {error}") from None
 
 
-def in_unit(unit: str, values: Values | None, what: str, pascal_in_cm: float) -> tuple[float, ...]:
-    """Return the requested values in cm of the column or in ml, as a case has them.
+def in_unit(
+    unit: str, values: Values | None, what: str, pascal_in_cm: float, falls: bool = False
+) -> tuple[float, ...]:
+    """Return the requested values in cm of the column or in ml, as a case has them; a list may fall if ``falls``.
 
     Raises:
         CaseError: Invalid values.
@@ -161,7 +190,7 @@ def in_unit(unit: str, values: Values | None, what: str, pascal_in_cm: float) ->
         ]
         if not found:
             raise CaseError(f"the list of {what}s is empty; give at least one value, such as {EXAMPLES[unit]}")
-        return series(found, what)
+        return tuple(found) if falls else series(found, what)
     except (SeriesError, UnitError) as error:
         raise CaseError(str(error)) from None
 

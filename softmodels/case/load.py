@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, MutableMapping
 
 from geometries import Actuator
@@ -25,12 +26,12 @@ from softmodels.common.schema import (
     Text,
     Words,
 )
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.units import UnitError, brief, pascal_per_cm, quantity
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.path import program as programs
 from softmodels.path.points import DeadForce, LoadDisplacement
-from softmodels.path.program import EVERY_KEY, LOAD_KEYS, Program
+from softmodels.path.program import EVERY_KEY, LOAD_KEYS, TIME_KEY, Program, Series
 from softmodels.path.supply import AirSupply
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -368,7 +369,7 @@ class Load:
             raise CaseError(
                 f"[load] has series for {len(of_cavities)} cavities, but the device has {count}; give one for each"
             )
-        for series in self.program:
+        for series in programs.drivers(self.program):
             if series.target and series.target not in known:
                 table, _, name = series.target.partition(".")
                 raise CaseError(
@@ -393,7 +394,7 @@ class Load:
         Raises:
             CaseError: The value is out of range for the material or the cavity.
         """
-        given = {is_volume: [v for one in self.program if one.is_volume == is_volume and not one.target for v in one.values]
+        given = {is_volume: [v for one in programs.drivers(self.program) if one.is_volume == is_volume and not one.target for v in one.values]
                  for is_volume in (False, True)}  # fmt: skip
         kept = self.driven.at_pressure_cm if self.driven else 0.0
         highest = max([*self.pressures_cm, *given[False]], default=kept)
@@ -411,3 +412,66 @@ class Load:
                 f"an added volume of {largest:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "
                 f"give at most {VOLUME_RANGE:g} times the cavity volume"
             )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Pressures or volumes in time, from a rate, a hold and a number of cycles.
+
+
+def in_time(load: Load, rate: str, hold: float, cycles: float, cavities: int) -> Program:
+    """Return the program of requested pressures or volumes in time.
+
+    Args:
+        load: The load, with requested pressures or volumes.
+        rate: How fast they change, such as ``"1 kPa/s"``; empty for at once.
+        hold: How long the last of them is held, in s; in each cycle.
+        cycles: How often they are gone through, from 0 and back to 0; 0 for once and without the way back.
+        cavities: Number of the device's cavities, which all go through the same.
+
+    Raises:
+        CaseError: Nothing that changes in time so.
+    """
+    values = load.pressures_cm or load.volumes_ml
+    if not values or values[-1] <= 0.0:
+        raise CaseError(
+            "--rate, --hold and --cycles need pressures or added volumes above 0 that they change (--pressure-cm, --volume-ml)"
+        )
+    if hold < 0.0:
+        raise CaseError(f"hold is {hold:g} s; it must be 0 or more")
+    if cycles != round(cycles) or not 0 <= cycles <= programs.MOST_STEPS / 4:
+        raise CaseError(f"cycles is {cycles:g}; it must be a whole number from 1 to {programs.MOST_STEPS // 4}")
+    if cycles and not rate:
+        raise CaseError("--cycles needs the rate at which they go up and down; add --rate, such as --rate 1kPa/s")
+    speed = _rate(rate, load) if rate else math.inf
+    way = [(0.0, 0.0)]
+
+    def go(value: float, rest: float = 0.0) -> None:
+        last, time = way[-1]
+        if value != last:
+            way.append((value, time + abs(value - last) / speed))
+        if rest:
+            way.append((value, way[-1][1] + rest))
+
+    for _ in range(max(1, round(cycles))):
+        for value in values[:-1]:
+            go(value)
+        go(values[-1], hold)
+        if cycles:
+            go(0.0)
+    key = "pressure_cm" if load.pressures_cm else "volume_ml"
+    series = Series(key, tuple(value for value, _ in way))
+    return (*(series for _ in range(cavities)), Series(TIME_KEY, tuple(time for _, time in way), programs.TIME))
+
+
+def _rate(text: str, load: Load) -> float:
+    """Return a rate in cm/s, or in ml/s of added volumes."""
+    kinds = [("Pa/s", load.cm), ("m/s", 1e-2)] if load.pressures_cm else [("m^3/s", 1e-6)]
+    for unit, scale in kinds:
+        try:
+            found = quantity(text, unit) / scale
+        except UnitError:
+            continue
+        if found > 0.0:
+            return found
+        raise CaseError(f"rate {brief(text)} must be above 0; the way back is --cycles")
+    raise CaseError(f"rate {brief(text)} is none; write it like {'1kPa/s or 5cm/s' if load.pressures_cm else '2ml/s'}")

@@ -6,6 +6,7 @@ the softening. With a step of no length the energy is that of the state itself, 
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import types
 from typing import TYPE_CHECKING
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from softmodels.mechanics.regions import MaterialRegion
 
 SIX = len(IDENTITY)
+ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Places of the six entries of a symmetric tensor."""
 
 
 class History:
@@ -119,6 +122,7 @@ class History:
         found = ufl.as_vector([*after, error, size * ufl.sqrt(memory.contracted(stretch, stretch))])
         points, _ = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
         self._found = fem.Expression(found, points, jit_options=JIT)
+        self._energy = fem.Expression(W, points, jit_options=JIT)
 
     def take(self, material: Material, mu: float) -> None:
         """Set a material's parameters, in units of a shear modulus in Pa; the number of branches stays."""
@@ -167,13 +171,22 @@ class History:
 
         return total(self.body.mesh.comm, fem.assemble_scalar(form))
 
-    def stress(self) -> Array:
-        """Return the sum of the branches' G Cv^-1, shape (cells, points, 6), in shear moduli."""
+    def stress(self) -> tuple[Array, Array]:
+        """Return what is left of the law's stress, shape (cells, points), and the sum of the branches' G Cv^-1 in shear moduli,
+        shape (cells, points, 3, 3), in the state where the step begins."""
         kept = self.values.x.array.reshape(-1, self.size)[self._places]
-        return sum(
-            float(G) * np.stack(memory.cofactors([kept[..., SIX * k + i] for i in range(SIX)]), axis=-1)
-            for k, G in enumerate(self.moduli.value[: len(self.memory.branches)])
-        ) + np.zeros((*kept.shape[:2], SIX))
+        springs = np.zeros((*kept.shape[:2], 3, 3))
+        for k, G in enumerate(self.moduli.value[: len(self.memory.branches)]):
+            inverse = memory.cofactors([kept[..., SIX * k + i] for i in range(SIX)])  # det Cv = 1
+            for entry, (i, j) in zip(inverse, ENTRIES, strict=True):
+                springs[..., i, j] += float(G) * entry
+                if i != j:
+                    springs[..., j, i] += float(G) * entry
+        if self.memory.softening is None:
+            return np.ones(kept.shape[:2]), springs
+        W = self._energy.eval(self.body.mesh, self.region.cells).reshape(kept.shape[:2])
+        soft = dataclasses.replace(self.memory.softening, m=float(self.softening.m.value))
+        return memory.left(W, kept[..., -1], soft), springs
 
     def copied(self) -> tuple[Array, float]:
         """Return a copy of all that is remembered, for `restore`."""

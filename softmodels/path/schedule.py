@@ -28,7 +28,7 @@ from softmodels.path.points import (
     VolumeGain,
 )
 from softmodels.path.program import Program, begins_at_rest, drivers, time_at, timed
-from softmodels.path.time_steps import march
+from softmodels.path.time_steps import TOLERANCE, march
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Load stages: all drivers change proportionally from one state to another, as one path.
@@ -135,8 +135,16 @@ class Stage:
         requested = VolumeGain() if by_volume else Pressure()
         return cls(start, make(start.drives, change, held, volumes), requested, goal, duration)
 
-    def follow(self, solver: Solver, control: str, report: Callable[[str], None]) -> Iterator[tuple[float, Point]]:
+    def follow(
+        self, solver: Solver, control: str, report: Callable[[str], None], tolerance: float = TOLERANCE
+    ) -> Iterator[tuple[float, Point]]:
         """Follow the stage to its end.
+
+        Args:
+            solver: The device.
+            control: What is followed, as in `Continuation`.
+            report: Takes sentences on what is going on.
+            tolerance: Of steps in time, see `march`.
 
         Yields:
             Which share of it is done, and the point; the first one is its beginning.
@@ -148,7 +156,7 @@ class Stage:
         largest = self.goal / POINTS_PER_STAGE
         path = Continuation(solver, self.requested, control, largest, start=start, report=report)
         if self.duration:
-            yield from march(path, self.goal, self.duration)
+            yield from march(path, self.goal, self.duration, tolerance)
             return
         for point in trace(path, [self.goal]):
             yield path.value(point.state) / self.goal, point
@@ -217,6 +225,7 @@ def follow(
     report: Callable[[str], None],
     begin: StageEnd | None = None,
     hung: StageEnd | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Iterator[tuple[float, Point]]:
     """Follow a device through a program.
 
@@ -228,6 +237,7 @@ def follow(
         report: Takes sentences on what is going on.
         begin: The end of a step to go on from; where it hangs if None.
         hung: Where it hangs under the loads that the program does not change; the undeformed state if None.
+        tolerance: Of steps in time, see `march`.
 
     Yields:
         How far the program has come (1.5 is half way through the second step), and its point.
@@ -256,7 +266,7 @@ def follow(
             continue
         duration = durations[number - 1] if durations else 0.0
         stage = Stage.between(here, row - before, held, rest + before, duration, last)
-        for place, (come, point) in enumerate(stage.follow(solver, control, report)):
+        for place, (come, point) in enumerate(stage.follow(solver, control, report, tolerance)):
             if place:
                 yield float(number) if point.requested else number - 1 + come, point
             elif number == 1 and begin is None:

@@ -22,6 +22,7 @@ from softmodels.case.case import Case
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.component import COMPONENTS
 from softmodels.path.points import Supply
+from softmodels.path.program import time_at
 from softmodels.runs.fields import (
     FIELDS,
     MEASURES,
@@ -344,6 +345,8 @@ COLUMNS: list[PathColumn | Columns] = [
            "1 if this state is stable with the gas of the supply, 0 if the device snaps through", _held, _supplied),
     PathColumn("load_step", "load step", "number of the step in a program of several cavities",
            lambda s: s.load_step, lambda case: bool(case.program)),
+    PathColumn("time_s", "time", "since the load began", lambda s: time_at(s.case.program, s.load_step),
+           lambda case: case.timed),
     Columns(_cavity_cells, _cavity_term),
     Columns(lambda s: {f"{name}_mm": rise * 1e3 for name, rise in s.figures.rises.items()}, _rise_term),
     DEVICE,
@@ -360,6 +363,8 @@ COLUMNS: list[PathColumn | Columns] = [
            lambda s: s.point.state.iterations),
     PathColumn("stored_energy_mJ", "stored energy", "elastic energy of the whole device",
            lambda s: s.figures.stored_energy * 1e3),
+    PathColumn("dissipated_energy_mJ", "dissipated energy", "work that the silicone of the whole device has lost to creep and "
+           "softening", lambda s: s.figures.dissipated_energy * 1e3, lambda case: case.timed and case.remembers),
     PathColumn("least_gap_mm", "least gap",
            "smallest distance between facing walls, negative if they overlap; the "
            "search distance if no walls are near",

@@ -66,6 +66,7 @@ class Figures:
     extremes: Mapping[str, tuple[float, float]]
     peaks: Mapping[str, float]
     stored_energy: float
+    dissipated_energy: float
 
     @property
     def max_stretch(self) -> float:
@@ -652,6 +653,7 @@ class Fields:
                 if field.sampled is not None and any(one.peak for one in field.extremes)
             },
             stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
+            dissipated_energy=eq.potential.dissipated * eq.stress_unit * eq.volume_unit,
         )
 
     def _extremes(self, values: Array) -> tuple[float, float]:

@@ -119,6 +119,7 @@ class Model:
         )  # fmt: skip
         comm = start()
         with sentences():
+            case = case.at_rest
             self._make(case, meshed(device, comm), case.material, case.components)
 
     @classmethod
@@ -130,6 +131,7 @@ class Model:
         Raises:
             RunError: Nothing can be compiled.
         """
+        case = case.at_rest
         made = cls.__new__(cls)
         made._make(case, body, material or case.material, case.components if components is None else components)
         return made

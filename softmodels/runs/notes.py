@@ -44,7 +44,8 @@ from softmodels.materials.stability import (
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import PathFailure, names_in
 from softmodels.mechanics.mpi import petsc_reason
-from softmodels.path.program import LOAD_KEYS, step_text
+from softmodels.path.program import LOAD_KEYS, drivers, step_text, time_at
+from softmodels.path.time_steps import LostInTime
 from softmodels.runs.band import SourceRows, span_sentence
 from softmodels.runs.columns import StateLabels, loads_words, state_labels
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
@@ -550,18 +551,26 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
             f"{_not_met(asked, end.cause)}: {end.cause.clause}. The last state has {place}, and {moved}. "
             f"{mended(case, end.cause, float(at['max_stretch']))}"
         )
+    if isinstance(end, LostInTime):
+        time = time_at(case.program, come)
+        return (
+            f"{asked} was not reached: at {time:.4g} s {end}, {place}, where {moved}; beyond it {_beyond(case)[0]}. Stay below, "
+            f"hold it for less time, use {case.actuator.stiffer} or a stiffer silicone, or request volumes (volume_ml)"
+        )
     if end.limit is None:
         return f"{asked} was not reached: {end}. The last state has {place}, and {moved}. {advice(case, at, petsc)}"
-    beyond, instead = "a cavity balloons", "that cavity's added volume (volume_ml) instead of its pressure"
-    if any(series.target for series in case.program):
-        beyond, instead = (
-            "the device collapses",
-            "volumes and travels (volume_ml, travel_mm) instead of pressures and forces",
-        )
+    beyond, instead = _beyond(case)
     return (
         f"no equilibrium at {asked} on this path: its loads have a limit point with {place}, where {moved}; beyond it {beyond}."
         f" Stay below, use {case.actuator.stiffer} or a stiffer silicone, or request {instead}"
     )
+
+
+def _beyond(case: Case) -> tuple[str, str]:
+    """Return what a device does beyond a program's limit point, and what to request instead."""
+    if any(series.target for series in drivers(case.program)):
+        return "the device collapses", "volumes and travels (volume_ml, travel_mm) instead of pressures and forces"
+    return "a cavity balloons", "that cavity's added volume (volume_ml) instead of its pressure"
 
 
 def _not_met(asked: str, cause: PathFailure) -> str:

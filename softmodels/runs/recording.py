@@ -323,7 +323,9 @@ def _begun(simulation: Simulation, results: Results) -> Begun:
     rows = on_root(comm, lambda: results.rows)
     if case.load_unload:
         return Begun(rows)
-    solved = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if not row["bifurcation"]])
+    solved = on_root(
+        comm, lambda: {i: row.get("time_s", 0.0) for i, row in enumerate(results.rows) if not row["bifurcation"]}
+    )
     again = functools.partial(recall, results, fields, comm, solved)
     if case.program:
         stop = last_stop(case, results, fields, comm)

@@ -148,11 +148,13 @@ def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Poin
     return [stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
 
 
-def recall(results: StoredRun, fields: Fields, comm: MPI.Comm, steps: Sequence[int]) -> None:
-    """Restore the history of parts, such as the anchor points of friction, by going through the stored steps."""
-    potential = fields.system.potential
-    for step in steps if fields.system.assembled.remembers else ():
+def recall(results: StoredRun, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
+    """Restore what friction and silicone remember, by going through stored steps, whose times in s are given."""
+    potential, last = fields.system.potential, 0.0
+    for step, time in steps.items() if potential.remembers else ():
+        potential.pass_time(time - last)
         potential.keep(stored_state(results, fields, comm, step, 0.0, 0.0).w)
+        last = time
 
 
 class StoredRun(Protocol):

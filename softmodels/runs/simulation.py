@@ -197,6 +197,13 @@ class Simulation:
                 f"warning: the cavity of the mesh has {amount} {kind} volume than the device's: use smaller cells, or "
                 "check that all faces around the air are among its walls"
             )
+        if self.case.remembers and not self.case.timed:
+            say(
+                "the silicone has a memory, but the load has no times: every state is that after a long time; add --rate or "
+                "--hold for what happens before"
+            )
+        if self.case.timed and not self.case.remembers:
+            say("the load has times, but the silicone has no memory ([material.memory]): they change nothing")
         if weak := weakness(self.case.material):
             say(f"warning: {weak}; results at larger stretches are invalid")
 
@@ -305,7 +312,9 @@ class Simulation:
             say = self.listener.say
             hung = self.model.preload(say)
             begun.recall()
-            for come, point in follow(self.solver, case.program, case.cm, case.control, say, begun.stop, hung):
+            for come, point in follow(
+                self.solver, case.program, case.cm, case.control, say, begun.stop, hung, case.time_tolerance
+            ):
                 step = self.step_of(point, len(rows), come)
                 rows.append(step.row)
                 yield step
