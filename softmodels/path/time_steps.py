@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 FEWEST_STEPS = 12
 """Minimum number of steps of a stage, for smooth curves."""
-TOLERANCE = 2e-4
+TOLERANCE = 5e-5
 """Maximum error of the branches' stress by one step, over the largest stress so far."""
 SAFETY, SHORTER, LONGER = 0.8, 0.2, 2.5
 """Share of the step that would just meet the tolerance, and the least and the most by which a step changes."""
