@@ -232,6 +232,8 @@ def determinant(A: Six) -> Expression:
     return a * (b * c - bc**2) - ab * (ab * c - ac * bc) + ac * (ab * bc - ac * b)
 
 
+LEAST = 1e-30
+"""Least b: W then has no digits left, but its derivatives, in which b cancels, have all of them."""
 SMALL = 0.02
 """Argument below which the two functions of `_shares` are their series, to rounding."""
 
@@ -264,26 +266,26 @@ def step_of(C: Six, Cv: Six, x: Expression, of: Functions, k: Expression = None)
     """
     z = x * (growth(C, Cv) if k is None else k)
     whole, late = _shares(z, of)
-    b = x * late
-    early, kept = x * whole - b, of.exp(-z)
+    b = of.below(x, LEAST, LEAST, x * late)
+    early, kept = x * (whole - late), of.exp(-z)
     return [kept * v + early * c for v, c in zip(Cv, C, strict=True)], b
 
 
-def step_energy(C: Six, H: Six, b: Expression) -> Expression:
-    """Return W/G of a branch at the end of a step, without 3/(2 b) (det H)^(1/3), which is constant and grows as 1/b.
+def step_energy(C: Six, J: Expression, H: Six, b: Expression) -> Expression:
+    """Return W/G of a branch at the end of a step, of which only the derivatives count: W grows as 1/b.
 
     Args:
-        C: Cbar at the end of the step.
-        H, b: See `step_of`.
+        C: Right Cauchy-Green tensor at the end of the step, not only its isochoric part: so the derivatives are short.
+        J: Volume ratio there.
+        H, b: See `step_of`; b at least `LEAST`.
     """
-    h = determinant(H)
-    rise = contracted(cofactors(H), C) + b * contracted(H, cofactors(C)) + b**2  # (det(H + b Cbar) - det H)/b
-    root, end = h ** (1 / 3), (h + b * rise) ** (1 / 3)
-    return 1.5 * rise / (end**2 + end * root + root**2) - 1.5
+    bar = b * J ** (-2 / 3)
+    whole = determinant(H) + bar * contracted(cofactors(H), C) + bar**2 * contracted(H, cofactors(C)) + b**3
+    return 1.5 / b * whole ** (1 / 3)
 
 
 def crept(C: Six, H: Six, b: Expression) -> list[Expression]:
-    """Return Cv at the end of a step; see `step_energy`."""
+    """Return Cv at the end of a step, of Cbar there and `step_of`."""
     A = [h + b * c for h, c in zip(H, C, strict=True)]
     scale = determinant(A) ** (-1 / 3)
     return [scale * a for a in A]

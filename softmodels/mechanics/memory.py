@@ -6,7 +6,6 @@ the softening. With a step of no length the energy is that of the state itself, 
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import types
 from typing import TYPE_CHECKING
@@ -29,8 +28,6 @@ if TYPE_CHECKING:
     from softmodels.mechanics.regions import MaterialRegion
 
 SIX = len(IDENTITY)
-ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""Places of the six entries of a symmetric tensor."""
 
 
 class History:
@@ -84,7 +81,7 @@ class History:
         law, parameters = self.region.material, self.region.parameters
         C, C0 = (six(strain.J ** (-2 / 3) * strain.C) for strain in (self.strain, self._before))
         W = law.shape(self.strain, parameters)
-        density, free, error = W, W, 0.0
+        density, error = W, 0.0
         spent: Expr = ufl.as_ufl(0.0)
         after: list[Expr] = []
         for k in range(len(self.memory.branches)):
@@ -96,8 +93,7 @@ class History:
             better = memory.crept(C, *memory.step_of(C0, Cv, x, InUfl, mean))
             off = [p - q for p, q in zip(memory.cofactors(new), memory.cofactors(better), strict=True)]
             error += G / 2 * ufl.sqrt(memory.contracted(off, off)) * memory.contracted(C, IDENTITY) / 3
-            density += G * memory.step_energy(C, H, b)
-            free += G * memory.stored(C, Cv)
+            density += G * memory.step_energy(six(self.strain.C), self.strain.J, H, b)
             half = [(c + c0) / 2 for c, c0 in zip(C, C0, strict=True)]
             middle = memory.crept(half, *memory.step_of(C0, Cv, x / 2, InUfl))
             lost = memory.lost(C0, Cv) + 4 * memory.lost(half, middle) + memory.lost(C, new)
@@ -111,18 +107,36 @@ class History:
                 Wm = W0 + (Wm - W0) * ufl.exp(-self.step / self.softening.recovery)
             hurt = memory.softened(ufl.as_ufl(0.0), Wm, self.softening, InUfl)
             density += memory.softened(W, Wm, self.softening, InUfl) - W
-            free += memory.softened(W, Wm, self.softening, InUfl) - W - hurt
             after.append(InUfl.below(W, Wm, Wm, W))
         stretch = [c - one for c, one in zip(C, IDENTITY, strict=True)]
         size = (1.0 + sum(self.moduli[k] for k in range(len(self.memory.branches)))) / 2
-        self.density, self.free = density, free
+        self.density, self.free = density, self._stored(self.strain) - hurt
         self._spent, self._hurt = (
             fem.form(one * self.body.hoop * self.region.dx, jit_options=JIT) for one in (spent, hurt)
         )
         found = ufl.as_vector([*after, error, size * ufl.sqrt(memory.contracted(stretch, stretch))])
         points, _ = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
         self._found = fem.Expression(found, points, jit_options=JIT)
-        self._energy = fem.Expression(W, points, jit_options=JIT)
+        self._stress = fem.Expression(self._von_mises(), points, jit_options=JIT)
+
+    def _stored(self, strain: Strain) -> Expr:
+        """Return the energy of a state where a step begins and ends, above that which softening has spent."""
+        found = self.region.material.shape(strain, self.region.parameters)
+        if self.memory.softening is not None:
+            found = memory.softened(found, self.values[self.size - 1], self.softening, InUfl)
+        C = six(strain.J ** (-2 / 3) * strain.C)
+        for k in range(len(self.memory.branches)):
+            found += self.moduli[k] * memory.stored(C, [self.values[SIX * k + i] for i in range(SIX)])
+        return found
+
+    def _von_mises(self) -> Expr:
+        """Return the von Mises stress of that state; a hydrostatic part changes nothing."""
+        import ufl
+
+        F = ufl.variable(self.strain.F)
+        strain = Strain(F)
+        stress = ufl.dev(ufl.diff(self._stored(strain), F) * F.T / strain.J)
+        return ufl.sqrt(1.5 * ufl.inner(stress, stress))
 
     def take(self, material: Material, mu: float) -> None:
         """Set a material's parameters, in units of a shear modulus in Pa; the number of branches stays."""
@@ -171,22 +185,9 @@ class History:
 
         return total(self.body.mesh.comm, fem.assemble_scalar(form))
 
-    def stress(self) -> tuple[Array, Array]:
-        """Return what is left of the law's stress, shape (cells, points), and the sum of the branches' G Cv^-1 in shear moduli,
-        shape (cells, points, 3, 3), in the state where the step begins."""
-        kept = self.values.x.array.reshape(-1, self.size)[self._places]
-        springs = np.zeros((*kept.shape[:2], 3, 3))
-        for k, G in enumerate(self.moduli.value[: len(self.memory.branches)]):
-            inverse = memory.cofactors([kept[..., SIX * k + i] for i in range(SIX)])  # det Cv = 1
-            for entry, (i, j) in zip(inverse, ENTRIES, strict=True):
-                springs[..., i, j] += float(G) * entry
-                if i != j:
-                    springs[..., j, i] += float(G) * entry
-        if self.memory.softening is None:
-            return np.ones(kept.shape[:2]), springs
-        W = self._energy.eval(self.body.mesh, self.region.cells).reshape(kept.shape[:2])
-        soft = dataclasses.replace(self.memory.softening, m=float(self.softening.m.value))
-        return memory.left(W, kept[..., -1], soft), springs
+    def von_mises(self) -> Array:
+        """Return the von Mises stress in the state where the step begins, shape (cells, points), in shear moduli."""
+        return self._stress.eval(self.body.mesh, self.region.cells).reshape(len(self.region.cells), -1)
 
     def copied(self) -> tuple[Array, float]:
         """Return a copy of all that is remembered, for `restore`."""

@@ -167,8 +167,12 @@ class PathHistory:
         return self.points[-1]
 
     def keep(self, point: Point) -> Point:
-        """Make a point the last one."""
+        """Make a point the last one, which friction and silicone remember."""
         self.solver.system.potential.keep(point.state.w)
+        return self.add(point)
+
+    def add(self, point: Point) -> Point:
+        """Make a point the last one that they remember already."""
         self.points = [*self.points[-1:], point]
         return point
 

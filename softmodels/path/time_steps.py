@@ -97,7 +97,7 @@ def march(path: Continuation, rise: float, duration: float, tolerance: float = T
                 raise PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})") from failure
             continue
         earlier, time = (step, last.state), duration if share == 1.0 else time + step
-        path.keep(point)
+        path.trail.add(point)
         yield share, point
         step = min(wanted, step) if shrunk else wanted
 

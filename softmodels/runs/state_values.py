@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from dolfinx import fem
     from mpi4py import MPI
 
-    from softmodels.mechanics.memory import History
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Stresses and stretches of deformation gradients.
@@ -209,21 +207,10 @@ class StateValues:
         remembered = {history.region.name: history for history in potential.histories}
         for region in potential.regions:
             if region.name in remembered:
-                found[region.cells] = self._remembered(remembered[region.name])
+                found[region.cells] = remembered[region.name].von_mises() * self.system.stress_unit
             else:
                 found[region.cells] = von_mises(shape_stresses(region.material, self.stretches[region.cells]))
         return found
-
-    def _remembered(self, history: History) -> Array:
-        """Return the von Mises stress in Pa of a region whose silicone has a memory, shape (cells, points)."""
-        region, F = history.region, self.F[history.region.cells]
-        squares, axes = np.linalg.eigh(F @ np.swapaxes(F, -1, -2))
-        left, springs = history.stress()
-        law = shape_stresses(region.material, np.sqrt(np.maximum(squares, 0.0))) * left[..., None]
-        J = np.linalg.det(F)[..., None, None]
-        branches = J ** (-5 / 3) * F @ springs @ np.swapaxes(F, -1, -2) * self.system.stress_unit
-        stress = axes * law[..., None, :] @ np.swapaxes(axes, -1, -2) + branches
-        return von_mises(np.linalg.eigvalsh(stress))
 
     @functools.cached_property
     def J(self) -> Array:
