@@ -63,6 +63,11 @@ class History:
         space = fem.functionspace(mesh, element)
         self.values = fem.Function(space)
         self._places = np.array(space.dofmap.list)[region.cells]
+        self._width = self.size + len(branches)
+        wider = basix.ufl.quadrature_element(
+            mesh.basix_cell(), value_shape=(self._width,), degree=QUADRATURE_DEGREE, scheme="default"
+        )
+        self._begun = fem.Function(fem.functionspace(mesh, wider))
         self.times = fem.Constant(mesh, np.array([one.time for one in branches] or [1.0]))
         self.moduli = fem.Constant(mesh, np.zeros(max(1, len(branches))))
         self.softening = types.SimpleNamespace(
@@ -83,17 +88,21 @@ class History:
         W = law.shape(self.strain, parameters)
         density, error = W, 0.0
         spent: Expr = ufl.as_ufl(0.0)
+        begin: list[Expr] = []
         after: list[Expr] = []
         for k in range(len(self.memory.branches)):
             Cv = [self.values[SIX * k + i] for i in range(SIX)]
             G, x = self.moduli[k], self.step / self.times[k]
             H, b = memory.step_of(C0, Cv, x, InUfl)
+            begin += [*H, b]
+            at = len(begin) - SIX - 1
+            H, b = [self._begun[at + i] for i in range(SIX)], self._begun[at + SIX]
+            density += G * memory.step_energy(six(self.strain.C), self.strain.J, H, b)
             new = memory.crept(C, H, b)
             mean = (memory.growth(C0, Cv) + memory.growth(C, new)) / 2
             better = memory.crept(C, *memory.step_of(C0, Cv, x, InUfl, mean))
             off = [p - q for p, q in zip(memory.cofactors(new), memory.cofactors(better), strict=True)]
             error += G / 2 * ufl.sqrt(memory.contracted(off, off)) * memory.contracted(C, IDENTITY) / 3
-            density += G * memory.step_energy(six(self.strain.C), self.strain.J, H, b)
             half = [(c + c0) / 2 for c, c0 in zip(C, C0, strict=True)]
             middle = memory.crept(half, *memory.step_of(C0, Cv, x / 2, InUfl))
             lost = memory.lost(C0, Cv) + 4 * memory.lost(half, middle) + memory.lost(C, new)
@@ -101,13 +110,15 @@ class History:
             after += new
         hurt: Expr = ufl.as_ufl(0.0)
         if self.memory.softening is not None:
-            Wm = self.values[self.size - 1]
+            before = Wm = self.values[self.size - 1]
             if math.isfinite(self.memory.softening.recovery):
                 W0 = law.shape(self._before, parameters)
-                Wm = W0 + (Wm - W0) * ufl.exp(-self.step / self.softening.recovery)
+                before = W0 + (Wm - W0) * ufl.exp(-self.step / self.softening.recovery)
+            begin.append(before)
+            at_end = self._begun[self._width - 1]
+            density += memory.softened(W, at_end, self.softening, InUfl) - W
             hurt = memory.softened(ufl.as_ufl(0.0), Wm, self.softening, InUfl)
-            density += memory.softened(W, Wm, self.softening, InUfl) - W
-            after.append(InUfl.below(W, Wm, Wm, W))
+            after.append(InUfl.below(W, at_end, at_end, W))
         stretch = [c - one for c, one in zip(C, IDENTITY, strict=True)]
         size = (1.0 + sum(self.moduli[k] for k in range(len(self.memory.branches)))) / 2
         self.density, self.free = density, self._stored(self.strain) - hurt
@@ -117,6 +128,7 @@ class History:
         found = ufl.as_vector([*after, error, size * ufl.sqrt(memory.contracted(stretch, stretch))])
         points, _ = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
         self._found = fem.Expression(found, points, jit_options=JIT)
+        self._begin = fem.Expression(ufl.as_vector(begin), points, jit_options=JIT)
         self._stress = fem.Expression(self._von_mises(), points, jit_options=JIT)
 
     def _stored(self, strain: Strain) -> Expr:
@@ -157,6 +169,21 @@ class History:
         rest = [*IDENTITY * len(self.memory.branches), *([0.0] if self.memory.softening else [])]
         self.values.x.array.reshape(-1, self.size)[:] = rest
         self._creep = 0.0
+        self.prepare()
+
+    def prepare(self) -> None:
+        """Compute what the energy of a step has of its beginning, once, because the step's length or beginning has changed."""
+        begun = self._begun.x.array.reshape(-1, self._width)
+        if self.step.value:
+            found = self._begin.eval(self.body.mesh, self.region.cells)
+            begun[self._places] = found.reshape(*self._places.shape, self._width)
+            return
+        kept = self.values.x.array.reshape(-1, self.size)
+        for k in range(len(self.memory.branches)):
+            at = (SIX + 1) * k
+            begun[:, at : at + SIX], begun[:, at + SIX] = kept[:, SIX * k : SIX * (k + 1)], memory.LEAST
+        if self.memory.softening is not None:
+            begun[:, -1] = kept[:, -1]
 
     def trial(self) -> tuple[float, float]:
         """Look at the end of the step, in the state that the functions hold.
@@ -195,3 +222,4 @@ class History:
 
     def restore(self, kept: tuple[Array, float]) -> None:
         self.values.x.array[:], self._creep = kept
+        self.prepare()

@@ -220,6 +220,8 @@ class Potential:
         """Begin a step of this length in s from the last accepted state; 0 where nothing remembers."""
         if self.histories:
             self.step.value = step
+        for history in self.histories:
+            history.prepare()
 
     def memory_error(self, w: npt.NDArray[np.float64]) -> tuple[float, float]:
         """Return the error of the stress by the length of a step that ends in w, and the largest stress, in shear moduli."""
@@ -238,7 +240,8 @@ class Potential:
             self.memory_error(w)
         for history in () if anew else self.histories:
             history.advance()
-        self._before.x.array[:], self.step.value = self.w.x.array, 0.0
+        self._before.x.array[:] = self.w.x.array
+        self.pass_time(0.0)
         self.w.x.array[:] = here
 
     def remembered(self) -> tuple[Any, ...]:
@@ -249,10 +252,10 @@ class Potential:
 
     def forget(self, since: tuple[Any, ...]) -> None:
         """Go back to what `remembered` has copied."""
-        for history, kept in zip(self.histories, since[1:], strict=True):
-            history.restore(kept)
         if since:
             self._before.x.array[:], self.step.value = since[0], 0.0
+        for history, kept in zip(self.histories, since[1:], strict=True):
+            history.restore(kept)
 
     @property
     def dissipated(self) -> float:
