@@ -4,5 +4,5 @@ Begin with `continuation`: `trace` yields one `Point` after another, limit point
 
 - `points`: points, ends, and the quantities a path is asked for. `stability`: eigenvalues and modes.
 - `branching`: the branch that leaves a bifurcation. `supply`: syringes and gas.
-- `program`, `schedule`: load programs, preload, loading and unloading with snap-through.
+- `program`, `schedule`: load programs, preload, loading and unloading with snap-through. `time_steps`: silicone that creeps.
 """

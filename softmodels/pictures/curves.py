@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import re
 import textwrap
@@ -46,6 +47,8 @@ FORCES = ("contact_force_N", "blocked_force_N")
 """Columns plotted separately if the device is in contact."""
 DASHES = ("--", ":", "-.", (0, (10, 3)), (0, (1, 4)))
 """Line styles of the sources."""
+MOST_CYCLES = 12
+"""Number of cycles up to which their loops have a legend."""
 PRESSURE = ("pressure_cm", "pressure in cm of water")
 """Default abscissa of the plots: the column, and its label."""
 
@@ -268,7 +271,9 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
     panels = [panel for panel in panels if panel[0]]
     figure = Figure((WIDTH, 7.6 + 1.8 * (len(panels) - 3)), dpi=DPI, layout="constrained")
     places = figure.subplots(len(panels), 1, sharex=True, height_ratios=(1.4, *(1.0 for _ in panels[1:])))
-    come = np.array([row["load_step"] for row in rows])
+    timed = "time_s" in rows[0]
+    along = "time_s" if timed else "load_step"
+    come = np.array([row[along] for row in rows])
     asked = np.array([bool(row["requested"]) for row in rows])
     for axes, (columns, label) in zip(places, panels, strict=True):
         shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, len(columns))) if len(columns) > 1 else [CURVE]
@@ -279,13 +284,68 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
             )
             axes.plot(come[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
             for row in limits(rows):
-                axes.plot(row["load_step"], row[name], "D", color=WARNING, markersize=8)
+                axes.plot(row[along], row[name], "D", color=WARNING, markersize=8)
         axes.set(ylabel=label)
         axes.margins(0.03, 0.08)
         if len(columns) > 1:
             axes.legend(loc="best")
-    places[-1].set(xlabel="step of the program (circles are requested; a diamond is a limit point)")
-    places[-1].xaxis.get_major_locator().set_params(integer=True)
+    what = "time in s" if timed else "step of the program"
+    places[-1].set(xlabel=f"{what} (circles are requested; a diamond is a limit point)")
+    if not timed:
+        places[-1].xaxis.get_major_locator().set_params(integer=True)
+    return figure
+
+
+@dataclasses.dataclass(frozen=True)
+class Cycle:
+    """A cycle of a run in time: from one state without pressure to the next.
+
+    Attributes:
+        rows: Its rows of ``path.csv``.
+        work: What the air does on the way up, in mJ.
+        lost: What it does not get back: the area of the loop, in mJ.
+    """
+
+    rows: Sequence[Row]
+    work: float
+    lost: float
+
+
+def cycles(rows: Sequence[Row]) -> list[Cycle]:
+    """Return the cycles of one cavity in time, an unfinished one among them; none where nothing inflates it."""
+    ends = [0, *(i for i, row in enumerate(rows) if i and row["requested"] and not row["pressure_Pa"]), len(rows) - 1]
+    found = []
+    for first, last in itertools.pairwise(dict.fromkeys(ends)):
+        part = rows[first : last + 1]
+        P, V = (np.array([row[name] for row in part]) for name in ("pressure_Pa", "added_volume_ml"))
+        steps = (P[1:] + P[:-1]) / 2 * np.diff(V) * 1e-3
+        if P.any():
+            found.append(Cycle(part, float(np.maximum(steps, 0.0).sum()), float(steps.sum())))
+    return found
+
+
+def loop(rows: Sequence[Row], words: StateLabels) -> Figure:
+    """Plot the pressure over the added volume and over the gauge's rise in each cycle, with the areas of the loops.
+
+    Args:
+        rows: All rows of ``path.csv``, of a load with times.
+        words: What its run shows.
+    """
+    found = cycles(rows)
+    figure = Figure((WIDTH, 5.4), dpi=DPI, layout="constrained")
+    places = figure.subplots(1, 2, sharey=True)
+    shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, len(found))) if len(found) > 1 else [CURVE]
+    for number, (cycle, colour) in enumerate(zip(found, shades, strict=True), 1):
+        closed = not cycle.rows[-1]["pressure_Pa"]
+        share = f", {cycle.lost / cycle.work:.1%} of the work" if cycle.work else ""
+        label = f"cycle {number}: loses {cycle.lost:.3g} mJ{share}" if closed else f"cycle {number}, not closed"
+        for axes, name in zip(places, ("added_volume_ml", f"{words.gauge}_mm"), strict=True):
+            x, y = ([row[column] for row in cycle.rows] for column in (name, PRESSURE[0]))
+            axes.plot(x, y, "o-", color=colour, markersize=3.0, label=label)
+    places[0].set(xlabel="added volume in ml", ylabel=PRESSURE[1])
+    places[1].set(xlabel=f"rise of the {words.gauge} in mm")
+    if len(found) <= MOST_CYCLES:
+        places[0].legend(loc="best")
     return figure
 
 

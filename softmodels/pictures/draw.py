@@ -208,6 +208,8 @@ def _curves(states: States, out: DrawnFolder) -> None:
     actuator = states.actuator
     if states.case.program:
         out.save(actuator.gauge, curves.steps(states.rows, states.words))
+        if states.case.timed and curves.cycles(states.rows):
+            out.save("loop", curves.loop(states.rows, states.words))
     else:
         over = curves.over_of(states.case)
         figure = curves.rise(states.rows, actuator.gauge, states.case.cm, states.branch, over, states.sources)

@@ -367,7 +367,8 @@ def _curves(states: States) -> list[Markup]:
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
         rows, words = states.rows, states.words
         if states.case.program:
-            return [_svg(curves.steps(rows, words))]
+            looped = states.case.timed and curves.cycles(rows)
+            return [_svg(curves.steps(rows, words)), *([_svg(curves.loop(rows, words))] if looped else [])]
         over = curves.over_of(states.case)
         return [_svg(figure) for figure in curves.curves(rows, words, states.branch, over, states.sources)]
 

@@ -86,8 +86,9 @@ class Progress:
         """Report a step: its row of the table, and the progress towards the last requested value."""
         gauge = self.words.gauge
         volume = f"{row['added_volume_ml']:+8.3f} ml  " if self.words.volume else ""
+        when = f"{row['time_s']:8.3g} s  " if "time_s" in row else ""
         text = (
-            f"step {row['step']:3d}  {self.words.under(row, f'{row["pressure_cm"]:8.3f} cm')}  "
+            f"step {row['step']:3d}  {when}{self.words.under(row, f'{row["pressure_cm"]:8.3f} cm')}  "
             f"{gauge} rise {row[f'{gauge}_mm']:+8.3f} mm  {volume}{row['newton_iterations']:2d} iterations"
         )
         if self._bar is not None:

@@ -72,6 +72,7 @@ from softmodels.runs.formats import (
 
 PICTURES = (
     "profile",
+    "loop",
     "mesh",
     "slice",
     "mode",
