@@ -115,8 +115,7 @@ def case_of(
     if isinstance(band := fields.get("band"), str | Path):
         fields["band"] = band_of(band)
     case = Case(actuator=device, material=material, **fields)  # type: ignore[arg-type]
-    if times is None:
-        _doubt_pressures(pressures, case)
+    _doubt_pressures(pressures, case)
     return case
 
 
@@ -137,8 +136,8 @@ def _doubt_pressures(pressures: Values | None, case: Case) -> None:
     plain = isinstance(pressures, int | float) or (
         pressures is not None and not isinstance(pressures, str) and not any(isinstance(one, str) for one in pressures)
     )
-    if plain and case.goals[-1] < LEAST_PRESSURE:
-        highest = case.goals[-1]
+    highest = float(np.max(np.asarray(pressures, dtype=float))) if plain else LEAST_PRESSURE
+    if highest < LEAST_PRESSURE:
         doubt(
             f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} cm of water; numbers are in Pa, so write "
             f"another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"

@@ -1,0 +1,163 @@
+"""Loads in time, from the case file to the table: what is read, what is rejected, and what a resumed run remembers."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import softmodels as sm
+from softmodels.case.case import Case, CaseError
+from softmodels.materials.laws import MaterialError
+from tests.support import runs
+
+LAW = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.2, "1 s"), (0.1, "30 s")], softening=(1.6, "2 kPa", 0.1, "8 h"))
+DISK = sm.HollowDisk(section="axisymmetric")
+CASE = """
+name = "disk"
+[geometry]
+device = "HollowDisk"
+section = "axisymmetric"
+[material]
+law = "yeoh"
+c1 = "14 kPa"
+c2 = "60 Pa"
+[material.memory]
+branches = [[0.2, "1 s"], [0.1, "30 s"]]
+softening = [1.6, "2 kPa", 0.1]
+[load]
+"""
+
+
+@pytest.fixture
+def run(tmp_path):
+    def run(load, *options):
+        (tmp_path / "disk.toml").write_text(CASE + load)
+        words = ("-m", "softmodels", "run", tmp_path / "disk.toml", "--output", tmp_path / "out", "--pictures", "none")
+        return runs.run(*words, *options)
+
+    return run
+
+
+def test_a_case_in_time_is_read_back_from_its_own_file():
+    case = Case("disk", DISK, LAW, pressures_cm=(10.0, 25.0), rate="5cm/s", hold="10 s", cycles=2)
+    assert case.timed and case.remembers and not case.pressures_cm
+    again = Case.from_toml(case.to_toml())
+    assert again == case and again.material.memory == LAW.memory
+    (series, times) = case.program
+    assert series.values == (0, 10, 25, 25, 0, 10, 25, 25, 0)
+    assert times.values == (0, 2, 5, 15, 20, 22, 25, 35, 40)
+
+
+@pytest.mark.parametrize(
+    ("rate", "speed"), [("1kPa/s", 1000 / 95.12), ("5 cm/s", 5.0), ("6 kPa/min", 100 / 95.12)]
+)
+def test_rates_have_units(rate, speed):
+    case = Case("disk", DISK, LAW, pressures_cm=(20.0,), rate=rate)
+    assert case.program[-1].values[-1] == pytest.approx(20.0 / speed, rel=1e-3)
+
+
+WRONG = {
+    "branches = [[0.2, '-1 s']]": "relaxation time of a branch is -1 s; it must be above 0",
+    "branches = [[14e3, '1 s']]": "share of a branch is 14000",
+    "branches = [[0.2]]": "is no pair of share and time",
+    "branches = 3": "are no pairs of share and time",
+    "softening = [0.9, '2 kPa', 0.1]": "softening r is 0.9; it must be above 1",
+    "softening = [1.6, '-2 kPa', 0.1]": "neither may be negative",
+    "softening = [1.6]": "is not r, m, beta",
+    "tau = 3": "memory has an unknown entry 'tau'",
+    "": "the memory has neither branches nor softening",
+}
+
+
+@pytest.mark.parametrize(("memory", "sentence"), WRONG.items())
+def test_a_wrong_memory_is_told_before_anything_is_solved(memory, sentence):
+    text = Case("disk", DISK, sm.Yeoh(14e3), pressures_cm=(10.0,)).to_toml()
+    text = text.replace("[load]", f"[material.memory]\n{memory}\n[load]")
+    with pytest.raises(CaseError, match="yeoh: ") as told:
+        Case.from_toml(text)
+    assert sentence in str(told.value)
+
+
+LOADS = {
+    "pressure_cm = '0:25'\nrate = '5 mm'": "rate '5 mm' is none; write it like 1kPa/s or 5cm/s",
+    "pressure_cm = '0:25'\nrate = '-5 cm/s'": "must be above 0",
+    "pressure_cm = '0:25'\ncycles = 2": "--cycles needs the rate",
+    "pressure_cm = '0:25'\nrate = '5cm/s'\ncycles = 2.5": "whole number",
+    "pressure_cm = '0:25'\nhold = '-3 s'": "hold is -3 s; it must be 0 or more",
+    "pressure_cm = '0:25'\nhold = '3 mm'": "hold",
+    "cavity1.pressure_cm = [0, 10, 20]\ntime_s = [0, 5, 3]": "runs backwards",
+    "cavity1.pressure_cm = [0, 10, 20]\ntime_s = [0, 5]": "2 values but",
+    "cavity1.pressure_cm = [0, 10, 10]\ntime_s = [0, 5, 5]": "changes nothing",
+    "time_s = [0, 5]": "needs a series",
+}
+
+
+@pytest.mark.parametrize(("load", "sentence"), LOADS.items())
+def test_a_wrong_time_ends_with_status_2(load, sentence, run, tmp_path):
+    done = run(load + "\n")
+    assert done.status == 2 and sentence in done.err.replace("\n", " ") and "Traceback" not in done.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_wrong_calls_are_told():
+    with pytest.raises(CaseError, match="2 values but 3 times"):
+        sm.inflate(DISK, LAW, pressures=["1 kPa", "2 kPa"], times=[1, 2, 3])
+    with pytest.raises(CaseError, match="one of these"):
+        sm.inflate(DISK, LAW, times=[1, 2, 3])
+    with pytest.raises(MaterialError, match="no pairs"):
+        sm.Yeoh(14e3).with_memory(branches="1 s")
+    with pytest.raises(MaterialError, match="with_memory"):
+        dataclasses.replace(sm.Yeoh(14e3), memory=((0.2, 1.0),))
+
+
+def test_a_cycle_creeps_softens_and_keeps_a_rest(run, tmp_path):
+    done = run("pressure_cm = '0:25'\nrate = '5cm/s'\nhold = '10 s'\ncycles = 2\n")
+    assert done.status == 0, done.err
+    assert "  20 s" in done.err
+    table = {name: np.array([row[name] for row in runs.rows(tmp_path / "out")]) for name in runs.rows(tmp_path / "out")[0]}
+    time, rise, lost = table["time_s"], table["apex_mm"], table["dissipated_energy_mJ"]
+    assert (np.diff(time) > 0).all() and time[-1] == 40.0 and (np.diff(lost) > 0).all()
+    held = rise[(time >= 5) & (time <= 15)]
+    assert (np.diff(held) > 0).all() and 0.02 < held[-1] / held[0] - 1 < 0.2
+    asked = {t: rise[np.isclose(time, t)][0] for t in (5.0, 20.0, 25.0)}
+    assert asked[25.0] > 1.02 * asked[5.0]  # softer than in the first cycle
+    assert 0.02 < asked[20.0] / asked[5.0] < 0.2  # what is left after venting
+    P, V = table["pressure_Pa"], table["added_volume_ml"] * 1e-3
+    work = np.concatenate([[0.0], np.cumsum((P[1:] + P[:-1]) / 2 * np.diff(V))])
+    assert table["stored_energy_mJ"] + lost == pytest.approx(work, abs=6e-3 * work.max())
+
+
+def test_without_times_a_memory_does_not_act(run, tmp_path):
+    """The path is that of the law alone, and a sentence says so."""
+    done = run("pressure_cm = '0:25'\n")
+    assert done.status == 0 and "the load has no times" in done.err.replace("\n", " ")
+    elastic = sm.inflate(DISK, LAW.relaxed, pressures="0:25 cm")
+    assert runs.rows(tmp_path / "out")[-1]["apex_mm"] == pytest.approx(elastic.path["apex_mm"][-1], rel=1e-12)
+
+
+def test_a_resumed_run_remembers(run, tmp_path):
+    """A program that is continued by another step: the states of one that was never interrupted."""
+    pressures, times = [0, 25, 25, 5], [0, 5, 8, 9]
+    load = "cavity1.pressure_cm = {}\ntime_s = {}\n".format
+    assert run(load(pressures, times)).status == 0
+    whole = runs.rows(tmp_path / "out")
+    for file in sorted((tmp_path / "out").iterdir()):
+        file.unlink()
+    assert run(load(pressures[:3], times[:3])).status == 0
+    assert run(load(pressures, times), "--resume").status == 0
+    parts = runs.rows(tmp_path / "out")
+    assert len(parts) == len(whole)
+    for name in ("apex_mm", "time_s", "dissipated_energy_mJ", "max_von_mises_kPa"):
+        there, here = ([row[name] for row in rows] for rows in (whole, parts))
+        assert here == pytest.approx(there, rel=1e-6, abs=1e-9)
+
+
+def test_a_held_pressure_is_lost_at_a_time(tmp_path):
+    law, balloon = sm.NeoHookean(30e3, 0.5), sm.Balloon(neck_radius=0.0)
+    limit = sm.limit(balloon, law).pressure
+    creeping = law.with_memory(branches=[(0.5, "10 s")])
+    run = sm.inflate(balloon, creeping, pressures=[1.1 * limit], hold="5 min", folder=tmp_path / "out")
+    assert run.path["time_s"][-1] == pytest.approx(49.0, rel=0.02)
+    assert "crept so far that the device has no equilibrium" in run.limit.why
