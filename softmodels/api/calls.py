@@ -44,7 +44,7 @@ from softmodels.path.program import Program
 from softmodels.path.time_steps import TOLERANCE
 from softmodels.path.supply import AirSupply
 from softmodels.runs.columns import state_labels
-from softmodels.runs.limits import Limit, find_limit
+from softmodels.runs.limits import Limit, check_hold, find_limit
 from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, RunError, UnwrittenError
@@ -322,6 +322,7 @@ def limit(
     formulation: str = "mixed",
     components: Component | Sequence[Component] = (),
     solver: str = "auto",
+    hold: float | str = 0.0,
 ) -> Limit:
     """Find how far a device can be inflated: its first limit point or bifurcation, and the place of the largest stretch there.
 
@@ -329,6 +330,7 @@ def limit(
         device: The device.
         material: Its silicone, or the name of one.
         formulation, components, solver: As of a `Case`.
+        hold: How long the pressure must be borne by a silicone with a memory, in s or a text such as ``"5 min"``; 0 for ever.
 
     Raises:
         CaseError: Invalid input.
@@ -338,9 +340,10 @@ def limit(
     # A case with a dummy load, so that the input is checked as for any case.
     how = {"components": components, "formulation": formulation, "solver": solver}
     case = Case("limit", device, material, pressures_cm=(1.0,), **how)  # type: ignore[arg-type]
+    seconds = check_hold(hold, [case.material])
     comm = start()
     with sentences():
-        return find_limit(case, [case.material], comm)[0]
+        return find_limit(case, [case.material], comm, seconds)[0]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

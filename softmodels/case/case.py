@@ -454,16 +454,15 @@ class Case:
         """Whether the load has times, so that silicone with a memory creeps."""
         return timed(self.program)
 
-    @property
-    def at_rest(self) -> Case:
-        """The case with every silicone as it is after a long time, if the load has no times: then nothing creeps."""
+    def acting(self, material: Material, components: Sequence[Component]) -> tuple[Material, tuple[Component, ...]]:
+        """Return a material and components as this case's load has them act: without times every silicone is what it is after
+        a long time."""
         if self.timed:
-            return self
-        parts = tuple(
+            return material, tuple(components)
+        return material.relaxed, tuple(
             dataclasses.replace(part, material=part.material.relaxed) if isinstance(part, RegionPart) else part
-            for part in self.components
+            for part in components
         )
-        return dataclasses.replace(self, material=self.material.relaxed, components=parts)
 
     @property
     def remembers(self) -> bool:

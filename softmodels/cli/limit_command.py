@@ -71,6 +71,7 @@ from softmodels.runs.limits import (
     Limit,
     Tolerance,
     band_texts,
+    check_hold,
     check_varied,
     find_limit,
     samples,
@@ -128,6 +129,7 @@ def row_of(name: str, found: Limit, column: LimitColumn) -> Row:
         "added_volume_ml": found.added_volume * 1e6, **{f"{k}_mm": v * 1e3 for k, v in found.rises.items()},
         "max_stretch": found.stretch, **{f"{axis}_mm": x * 1e3 for axis, x in zip("xyz", found.place, strict=True)},
     }  # fmt: skip
+    row |= {"hold_s": found.held} if found.held else {}
     return row if column.working is None else {**row, "margin": found.pressure / column.cm / column.working}
 
 
@@ -144,6 +146,8 @@ def sentence(name: str, found: Limit, column: LimitColumn) -> str:
         "none": f"no limit up to a stretch of {LARGEST_STRETCH:g}, reached at {at}: {state}",
         "lost": f"no limit up to {at}, where the path was lost ({found.why}): {state}",
     }[found.kind]
+    if found.held:
+        what = f"{at} is borne for {found.held:g} s, and then: {state}"
     text = f"{name}: {what}"
     if column.working is not None:
         margin = found.pressure / column.cm / column.working
@@ -233,6 +237,7 @@ class LimitArguments:
     count: int | None
     normal: bool
     working_pressure: str | None
+    hold: float | None
     water_density: float | None
     output: Path | None
 
@@ -248,6 +253,7 @@ class LimitRequest:
         count: Devices within them.
         normal: Whether the tolerances are two standard deviations.
         column: Unit of the pressures.
+        hold: Time in s for which they must be borne; 0 for ever.
     """
 
     case: Case
@@ -256,6 +262,7 @@ class LimitRequest:
     count: int
     normal: bool
     column: LimitColumn
+    hold: float
 
     @classmethod
     def from_options(cls, kind: type[Actuator], given: LimitArguments, values: Mapping[str, object]) -> LimitRequest:
@@ -277,10 +284,13 @@ class LimitRequest:
         tolerances = [Tolerance.parse(text, type(device)) for text in given.vary]
         if not tolerances and (given.normal or given.count is not None):
             raise CaseError("--samples and --normal need a tolerance; give one with --vary")
+        hold = check_hold(given.hold or 0.0, list(materials.values()))
+        if hold and tolerances:
+            raise CaseError("--hold and --vary cannot be combined; leave out one of them")
         around = _as_asked(case, device, materials, given.water_density)
         count = given.count or SAMPLES
         working = _working_cm(given.working_pressure, around.cm)
-        return cls(around, materials, tolerances, count, given.normal, LimitColumn(around.cm, working))
+        return cls(around, materials, tolerances, count, given.normal, LimitColumn(around.cm, working), hold)
 
 
 def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
@@ -317,6 +327,7 @@ def limit(kind: type[Actuator], **values: object) -> None:
       softmodels limit results/disk/case.toml
       softmodels limit --variant shadow --material ecoflex-00-30 --material dragon-skin-20 --working-pressure 20cm
       softmodels limit --device Balloon --wall 1.5mm --material ecoflex-00-30
+      softmodels limit --device Balloon --material memory.toml --hold 60s
       softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary offset=0mm+-0.2mm
       softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
     """
@@ -374,7 +385,7 @@ def _answered(
     case, sampled = question.case, list[Sampled]()
     try:
         check_varied(case.actuator, question.tolerances, comm)
-        limits = find_limit(case, list(materials.values()), comm)
+        limits = find_limit(case, list(materials.values()), comm, question.hold)
         if question.tolerances:
             values = samples(question.tolerances, question.count, question.normal)
             first = next(iter(materials.values()))
@@ -486,6 +497,8 @@ def _command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] = click
                         "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); may be "
                         "repeated.")(made)  # fmt: skip
     text = "Working pressure, for the margin: cm of water (20), or with a unit (2kPa)."
+    made = click.option("--hold", type=QuantityType("s"), help="Time for which the pressure, applied at once, must be borne by "
+                        "a silicone with a memory; default: for ever.")(made)  # fmt: skip
     made = click.option("--working-pressure", metavar="PRESSURE", help=text)(made)
     if cls is not click.Command:
         text = f"A device, with options of its own: {', '.join(ACTUATORS)}.  [default: {kind.__name__}]"

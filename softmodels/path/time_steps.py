@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.points import PathEnd, Point, Pressure
 
@@ -28,8 +29,8 @@ SAFETY, SHORTER, LONGER = 0.8, 0.2, 2.5
 LOCATED = 1e-3
 """Error of the time at which an equilibrium is lost, over the time since the stage began; `FIRST` of the stage at least."""
 FIRST = 1e-5
-SOFT = 10.0
-"""Growth of dV/dP over its least value from which on a step that fails is the loss of the equilibrium."""
+GROWTH, MOST_GROWTH = 1e-3, 1.0
+"""First and last volume, over the cavity's, that a lost equilibrium is looked for at beyond its last state."""
 
 
 class LostInTime(PathEnd):
@@ -92,7 +93,7 @@ def march(path: Continuation, rise: float, duration: float, tolerance: float = T
             potential.forget(since)
             step, shrunk = step / 2, True
             if step < max(LOCATED * time, FIRST * duration):
-                if by_pressure and _softened(last):
+                if by_pressure and _none(path, begin + rise * share, 2 * step):
                     raise LostInTime(time, dataclasses.replace(last, limit=True)) from failure
                 raise PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})") from failure
             continue
@@ -107,9 +108,26 @@ def _change(error: float, tolerance: float) -> float:
     return LONGER if error == 0.0 else min(LONGER, max(SHORTER, SAFETY * math.sqrt(tolerance / error)))
 
 
-def _softened(point: Point) -> bool:
-    """Return whether a device is about to lose its equilibrium: its volume hardly resists."""
-    return abs(point.tangent.compliance) > SOFT * point.stiffest
+def _none(path: Continuation, pressure: float, step: float) -> bool:
+    """Return whether there is no equilibrium at a pressure at the end of a step: at growing volumes the pressure that belongs to
+    them has a maximum below it."""
+    potential, solver, last = path.solver.system.potential, path.solver, path.last.state
+    since = potential.remembered()
+    potential.pass_time(step)
+    state, growth = last, GROWTH
+    try:
+        while growth < MOST_GROWTH:
+            found = solver.solve(volume_control(last.V * (1.0 + growth)), state.w, state.P)
+            if found.P >= pressure:
+                return False
+            if found.P < state.P and state is not last:
+                return True
+            state, growth = found, 1.5 * growth
+    except NoConvergence:
+        pass
+    finally:
+        potential.forget(since)
+    return False
 
 
 def _solved(

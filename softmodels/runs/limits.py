@@ -20,6 +20,7 @@ from geometries.options import flag
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import STIFFNESS_RANGE
+from softmodels.common.errors import FieldError
 from softmodels.common.schema import (
     Length,
     Quantity,
@@ -45,10 +46,12 @@ from softmodels.materials.silicones import (
 )
 from softmodels.mechanics.mpi import on_root
 from softmodels.runs.model import Model, meshed
+from softmodels.runs.outcomes import RunError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from softmodels.mechanics.body import Body
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
     from softmodels.runs.fields import Fields
@@ -74,6 +77,7 @@ class Limit:
         stretch: Largest principal stretch.
         place: Undeformed device coordinates in m of the integration point with the largest stretch.
         why: What ended a lost path, or a limit that is not a maximum of only the pressure; else empty.
+        held: Time in s for which the pressure is borne; 0 for ever.
     """
 
     kind: str
@@ -83,19 +87,21 @@ class Limit:
     stretch: float
     place: tuple[float, float, float]
     why: str = ""
+    held: float = 0.0
 
     @property
     def found(self) -> bool:
         return self.kind in ("limit", "bifurcation")
 
 
-def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm) -> list[Limit]:
+def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: float = 0.0) -> list[Limit]:
     """Find the limits of one device in several materials, on one mesh.
 
     Args:
         case: The device, what is around it, and how its equations are solved; its load and material are not looked at.
         materials: The silicones.
         comm: MPI communicator.
+        hold: Time in s for which the pressure must be borne by silicones with a memory; 0 for ever.
 
     Raises:
         MeshingError, RunError, MaterialError, ComponentError, ComponentError: As for a run.
@@ -108,12 +114,76 @@ def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm) -> lis
             key = (type(material), len(getattr(material, "mu", ())), own)
             if key not in known:
                 known[key] = Model.of(case, body, material, own)
-            known[key].system.set_material(material)
-            found.append(_search(known[key]))
+            known[key].system.set_material(material.relaxed)
+            limit = _search(known[key])
+            if hold and material.memory is not None and limit.kind == "limit" and not limit.why:
+                limit = _held(case, body, material, limit, hold)
+            found.append(limit)
     finally:
         for model in known.values():
             model.release()
     return found
+
+
+def check_hold(hold: object, materials: Sequence[Material]) -> float:
+    """Return a time in s for which pressures must be borne.
+
+    Raises:
+        CaseError: No such time, or a silicone that does not creep.
+    """
+    try:
+        seconds = Quantity("s").settled("hold", hold)
+    except FieldError as error:
+        raise CaseError(str(error)) from None
+    if seconds < 0.0:
+        raise CaseError(f"hold is {seconds:g} s; it must be 0 or more")
+    if seconds and (elastic := next((one for one in materials if one.memory is None), None)):
+        raise CaseError(
+            f"hold is {seconds:g} s, but {elastic.title or elastic.name} has no memory: it bears for ever what it bears at "
+            "once; give it one ([material.memory], with_memory), or leave out the hold"
+        )
+    return seconds
+
+
+HELD_WITHIN = 1e-3
+"""Relative error of a pressure that is borne for a time."""
+
+
+def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: float) -> Limit:
+    """Return the largest pressure that is applied at once and borne for a time, by bisection between the limits of the relaxed
+    silicone and of one that does not creep at all."""
+    from softmodels.path.points import PathEnd
+    from softmodels.path.program import TIME_KEY, from_tables
+    from softmodels.path.schedule import follow
+    from softmodels.path.time_steps import LostInTime
+
+    load = {"pressures_cm": (1.0,), "hold": hold}
+    asked = dataclasses.replace(case, material=material, components=weighed(case.components, material), **load)  # type: ignore[arg-type]
+    model = Model.of(asked, body)
+    try:
+        potential, rest = model.system.potential, model.system.rest()
+        hung = model.preload()
+        best, low, high = relaxed, relaxed.pressure, _search(model).pressure
+        while high > low * (1 + HELD_WITHIN):
+            tried = (low * high) ** 0.5
+            series = {
+                f"cavity{i}": {"pressure_cm": [tried * ratio / case.cm] * 2} for i, ratio in enumerate(case.actuator.ratios, 1)
+            }
+            potential.keep(rest.w, anew=True)
+            try:
+                for _, point in follow(
+                    model.solver, from_tables({**series, TIME_KEY: [0.0, hold]}), case.cm, "auto", lambda text: None, hung=hung
+                ):
+                    last = point
+            except PathEnd as end:
+                if not isinstance(end, LostInTime):
+                    raise RunError(f"{tried / case.cm:.4g} cm could not be followed for {hold:g} s: {end}") from end
+                high = tried
+                continue
+            low, best = tried, _limit_of(model.fields, last, "limit")
+        return dataclasses.replace(best, pressure=low, held=hold)
+    finally:
+        model.release()
 
 
 def _search(model: Model) -> Limit:
@@ -137,7 +207,11 @@ def _search(model: Model) -> Limit:
         if isinstance(end, PathEnd) and end.cause:
             kind, why = "lost" if end.cause.of_mesh else "limit", end.cause.clause
     assert last is not None  # the state at rest always exists
-    figures = fields.figures(last.state)
+    return _limit_of(fields, last, kind, why)
+
+
+def _limit_of(fields: Fields, point: Point, kind: str, why: str = "") -> Limit:
+    figures = fields.figures(point.state)
     return Limit(
         kind, figures.pressure, figures.added_volume, dict(figures.rises), figures.max_stretch,
         figures.max_stretch_at, why,

@@ -119,7 +119,6 @@ class Model:
         )  # fmt: skip
         comm = start()
         with sentences():
-            case = case.at_rest
             self._make(case, meshed(device, comm), case.material, case.components)
 
     @classmethod
@@ -131,7 +130,6 @@ class Model:
         Raises:
             RunError: Nothing can be compiled.
         """
-        case = case.at_rest
         made = cls.__new__(cls)
         made._make(case, body, material or case.material, case.components if components is None else components)
         return made
@@ -143,6 +141,7 @@ class Model:
         from softmodels.runs.fields import Fields
 
         self.case, self.body = case, body
+        material, components = case.acting(material, components)
         try:
             with compiling():
                 self.system = System(body, material, case.formulation, components)

@@ -161,3 +161,28 @@ def test_a_held_pressure_is_lost_at_a_time(tmp_path):
     run = sm.inflate(balloon, creeping, pressures=[1.1 * limit], hold="5 min", folder=tmp_path / "out")
     assert run.path["time_s"][-1] == pytest.approx(49.0, rel=0.02)
     assert "crept so far that the device has no equilibrium" in run.limit.why
+
+
+def test_the_pressure_that_is_borne_for_a_time(figure):
+    """A thin sphere with a branch of half its modulus: lost after 4.9 and 2.162 times tau at 1.1 and 1.2 times its relaxed limit."""
+    law, balloon = sm.NeoHookean(30e3, 0.5), sm.Balloon(neck_radius=0.0, wall="0.2 mm")
+    creeping = law.with_memory(branches=[(0.5, "10 s")])
+    relaxed = sm.limit(balloon, creeping)
+    assert relaxed.pressure == sm.limit(balloon, law).pressure and not relaxed.held
+    for seconds, over in ((49.0, 1.1), (21.62, 1.2)):
+        found = sm.limit(balloon, creeping, hold=seconds)
+        assert found.kind == "limit" and found.held == seconds and found.stretch > relaxed.stretch
+        figure("a thin sphere that creeps", f"pressure borne for {seconds:g} s", found.pressure / relaxed.pressure / over - 1, 3e-3)
+    with pytest.raises(CaseError, match="has no memory"):
+        sm.limit(balloon, law, hold=3)
+    with pytest.raises(CaseError, match="0 or more"):
+        sm.limit(balloon, creeping, hold="-3 s")
+
+
+def test_the_command_tells_what_is_borne(tmp_path):
+    (tmp_path / "memory.toml").write_text(CASE[CASE.index("[material]") : CASE.index("[load]")])
+    words = ("-m", "softmodels", "limit", "--device", "Balloon", "--material", tmp_path / "memory.toml")
+    done = runs.run(*words, "--hold", "60s", "--output", tmp_path / "out")
+    assert done.status == 0 and "is borne for 60 s, and then" in done.out
+    assert runs.run(*words, "--hold", "60s", "--vary", "wall=2mm+-0.1mm").status == 2
+    assert runs.run(*words[:5], "--hold", "60s").status == 2
