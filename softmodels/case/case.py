@@ -88,8 +88,8 @@ from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.solver import METHODS
 from softmodels.path import program as programs
 from softmodels.path.program import LOAD_KEYS, TIME_KEY, Program, Series, timed
-from softmodels.path.time_steps import TOLERANCE
 from softmodels.path.supply import AirSupply
+from softmodels.path.time_steps import TOLERANCE
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Entries of a case with their own tables: name, device, material, programs and gauges.
@@ -369,7 +369,12 @@ class Case:
         "are applied at once", "", hidden=True, metavar="RATE",
     )  # fmt: skip
     hold: float = _value(
-        "load", "hold", Quantity("s"), "time for which the last pressure or volume is held, such as 60s", 0.0, hidden=True
+        "load",
+        "hold",
+        Quantity("s"),
+        "time for which the last pressure or volume is held, such as 60s",
+        0.0,
+        hidden=True,
     )
     cycles: float = _value(
         "load", "cycles", Quantity(), "number of times the pressure or volume goes up, and down to 0 again, at the rate", 0.0,
@@ -424,7 +429,9 @@ class Case:
     def _take_times(self) -> None:
         """Make a program of pressures or volumes with a rate, a hold or cycles."""
         if not 0.0 < self.time_tolerance < 1.0:
-            raise CaseError(f"time_tolerance is {self.time_tolerance:g}; it must be between 0 and 1, such as {TOLERANCE:g}")
+            raise CaseError(
+                f"time_tolerance is {self.time_tolerance:g}; it must be between 0 and 1, such as {TOLERANCE:g}"
+            )
         if not (self.rate or self.hold or self.cycles):
             return
         made = in_time(self.load, self.rate, self.hold, self.cycles, len(self.actuator.ratios))

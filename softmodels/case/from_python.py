@@ -169,9 +169,7 @@ def _scaled(number: str, what: str) -> float:
         raise CaseError(f"{what} {brief(number)}: {error}") from None
 
 
-def in_unit(
-    unit: str, values: Values | None, what: str, pascal_in_cm: float, falls: bool = False
-) -> tuple[float, ...]:
+def in_unit(unit: str, values: Values | None, what: str, pascal_in_cm: float, falls: bool = False) -> tuple[float, ...]:
     """Return the requested values in cm of the column or in ml, as a case has them; a list may fall if ``falls``.
 
     Raises:

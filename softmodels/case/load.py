@@ -394,8 +394,11 @@ class Load:
         Raises:
             CaseError: The value is out of range for the material or the cavity.
         """
-        given = {is_volume: [v for one in programs.drivers(self.program) if one.is_volume == is_volume and not one.target for v in one.values]
-                 for is_volume in (False, True)}  # fmt: skip
+        of_cavities = [one for one in self.program if not one.target]
+        given = {
+            is_volume: [v for one in of_cavities if one.is_volume == is_volume for v in one.values]
+            for is_volume in (False, True)
+        }
         kept = self.driven.at_pressure_cm if self.driven else 0.0
         highest = max([*self.pressures_cm, *given[False]], default=kept)
         if (most := highest * self.cm) > STIFFNESS_RANGE * shear_modulus:

@@ -197,7 +197,10 @@ def from_table(table: Mapping[str, object]) -> Material:
     if not isinstance(name, str) or name not in LAWS:
         raise MaterialError(f"law {name!r} is unknown; {known_are(name, LAWS)}")
     law = LAWS[name]
-    further: dict[str, Any] = {FITTED: _range(name, values.pop(FITTED, None)), MEMORY: _memory(name, values.pop(MEMORY, None))}
+    further: dict[str, Any] = {
+        FITTED: _range(name, values.pop(FITTED, None)),
+        MEMORY: _memory(name, values.pop(MEMORY, None)),
+    }
     fields = {field.name: field for field in parameter_fields(law)}
     convention = values.pop(CONVENTION, law.conventions[0]) if law.conventions else ""
     if not isinstance(convention, str) or (convention and convention not in law.conventions):

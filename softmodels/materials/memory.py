@@ -22,7 +22,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -99,14 +99,18 @@ class Memory:
             raise FieldError(f"branches {brief(branches)} are no pairs of share and time, such as [[0.2, '1 s']]")
         found = cls(tuple(_branch(one) for one in branches), None if softening is None else _softening(softening))
         if not (found.branches or found.softening):
-            raise FieldError("the memory has neither branches nor softening; give branches = [[0.2, '1 s']], or leave it out")
+            raise FieldError(
+                "the memory has neither branches nor softening; give branches = [[0.2, '1 s']], or leave it out"
+            )
         return found
 
     @classmethod
     def from_table(cls, table: object) -> Memory:
         """Return the memory of a ``[material.memory]`` table; see `of`."""
         if not isinstance(table, Mapping):
-            raise FieldError(f"memory {brief(table)} is no table; write [material.memory] with branches = [[0.2, '1 s']]")
+            raise FieldError(
+                f"memory {brief(table)} is no table; write [material.memory] with branches = [[0.2, '1 s']]"
+            )
         if unknown := set(table) - {"branches", "softening"}:
             raise FieldError(f"memory has an unknown entry {min(map(str, unknown))!r}; known are branches, softening")
         return cls.of(**table)
@@ -146,7 +150,9 @@ def _softening(given: object) -> Softening:
     if isinstance(given, Softening):
         given = [value for value in dataclasses.astuple(given) if math.isfinite(value)]
     if isinstance(given, str) or not isinstance(given, Sequence) or not 3 <= len(given) <= 4:
-        raise FieldError(f"softening {brief(given)} is not r, m, beta and perhaps a recovery time, such as [1.6, '2 kPa', 0.1]")
+        raise FieldError(
+            f"softening {brief(given)} is not r, m, beta and perhaps a recovery time, such as [1.6, '2 kPa', 0.1]"
+        )
     r, beta = (Quantity().settled(f"softening {name}", given[at]) for name, at in (("r", 0), ("beta", 2)))
     m = Quantity("Pa").settled("softening m", given[1])
     recovery = SECONDS.settled("recovery time", given[3]) if len(given) == 4 else math.inf
@@ -308,7 +314,7 @@ def _entry(A: Six, i: int, j: int) -> Expression:
     return A[i] if i == j else A[2 + i + j]
 
 
-def softened(W: Expression, Wm: Expression, values: Softening | object, of: Functions) -> Expression:
+def softened(W: Expression, Wm: Expression, values: Any, of: Functions) -> Expression:
     """Return the softened energy, whose derivative by W is the share of the stress that is left.
 
     Args:
@@ -317,9 +323,9 @@ def softened(W: Expression, Wm: Expression, values: Softening | object, of: Func
         values: `Softening`, or its constants by the same names.
         of: Functions of the arguments' kind.
     """
-    s = values.m + values.beta * Wm  # type: ignore[attr-defined]
+    s = values.m + values.beta * Wm
     y = (Wm - W) / s
-    psi = W + s / values.r * (y * of.erf(y) + (of.exp(-(y**2)) - 1) / math.sqrt(math.pi))  # type: ignore[attr-defined]
+    psi = W + s / values.r * (y * of.erf(y) + (of.exp(-(y**2)) - 1) / math.sqrt(math.pi))
     return of.below(W, Wm, psi, W)
 
 

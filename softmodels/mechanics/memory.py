@@ -159,7 +159,11 @@ class History:
             self.moduli.value = [one.share * material.shear_modulus_0 / mu for one in found.branches]
         if found.softening is not None:
             soft = self.softening
-            soft.r.value, soft.m.value, soft.beta.value = found.softening.r, found.softening.m / mu, found.softening.beta
+            soft.r.value, soft.m.value, soft.beta.value = (
+                found.softening.r,
+                found.softening.m / mu,
+                found.softening.beta,
+            )
             soft.recovery.value = found.softening.recovery if math.isfinite(found.softening.recovery) else 1.0
 
     # -- what is remembered -------------------------------------------------------------------------------------------

@@ -107,7 +107,9 @@ class Potential:
         remembered = {history.region.name: history for history in self.histories}
         densities, free = (
             [
-                self.density(region.material, region.parameters, region.bulk, getattr(remembered.get(region.name), what, None))
+                self.density(
+                    region.material, region.parameters, region.bulk, getattr(remembered.get(region.name), what, None)
+                )
                 for region in self.regions
             ]
             for what in ("density", "free")
@@ -158,9 +160,7 @@ class Potential:
         before = self._vector_part(self._before)
         return [History(self.body, region, self.displacement, before, self.step) for region in found]
 
-    def density(
-        self, law: Material, parameters: types.SimpleNamespace, bulk: Expr, shape: Expr | None = None
-    ) -> Expr:
+    def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr, shape: Expr | None = None) -> Expr:
         """Return a law's energy per reference volume, of anything that carries its parameters by name; or with another energy
         of the change of shape."""
         import ufl

@@ -117,7 +117,9 @@ def from_tables(tables: Mapping[str, object]) -> Program:
     for target, table in loads.items():
         given[target] = dataclasses.replace(_series(target, table, LOAD_KEYS[target.partition(".")[0]]), target=target)
     if times is not None:
-        given[TIME] = dataclasses.replace(_series(TIME, {TIME_KEY: times}, {TIME_KEY: EVERY_KEY[TIME_KEY]}), target=TIME)
+        given[TIME] = dataclasses.replace(
+            _series(TIME, {TIME_KEY: times}, {TIME_KEY: EVERY_KEY[TIME_KEY]}), target=TIME
+        )
     count = max(len(series.values) for series in given.values())
     if count > MOST_STEPS:
         raise ProgramError(f"the program has {count} steps; at most {MOST_STEPS} are allowed")
@@ -185,9 +187,13 @@ def _check_steps(program: Program) -> None:
         raise ProgramError("the program contains only zeros; add a value above 0")
     times = times_of(program)
     if times is not None and (times[0] < 0.0 or (np.diff(times) < 0.0).any()):
-        raise ProgramError(f"{TIME_KEY} {brief(times.tolist())} runs backwards; give times from 0 on, none before the last one")
+        raise ProgramError(
+            f"{TIME_KEY} {brief(times.tolist())} runs backwards; give times from 0 on, none before the last one"
+        )
     for number, change in enumerate(changes(program), 1 - int(begins_at_rest(program))):
-        kinds = {series.is_volume for series, step in zip(program, change, strict=True) if step and series.target != TIME}
+        kinds = {
+            series.is_volume for series, step in zip(program, change, strict=True) if step and series.target != TIME
+        }
         if not change.any() and number > 0:
             raise ProgramError(f"step {number} of the program changes nothing; leave it out, or give other values")
         if len(kinds) == 2:

@@ -257,7 +257,9 @@ def follow(
     before = hung.drives.copy()
     before[held] = (hung.driven - rest)[held]
     values[:, held] = np.where(values[:, held] == 0.0, before[held], values[:, held])
-    durations = [time_at(program, k) - time_at(program, k - 1) for k in range(1, len(values) + 1)] if timed(program) else []
+    durations = (
+        [time_at(program, k) - time_at(program, k - 1) for k in range(1, len(values) + 1)] if timed(program) else []
+    )
     changed = np.ones(len(before))  # a hold before anything changes
     for number, row in enumerate(values[first:], 1):
         last, changed = changed, row - before if (row != before).any() else changed

@@ -46,7 +46,9 @@ class LostInTime(PathEnd):
         self.time = time
 
 
-def march(path: Continuation, rise: float, duration: float, tolerance: float = TOLERANCE) -> Iterator[tuple[float, Point]]:
+def march(
+    path: Continuation, rise: float, duration: float, tolerance: float = TOLERANCE
+) -> Iterator[tuple[float, Point]]:
     """Follow a device through one stage.
 
     Args:
@@ -109,8 +111,8 @@ def _change(error: float, tolerance: float) -> float:
 
 
 def _none(path: Continuation, pressure: float, step: float) -> bool:
-    """Return whether there is no equilibrium at a pressure at the end of a step: at growing volumes the pressure that belongs to
-    them has a maximum below it."""
+    """Return whether there is no equilibrium at a pressure at the end of a step: over growing volumes the pressure of the
+    equilibria has a maximum below it."""
     potential, solver, last = path.solver.system.potential, path.solver, path.last.state
     since = potential.remembered()
     potential.pass_time(step)
@@ -118,7 +120,7 @@ def _none(path: Continuation, pressure: float, step: float) -> bool:
     try:
         while growth < MOST_GROWTH:
             found = solver.solve(volume_control(last.V * (1.0 + growth)), state.w, state.P)
-            if found.P >= pressure:
+            if pressure <= found.P:
                 return False
             if found.P < state.P and state is not last:
                 return True
@@ -130,9 +132,7 @@ def _none(path: Continuation, pressure: float, step: float) -> bool:
     return False
 
 
-def _solved(
-    path: Continuation, value: float, rise: float, step: float, earlier: tuple[float, State] | None
-) -> State:
+def _solved(path: Continuation, value: float, rise: float, step: float, earlier: tuple[float, State] | None) -> State:
     """Return the state at a value and the end of a step, guessed along the last step, or else the tangent."""
     last, corrector = path.last, path.corrector
     line, w, P = path.requested.curve(value), last.state.w, last.state.P

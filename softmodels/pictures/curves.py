@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import re
 import textwrap
@@ -33,7 +32,7 @@ from softmodels.pictures.style import (
 from softmodels.runs.band import SourceRows, key_of
 from softmodels.runs.columns import StateLabels, load_columns, term
 from softmodels.runs.grid import parabolas
-from softmodels.runs.notes import jumped_over
+from softmodels.runs.notes import cycles, jumped_over
 from softmodels.runs.row import Row, at_rise, split
 
 if TYPE_CHECKING:
@@ -296,34 +295,6 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
     return figure
 
 
-@dataclasses.dataclass(frozen=True)
-class Cycle:
-    """A cycle of a run in time: from one state without pressure to the next.
-
-    Attributes:
-        rows: Its rows of ``path.csv``.
-        work: What the air does on the way up, in mJ.
-        lost: What it does not get back: the area of the loop, in mJ.
-    """
-
-    rows: Sequence[Row]
-    work: float
-    lost: float
-
-
-def cycles(rows: Sequence[Row]) -> list[Cycle]:
-    """Return the cycles of one cavity in time, an unfinished one among them; none where nothing inflates it."""
-    ends = [0, *(i for i, row in enumerate(rows) if i and row["requested"] and not row["pressure_Pa"]), len(rows) - 1]
-    found = []
-    for first, last in itertools.pairwise(dict.fromkeys(ends)):
-        part = rows[first : last + 1]
-        P, V = (np.array([row[name] for row in part]) for name in ("pressure_Pa", "added_volume_ml"))
-        steps = (P[1:] + P[:-1]) / 2 * np.diff(V) * 1e-3
-        if P.any():
-            found.append(Cycle(part, float(np.maximum(steps, 0.0).sum()), float(steps.sum())))
-    return found
-
-
 def loop(rows: Sequence[Row], words: StateLabels) -> Figure:
     """Plot the pressure over the added volume and over the gauge's rise in each cycle, with the areas of the loops.
 
@@ -335,10 +306,8 @@ def loop(rows: Sequence[Row], words: StateLabels) -> Figure:
     figure = Figure((WIDTH, 5.4), dpi=DPI, layout="constrained")
     places = figure.subplots(1, 2, sharey=True)
     shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, len(found))) if len(found) > 1 else [CURVE]
-    for number, (cycle, colour) in enumerate(zip(found, shades, strict=True), 1):
-        closed = not cycle.rows[-1]["pressure_Pa"]
-        share = f", {cycle.lost / cycle.work:.1%} of the work" if cycle.work else ""
-        label = f"cycle {number}: loses {cycle.lost:.3g} mJ{share}" if closed else f"cycle {number}, not closed"
+    for count, (cycle, colour) in enumerate(zip(found, shades, strict=True), 1):
+        label = f"cycle {count}: loses {cycle.loss}" if cycle.closed else f"cycle {count}, not closed"
         for axes, name in zip(places, ("added_volume_ml", f"{words.gauge}_mm"), strict=True):
             x, y = ([row[column] for row in cycle.rows] for column in (name, PRESSURE[0]))
             axes.plot(x, y, "o-", color=colour, markersize=3.0, label=label)

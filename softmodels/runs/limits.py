@@ -167,12 +167,18 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
         while high > low * (1 + HELD_WITHIN):
             tried = (low * high) ** 0.5
             series = {
-                f"cavity{i}": {"pressure_cm": [tried * ratio / case.cm] * 2} for i, ratio in enumerate(case.actuator.ratios, 1)
+                f"cavity{i}": {"pressure_cm": [tried * ratio / case.cm] * 2}
+                for i, ratio in enumerate(case.actuator.ratios, 1)
             }
             potential.keep(rest.w, anew=True)
             try:
                 for _, point in follow(
-                    model.solver, from_tables({**series, TIME_KEY: [0.0, hold]}), case.cm, "auto", lambda text: None, hung=hung
+                    model.solver,
+                    from_tables({**series, TIME_KEY: [0.0, hold]}),
+                    case.cm,
+                    "auto",
+                    lambda text: None,
+                    hung=hung,
                 ):
                     last = point
             except PathEnd as end:

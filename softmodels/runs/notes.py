@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
 import math
 from collections.abc import (
@@ -14,6 +15,8 @@ from collections.abc import (
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from geometries import Actuator
 from softmodels.case.case import Case
@@ -87,7 +90,83 @@ def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxy
         *depth_notes(case, rows),
         *place_notes(case, rows),
         *band_notes(rows),
+        *time_notes(case, rows),
     ]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Loads in time: what a silicone with a memory loses, creeps and keeps.
+
+
+@dataclasses.dataclass(frozen=True)
+class Cycle:
+    """A cycle of a run in time: from one state without pressure to the next.
+
+    Attributes:
+        rows: Its rows of ``path.csv``.
+        work: What the air does on the way up, in mJ.
+        lost: What it does not get back: the area of the loop, in mJ.
+    """
+
+    rows: Sequence[Row]
+    work: float
+    lost: float
+
+    @property
+    def closed(self) -> bool:
+        return not self.rows[-1]["pressure_Pa"]
+
+    @property
+    def loss(self) -> str:
+        """What it loses, in words."""
+        return f"{self.lost:.3g} mJ, {self.lost / self.work:.1%} of the work"
+
+
+def cycles(rows: Sequence[Row]) -> list[Cycle]:
+    """Return the cycles of one cavity in time, an unfinished one among them; none where nothing inflates it."""
+    ends = [0, *(i for i, row in enumerate(rows) if i and row["requested"] and not row["pressure_Pa"]), len(rows) - 1]
+    found = []
+    for first, last in itertools.pairwise(dict.fromkeys(ends)):
+        part = rows[first : last + 1]
+        P, V = (np.array([row[name] for row in part]) for name in ("pressure_Pa", "added_volume_ml"))
+        steps = (P[1:] + P[:-1]) / 2 * np.diff(V) * 1e-3
+        if P.any():
+            found.append(Cycle(part, float(np.maximum(steps, 0.0).sum()), float(steps.sum())))
+    return found
+
+
+def time_notes(case: Case, rows: Sequence[Row]) -> list[str]:
+    """Return sentences on the last cycle of a load in time, or on times and memories that do nothing without each other."""
+    if case.remembers and not case.timed:
+        return [
+            "the silicone has a memory, but the load has no times: every state is that after a long time; add --rate or --hold "
+            "for what happens before"
+        ]
+    if not case.timed or not case.remembers:
+        return [
+            "the load has times, but the silicone has no memory ([material.memory]): they change nothing"
+        ] * case.timed
+    found, gauge = cycles(rows), f"{case.actuator.gauge}_mm"
+    told = []
+    if found and found[-1].closed and found[-1].work:
+        cycle, most = found[-1], max((abs(row[gauge]) for row in found[-1].rows), default=0.0)
+        rest = f"; {abs(cycle.rows[-1][gauge]) / most:.1%} of the {case.actuator.gauge}'s rise are left" if most else ""
+        told.append(f"cycle {len(found)} loses {cycle.loss}{rest}")
+    for first, last in _holds(rows):
+        if first[gauge] and last[gauge]:
+            seconds, of = last["time_s"] - first["time_s"], f"the {case.actuator.gauge} creeps"
+            told.append(
+                f"held at {first['pressure_cm']:.4g} cm for {seconds:.4g} s, {of} from {first[gauge]:+.4g} to {last[gauge]:+.4g} "
+                f"mm ({last[gauge] / first[gauge] - 1:+.1%})"
+            )
+    return told[:1] + told[-1:] if len(told) > 1 else told
+
+
+def _holds(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
+    """Return the ends of the times at which the pressure of one cavity is held above zero."""
+    asked = [row for row in rows if row["requested"]] + list(rows[-1:])
+    pairs = itertools.pairwise(asked)
+    return [(a, b) for a, b in pairs if 0.0 < a["pressure_Pa"] == b["pressure_Pa"] and b["time_s"] > a["time_s"]]
 
 
 def typed_notes(case: Case) -> list[str]:
@@ -554,8 +633,8 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
     if isinstance(end, LostInTime):
         time = time_at(case.program, come)
         return (
-            f"{asked} was not reached: at {time:.4g} s {end}, {place}, where {moved}; beyond it {_beyond(case)[0]}. Stay below, "
-            f"hold it for less time, use {case.actuator.stiffer} or a stiffer silicone, or request volumes (volume_ml)"
+            f"{asked} was not reached: at {time:.4g} s {end}, {place}, where {moved}; beyond it {_beyond(case)[0]}. Stay "
+            f"below, hold it for less time, use {case.actuator.stiffer} or a stiffer silicone, or request volumes (volume_ml)"
         )
     if end.limit is None:
         return f"{asked} was not reached: {end}. The last state has {place}, and {moved}. {advice(case, at, petsc)}"

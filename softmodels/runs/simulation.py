@@ -197,13 +197,6 @@ class Simulation:
                 f"warning: the cavity of the mesh has {amount} {kind} volume than the device's: use smaller cells, or "
                 "check that all faces around the air are among its walls"
             )
-        if self.case.remembers and not self.case.timed:
-            say(
-                "the silicone has a memory, but the load has no times: every state is that after a long time; add --rate or "
-                "--hold for what happens before"
-            )
-        if self.case.timed and not self.case.remembers:
-            say("the load has times, but the silicone has no memory ([material.memory]): they change nothing")
         if weak := weakness(self.case.material):
             say(f"warning: {weak}; results at larger stretches are invalid")
 

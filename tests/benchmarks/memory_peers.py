@@ -2,8 +2,9 @@
 
     uv run --with felupe --with tensortrax python tests/benchmarks/memory_peers.py
 
-FElupe steps a branch by implicit Euler, which is H = Cv and b = dt/tau here: the internal variable is the same to rounding. Its stress is the derivative of the stored energy through the update of the internal variable, which counts in the
-step what the dashpot has taken; that of a potential for the step is G/2 Cv^-1. Both agree as the step goes to 0.
+FElupe steps a branch by implicit Euler, which is H = Cv and b = dt/tau here: the internal variable is the same to rounding.
+Its stress is the derivative of the stored energy through the update of the internal variable, which counts in the step what
+the dashpot has taken; that of a potential for the step is G/2 Cv^-1. Both agree as the step goes to 0.
 """
 
 from __future__ import annotations

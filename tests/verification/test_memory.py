@@ -6,6 +6,8 @@ its points is known, Cv follows from an ordinary differential equation, and the 
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -62,7 +64,7 @@ def rate(C, Cv):
 def in_steps(count, end=8.0):
     """Cv after so many equal steps of the turning history, tau = 1 s."""
     Cv, times = list(memory.IDENTITY), np.linspace(0.0, end, count + 1)
-    for t0, t1 in zip(times[:-1], times[1:], strict=True):
+    for t0, t1 in itertools.pairwise(times):
         H, b = memory.step_of(entries(strain(t0)), Cv, t1 - t0, InNumpy)
         Cv = memory.crept(entries(strain(t1)), H, b)
     return np.array(Cv)
@@ -96,7 +98,7 @@ def test_a_pull_and_return_within_1e_4_at_fifty_steps(figure):
     down = solve_ivp(slope, (40.0, 80.0), up.y[:, -1], rtol=1e-11, atol=1e-12, dense_output=True)
     Cv, errors, largest = list(memory.IDENTITY), [], 0.0
     times = np.linspace(0.0, 80.0, 51)
-    for t0, t1 in zip(times[:-1], times[1:], strict=True):
+    for t0, t1 in itertools.pairwise(times):
         H, b = memory.step_of([*C(t0), 0.0, 0.0, 0.0], Cv, (t1 - t0) / 5.0, InNumpy)
         Cv = memory.crept([*C(t1), 0.0, 0.0, 0.0], H, b)
         exact = stress(t1, (up if t1 <= 40.0 else down).sol(t1))
@@ -136,7 +138,9 @@ def test_a_branch_does_not_see_a_turn():
     straight = memory.crept(entries(C), H, b)
     assert tensor(turned) == pytest.approx(Q @ tensor(straight) @ Q.T, abs=1e-13)
     energy = memory.step_energy(entries(C), 1.0, H, b)
-    assert memory.step_energy(entries(Q @ C @ Q.T), 1.0, entries(Q @ tensor(H) @ Q.T), b) == pytest.approx(energy, rel=1e-12)
+    assert memory.step_energy(entries(Q @ C @ Q.T), 1.0, entries(Q @ tensor(H) @ Q.T), b) == pytest.approx(
+        energy, rel=1e-12
+    )
 
 
 def test_a_closed_cycle_never_gives_energy_back():
@@ -145,10 +149,10 @@ def test_a_closed_cycle_never_gives_energy_back():
         generator = np.random.default_rng(seed)
         corners = [np.eye(3)] + [unimodular(expm(0.4 * (A + A.T))) for A in generator.normal(size=(6, 3, 3))]
         Cv, work = list(memory.IDENTITY), 0.0
-        for C0, C1 in zip(corners[:-1], corners[1:], strict=True):
+        for C0, C1 in itertools.pairwise(corners):
             path = [unimodular(expm((1 - s) * _log(C0) + s * _log(C1))) for s in np.linspace(0.0, 1.0, 101)]
             dt = float(10 ** generator.uniform(-2, 1)) / 100
-            for A, B in zip(path[:-1], path[1:], strict=True):
+            for A, B in itertools.pairwise(path):
                 before = np.linalg.inv(tensor(Cv))
                 H, b = memory.step_of(entries(A), Cv, dt, InNumpy)
                 Cv = memory.crept(entries(B), H, b)
@@ -166,7 +170,8 @@ def test_softening_is_a_potential(figure):
     soft = Softening(1.6, 2e3, 0.1)
     Wm, W = 9e3, np.array([0.0, 1e3, 4e3, 8.9e3, 9e3])
     slope = np.array([_slope(w, Wm, soft) for w in W[:-1]])
-    figure("Ogden and Roxburgh's share of the stress", "derivative of the softened energy", slope - memory.left(W[:-1], Wm, soft), 1e-8)
+    off = slope - memory.left(W[:-1], Wm, soft)
+    figure("Ogden and Roxburgh's share of the stress", "derivative of the softened energy", off, 1e-8)
     assert memory.left(W[-1:], Wm, soft) == pytest.approx(1.0)
     assert memory.softened(Wm, Wm, soft, InNumpy) == pytest.approx(Wm)
     assert memory.softened(2 * Wm, Wm, soft, InNumpy) == pytest.approx(2 * Wm)
@@ -217,7 +222,7 @@ def wall_pressure(volume, times, corners):
         return np.concatenate(found)
 
     y, pieces = np.ones(len(R) * len(BRANCHES)), []
-    for low, high in zip(corners[:-1], corners[1:], strict=True):
+    for low, high in itertools.pairwise(corners):
         pieces.append(solve_ivp(slope, (low, high), y, rtol=1e-10, atol=1e-12, dense_output=True))
         y = pieces[-1].y[:, -1]
 
@@ -240,8 +245,12 @@ def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figur
     tables = {"cavity1": {"volume_ml": [large * 1e6, large * 1e6, small * 1e6]}, "time_s": [3.0, 10.0, 11.0]}
     (times, pressures, *_), end = followed(body_of(SPHERE), law, tables, tolerance)
     assert end is None and times[-1] == 11.0
-    exact = wall_pressure(lambda t: np.interp(t, [0, 3, 10, 11], [0, large, large, small]), times, (0.0, 3.0, 10.0, 11.0))
-    figure(WALL, f"pressure in time over the largest, tolerance {tolerance:g}", (pressures - exact) / exact.max(), bound)
+    exact = wall_pressure(
+        lambda t: np.interp(t, [0, 3, 10, 11], [0, large, large, small]), times, (0.0, 3.0, 10.0, 11.0)
+    )
+    figure(
+        WALL, f"pressure in time over the largest, tolerance {tolerance:g}", (pressures - exact) / exact.max(), bound
+    )
 
 
 LOST = {1.01: 25.74, 1.05: 8.856, 1.1: 4.900, 1.2: 2.162, 1.3: 1.006, 1.4: 0.3705}
@@ -282,7 +291,9 @@ def test_the_area_of_the_loop_is_what_the_law_dissipates(law, body_of, figure):
     (_, P, V, stored, lost), _ = followed(body_of(bodies.Sphere(through=2, along=6)), law, tables, 1e-5)
     work = np.concatenate([[0.0], np.cumsum((P[1:] + P[:-1]) / 2 * np.diff(V))])
     assert lost[-1] > 0.02 * work.max()
-    figure("work of the air on a cycled sphere", "stored and dissipated energy", (stored + lost - work) / work.max(), 1e-3)
+    figure(
+        "work of the air on a cycled sphere", "stored and dissipated energy", (stored + lost - work) / work.max(), 1e-3
+    )
     assert (np.diff(lost) > -1e-12 * lost[-1]).all()
 
 
@@ -301,4 +312,6 @@ def test_what_is_remembered_does_not_depend_on_the_ranks(ranks, figure):
     assert serial.keys() == found.keys()
     for name, values in serial.items():
         here, there = np.array(values), np.array(found[name])
-        figure("one rank", f"{name} of a device that creeps, on {ranks} ranks", (there - here) / np.abs(here).max(), 1e-8)
+        figure(
+            "one rank", f"{name} of a device that creeps, on {ranks} ranks", (there - here) / np.abs(here).max(), 1e-8
+        )
