@@ -80,7 +80,7 @@ def strip():
 
 
 def test_another_law_of_a_name_is_refused(law):
-    with pytest.raises(ValueError, match="'eight-chain' already"):
+    with pytest.raises(ValueError, match="'eight-chain' is taken"):
         register_law(dataclasses.dataclass(frozen=True)(type("Other", (EightChain,), {})))
     assert register_law(law) is LAWS["eight-chain"]
 
