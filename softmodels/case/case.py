@@ -83,10 +83,11 @@ from softmodels.materials.laws import SOFTEST, Material
 from softmodels.materials.silicones import material_of
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.component import Component
+from softmodels.mechanics.dead_loads import requestable
 from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.solver import METHODS
 from softmodels.path import program as programs
-from softmodels.path.program import LOAD_KEYS, Program, Series
+from softmodels.path.program import Program, Series
 from softmodels.path.supply import AirSupply
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -133,7 +134,7 @@ class ProgramEntry(Entry[Program]):
     tables = ("load",)
 
     def known(self, key: str) -> bool:
-        return key.startswith("cavity") or key in LOAD_KEYS
+        return key.startswith("cavity") or key in requestable()
 
     def read(self, tables: Tables) -> Program | Missing:
         series = {key: value for key, value in table_of(tables, "load").items() if self.known(key)}

@@ -43,8 +43,9 @@ from softmodels.materials.stability import (
 )
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import PathFailure, names_in
+from softmodels.mechanics.dead_loads import requestable
 from softmodels.mechanics.mpi import petsc_reason
-from softmodels.path.program import LOAD_KEYS, step_text
+from softmodels.path.program import step_text
 from softmodels.runs.band import SourceRows, span_sentence
 from softmodels.runs.columns import StateLabels, loads_words, state_labels
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
@@ -571,7 +572,7 @@ def _not_met(asked: str, cause: PathFailure) -> str:
 
 def _or_its_travel(table: str) -> str:
     """Return the request that passes a load's limit point: its travel, if a case can request that."""
-    options = (f"--{key.replace('_', '-')}" for key, given in LOAD_KEYS[table].items() if given.held)
+    options = (f"--{key.replace('_', '-')}" for key, given in requestable()[table].items() if given.held)
     option = next(options, None)
     return f", or request its travel ({option}), which passes the limit" if option else ""
 

@@ -181,7 +181,7 @@ class Beginning:
             return system.stress_unit
         if driven is not None and quantity in (DeadForce.name, LoadDisplacement.name):
             place = system.dead.index(driven.of(self.case.components).key)
-            unit = (system.dead.moved_units if driven.held else system.dead.units)[place]
+            unit = (system.dead.moved_units if driven.asked.held else system.dead.units)[place]
             return float(unit / (system.dead.amounts[place] if driven.key == "share" else 1.0))
         return system.volume_unit
 
