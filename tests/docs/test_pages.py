@@ -51,6 +51,14 @@ def test_python_on_pages_runs(page, tmp_path):
     _run(["page.py"], tmp_path)
 
 
+def test_each_thing_that_can_be_added_is_checked_on_its_page():
+    sections = re.split(r"^## ", (SITE / "howto" / "extending.md").read_text(), flags=re.MULTILINE)[1:]
+    added = "law", "device", "component", "load", "supply", "output", "quantity"
+    for word, section in zip(added, sections, strict=True):
+        heading, _, text = section.partition("\n")
+        assert word in heading and "register_" in text and re.search(r"^assert np\.", text, re.MULTILINE), heading
+
+
 def test_each_example_is_on_a_page_beside_its_picture():
     shown = {}
     for page in SITE.rglob("*.md"):
