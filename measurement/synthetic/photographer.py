@@ -17,8 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import ExifTags
-from PIL import Image as Files
+from PIL import ExifTags, Image as Files
 from scipy.interpolate import RectBivariateSpline
 from scipy.spatial import cKDTree
 from scipy.special import erf, ndtr

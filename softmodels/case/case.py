@@ -16,11 +16,9 @@ from collections.abc import (
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
-from geometries import Actuator
-from geometries import registry as geometry_table
+from geometries import Actuator, registry as geometry_table
 from geometries.imported.mesh import FORMATS
-from softmodels.case import materials
-from softmodels.case import requests as gauge_tables
+from softmodels.case import materials, requests as gauge_tables
 from softmodels.case.components import (
     Parts,
     PartsEntry,

@@ -20,11 +20,9 @@ from softmodels.common.units import (
     WATER_DENSITY,
     UnitError,
     brief,
+    numbers as as_numbers,
     pascal_per_cm,
     quantity,
-)
-from softmodels.common.units import (
-    numbers as as_numbers,
 )
 from softmodels.mechanics.dead_loads import RequestedValue, requestable
 

@@ -39,8 +39,6 @@ from softmodels.common.files import (
 from softmodels.common.folders import PATIENCE, OwnFolder
 from softmodels.runs.band import (
     FILE as SOURCES,
-)
-from softmodels.runs.band import (
     SourceRows,
     in_order,
     read_sources,
