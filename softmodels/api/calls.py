@@ -48,20 +48,10 @@ from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, RunError, UnwrittenError
 from softmodels.runs.progress import Progress
-from softmodels.runs.recording import (
-    is_loaded,
-    no_branch,
-    solve_sources,
-    solved_into,
-)
+from softmodels.runs.recording import is_loaded, no_branch, solved_into
 from softmodels.runs.resume import ResultsPlace
 from softmodels.runs.row import Row
-from softmodels.runs.simulation import (
-    Listener,
-    PathEnded,
-    Silent,
-    Simulation,
-)
+from softmodels.runs.simulation import Listener, PathEnded, Silent, Simulation, solve_sources
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -16,11 +16,7 @@ import os
 import shutil
 import socket
 import time
-from collections.abc import (
-    Iterable,
-    Iterator,
-    Mapping,
-)
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,11 +55,7 @@ class InUseError(Spoken, RuntimeError):
 
 
 class FolderLock:
-    """A lock that a file in the folder stands for.
-
-    Args:
-        file: The file; it is there while the lock is held. One that a killed process left behind is taken over.
-    """
+    """A lock that a file stands for while it is held; one that a killed process left behind is taken over."""
 
     def __init__(self, file: Path):
         self.file = file
@@ -74,23 +66,13 @@ class FolderLock:
         return self._lock is not None
 
     def take(self, wait: float = 0.0) -> None:
-        """Take the lock, or wait for it.
-
-        Args:
-            wait: Seconds to wait while another program holds it.
-
-        Raises:
-            InUseError: Another program holds it.
-            OSError: The file cannot be written.
-        """
+        """Take the lock; after ``wait`` seconds `InUseError` while another program holds it."""
         from filelock import FileLock, SoftFileLock, Timeout
 
         if self.held:
             return
-        # Through a link in a folder from elsewhere, any file of the user's would be written.
-        if self.file.is_symlink():
-            reason = f"its lock {self.file.name} is a link; remove that"
-            raise OSError(errno.ELOOP, reason, str(self.file))
+        if self.file.is_symlink():  # in a folder from elsewhere, it could lead to any file of the user's
+            raise OSError(errno.ELOOP, f"its lock {self.file.name} is a link; remove that", str(self.file))
         lock: BaseFileLock = FileLock(self.file, thread_local=False, fallback_to_soft=False)
         try:
             try:
@@ -155,11 +137,10 @@ class Record:
         inside: Files that are the program's own inside those folders.
         incoming: New files, and those inside new folders, that are on their way into the folder; None where none are.
         incoming_about: What is to be recorded of them.
-        version: Version of the program that wrote it.
-        format: Of the record.
+        version, format: Of the program that wrote it, and of the record.
     """
 
-    kind: Any
+    kind: Any = None
     files: tuple[str, ...] = ()
     about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     inside: Names = dataclasses.field(default_factory=dict)
@@ -180,30 +161,15 @@ class Record:
             return None
         if not all(isinstance(found.get(name, kind()), kind) for name, kind in kinds.items()):
             return None
-        if not all(map(is_inside, found["files"])):
+        if not all(map(is_inside, [*found["files"], *found.get("incoming", ())])):
             return None
-        incoming = found.get("incoming")
-        return cls(
-            found.get("kind"),
-            tuple(found["files"]),
-            found["about"],
-            found.get("inside", {}),
-            None if incoming is None else {name: inner for name, inner in incoming.items() if is_inside(name)},
-            found.get("incoming_about", {}),
-            found.get("version"),
-            found.get("format", 0),
-        )
+        known = {field.name: found[field.name] for field in dataclasses.fields(cls) if field.name in found}
+        return cls(**{"format": 0, **known, "files": tuple(found["files"])})
 
     def write(self, path: Path) -> None:
         """Write it whole or not at all."""
-        table = {
-            "written_by": "softmodels", "version": version(), "format": FORMAT, "kind": self.kind,
-            "files": self.files, "about": dict(self.about),
-        }  # fmt: skip
-        if self.inside:
-            table["inside"] = self.inside
-        if self.incoming is not None:
-            table |= {"incoming": self.incoming, "incoming_about": dict(self.incoming_about)}
+        own = dataclasses.replace(self, version=version(), format=FORMAT)
+        table = {"written_by": "softmodels", **{name: value for name, value in vars(own).items() if value is not None}}
         replace_text(path, json.dumps(table, indent=1) + "\n")
 
     def of(self, files: Iterable[str]) -> Record:
@@ -257,8 +223,6 @@ class OwnFolder:
         self.lock = FolderLock(self._record.with_suffix(".lock"))
         self._made: list[Path] = []
 
-    # -- what is known of it ---------------------------------------------------------------------------------------
-
     @property
     def record(self) -> Record | None:
         """The record; None if there is none or it is not readable."""
@@ -289,11 +253,7 @@ class OwnFolder:
             return False
 
     def check(self) -> None:
-        """Reject a folder that is not this program's to write.
-
-        Raises:
-            OwnFolderError: It is something else, with what it is and what to do.
-        """
+        """Raise `OwnFolderError` for a folder that is not this program's to write, with what it is and what to do."""
         record = self.record
         if record is not None and record.kind == self.kind:
             if record.format > FORMAT:
@@ -322,25 +282,13 @@ class OwnFolder:
         )
 
     def check_names(self, names: Iterable[str]) -> None:
-        """Reject names under which somebody else's files lie.
-
-        Raises:
-            OwnFolderError: One is there and not recorded, with what to do.
-        """
-        own = set(self.files)
-        taken = [name for name in names if name not in own and os.path.lexists(self.path / name)]
-        if taken:
-            raise OwnFolderError(
-                f"{self.path / taken[0]} exists and was not written by this program, so it is not replaced; move it "
-                "away, or use another folder (--output)"
-            )
+        """Raise `OwnFolderError` for a name under which somebody else's file lies."""
+        for name in sorted({*names} - {*self.files}):
+            if os.path.lexists(self.path / name):
+                raise _not_ours(self.path / name)
 
     def check_inputs(self, inputs: Iterable[Path]) -> None:
-        """Reject inputs that lie among the results which are to be replaced.
-
-        Raises:
-            OwnFolderError: One does.
-        """
+        """Raise `OwnFolderError` for an input that lies among the results which are to be replaced."""
         for name in self.files:
             for file in inputs:
                 if is_same(self.path / name, file):
@@ -349,18 +297,12 @@ class OwnFolder:
                         "another folder (--output), or read a copy of it"
                     )
 
-    # -- taking and leaving it -------------------------------------------------------------------------------------
-
     def take(self, wait: float = 0.0) -> None:
         """Make the folder if need be, lock it, and mend what a killed process has left.
 
-        Args:
-            wait: Seconds to wait while another program holds it.
-
         Raises:
             OwnFolderError: It is not this program's.
-            InUseError: Another program writes there.
-            OSError: It cannot be written.
+            InUseError: Another program writes there, and still does after ``wait`` seconds.
         """
         if self.lock.held:
             return
@@ -389,18 +331,11 @@ class OwnFolder:
             with contextlib.suppress(OSError):  # there is something in it
                 folder.rmdir()
 
-    # -- writing ---------------------------------------------------------------------------------------------------
-
     def claim(self, names: Iterable[str], about: Mapping[str, Any] | None = None) -> None:
-        """Record files as the program's own, before they are written.
-
-        Args:
-            names: Relative; folders with a slash at the end.
-            about: More to record of the results; what was recorded under the same names is replaced.
+        """Record files as the program's own, before they are written, and more about the results.
 
         Raises:
             OwnFolderError: Somebody else's file lies under one of the names.
-            OSError: The record cannot be written.
         """
         names, known = list(names), self._known
         self.check_names(names)
@@ -429,11 +364,10 @@ class OwnFolder:
         return self._prepared
 
     def bring_in(self, about: Mapping[str, Any]) -> None:
-        """Put what was prepared in the place of the earlier results, whose files go.
+        """Put what was prepared in the place of the earlier results, whose files go; if it is cut off, `mend` ends it.
 
         Raises:
             OwnFolderError: Somebody else's file lies under one of the names.
-            OSError: A file cannot be moved; `mend` goes on from there.
         """
         known = self._known
         incoming = {
@@ -445,19 +379,12 @@ class OwnFolder:
         for name, inner in incoming.items():
             for file in inner:
                 if file not in known.inside_of(name) and (self.path / name / file).exists() and not is_step(file):
-                    raise OwnFolderError(
-                        f"{self.path / name / file} exists and was not written by this program, so it is not replaced; "
-                        "move it away, or use another folder (--output)"
-                    )
+                    raise _not_ours(self.path / name / file)
         # Both the earlier and the new names are the program's from here on.
         inside = {name: sorted({*inner, *known.inside_of(name)}) for name, inner in incoming.items() if inner}
-        begun = dataclasses.replace(
-            known.of([*known.files, *incoming]),
-            inside={**known.inside, **inside},
-            incoming=incoming,
-            incoming_about=about,
-        )
-        self._write(begun, known.about)
+        both = known.of([*known.files, *incoming])
+        on_the_way = {"inside": {**known.inside, **inside}, "incoming": incoming, "incoming_about": dict(about)}
+        self._write(dataclasses.replace(both, **on_the_way), known.about)  # type: ignore[arg-type]
         self.mend()
 
     def mend(self) -> None:
@@ -485,7 +412,14 @@ class OwnFolder:
         shutil.rmtree(self._prepared, ignore_errors=True)
 
     def _write(self, record: Record, about: Mapping[str, Any]) -> None:
-        dataclasses.replace(record, kind=self.kind, about=about).write(self._record)
+        dataclasses.replace(record, kind=self.kind, about=dict(about)).write(self._record)
+
+
+def _not_ours(file: Path) -> OwnFolderError:
+    return OwnFolderError(
+        f"{file} exists and was not written by this program, so it is not replaced; move it away, or use another folder "
+        "(--output)"
+    )
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -502,7 +436,6 @@ def take_default(base: Path, kind: str, inputs: Mapping[str, Any]) -> OwnFolder:
 
     Raises:
         InUseError: A program with the same inputs is under way.
-        OSError: It cannot be written.
     """
     for path in numbered(base):
         own = OwnFolder(path, kind)

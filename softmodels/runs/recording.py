@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import functools
 import json
 import sys
@@ -12,23 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from softmodels.case.case import Case
-from softmodels.case.materials import SourceBand
 from softmodels.common.errors import Spoken, reason
 from softmodels.common.files import file_digest, write_text
 from softmodels.common.folders import OwnFolderError
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.runs.columns import state_labels
-from softmodels.runs.notes import (
-    events,
-    notes_of,
-    sentences,
-    stability_text,
-    unlocated,
-    unseen,
-    unwritten,
-)
-from softmodels.runs.outcomes import BAD_INPUT, DONE, STOPPED, Ended, RunError, UnwrittenError
+from softmodels.runs.notes import events, notes_of, sentences, stability_text, unlocated, unseen, unwritten
+from softmodels.runs.outcomes import BAD_INPUT, DONE, Ended, UnwrittenError
 from softmodels.runs.resume import (
     ResultsPlace,
     begin_together,
@@ -39,34 +29,18 @@ from softmodels.runs.resume import (
     stored_points,
 )
 from softmodels.runs.row import Row
-from softmodels.runs.simulation import (
-    FROM_REST,
-    Begun,
-    Listener,
-    PathEnded,
-    Simulation,
-    Step,
-)
+from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
 from softmodels.runs.store import BRANCH, Results
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Finalise a run's folder: merge its steps into one file and write a summary.
-
 
 REACHED = Ended()
 """The end of a run that reached all its values."""
 
 
 def gather(case: Case, results: Results, ended: Ended = REACHED) -> None:
-    """Bring all steps into one file and write ``summary.json``, with the notes of `notes_of`; on rank 0.
-
-    Raises:
-        OSError: There is no room; the steps stay where they are.
-    """
+    """Bring all steps into one file and write ``summary.json``; on rank 0. `OSError` if there is no room: the steps stay."""
     results.finish()
     words = state_labels(case)
     text = {
@@ -85,54 +59,6 @@ def branch_rows(results: Results) -> list[Row]:
     if branch.heavy.exists():
         branch.load()
     return branch.rows
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Solve a case with every other source of its silicone, on the mesh of the run.
-
-
-def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
-    """Follow the path of each other source of a case's band; all ranks call it.
-
-    Args:
-        simulation: The case, prepared.
-        mesh: Its mesh's file.
-
-    Returns:
-        Rows by the sources' names, on all ranks; empty where the case has no such band. A path that ends early has the rows up
-        to there.
-
-    Raises:
-        RunError: It was stopped by the user.
-    """
-    case, band = simulation.case, simulation.case.band
-    if not isinstance(band, SourceBand):
-        return {}
-    found: dict[str, list[Row]] = {}
-    others = band.others(case.material)
-    for number, (name, material) in enumerate(others.items(), 1):
-        simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
-        aside = Simulation(
-            dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped
-        )
-        rows = found[name] = []
-        try:
-            aside.prepare(mesh)
-            for step in aside.steps():
-                rows.append(step.row)
-        except PathEnded as end:
-            simulation.listener.say(f"  {end}")
-        except RunError as error:
-            if error.status == STOPPED:
-                raise
-            simulation.listener.say(f"  the path of {name} ends here: {error}")
-        finally:
-            aside.release()
-    return {name: rows for name, rows in found.items() if rows}
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A case solved into a folder of results: the one way of all commands and of `softmodels.run`.
 
 
 class Observer:
@@ -190,8 +116,7 @@ def solved_into(
         solving: Entered while states are solved; gives whether to stop, asked between them.
 
     Returns:
-        Where the states are, and how the run ended. Every error whose message is a sentence for the user ends it, and what
-        PETSc, the memory or the disk raises; it is there in `Ended.error`.
+        Where the states are, and how the run ended: `Ended.error` has the error of the input, PETSc, the memory or the disk.
     """
     results: Results | None = None
     ended, observer = Ended(), observer or Observer()
@@ -220,11 +145,7 @@ def solved_into(
 
 
 def _complete(case: Case, results: Results | None, ended: Ended, observer: Observer) -> tuple[str, bool]:
-    """Gather the states of a run that has ended; on rank 0.
-
-    Returns:
-        Why that failed, where the run itself did not, else empty; and `Solved.loaded`.
-    """
+    """Gather the states of a run that has ended, on rank 0; return why only that failed, else "", and `Solved.loaded`."""
     failure = ""
     if results is not None and results.stored and ended.status != BAD_INPUT:
         try:
@@ -245,11 +166,7 @@ def is_loaded(rows: Sequence[Row]) -> bool:
 
 
 def record(
-    simulation: Simulation,
-    results: Results,
-    resumed: bool,
-    branch: bool,
-    begun: Callable[[Results], None] | None = None,
+    simulation: Simulation, results: Results, resumed: bool, branch: bool, begun: Callable[[Results], None]
 ) -> None:
     """Solve a case and store every state at once; all ranks call it.
 
@@ -261,9 +178,7 @@ def record(
         begun: Called on rank 0 as soon as the folder holds a state of this run.
 
     Raises:
-        PathEnded: See `Simulation.steps`.
-        RunError: It was stopped, or cannot begin.
-        ResultsError: The states that are there are of another mesh.
+        PathEnded, RunError, ResultsError: The path ended, or it was stopped, or the states there are of another mesh.
     """
     case, comm = simulation.case, simulation.comm
     mesh = results.folder / f"{case.name}.msh"
@@ -298,14 +213,14 @@ def _begin(simulation: Simulation, results: Results) -> None:
 
 
 def _store(
-    steps: Iterable[Step], results: Results, comm: MPI.Comm, begun: Callable[[Results], None] | None = None
+    steps: Iterable[Step], results: Results, comm: MPI.Comm, begun: Callable[[Results], None] = lambda results: None
 ) -> None:
     for number, step in enumerate(steps):
 
         def add(step: Step = step, first: bool = number == 0) -> None:
             assert step.fields is not None
             results.add(step.row, step.fields, step.restart)
-            if first and begun is not None:
+            if first:
                 begun(results)
 
         on_root(comm, add)

@@ -16,25 +16,14 @@ import numpy as np
 from softmodels.case.case import Case, difference, identity
 from softmodels.common.arrays import Array
 from softmodels.common.commands import FULL
-from softmodels.common.files import (
-    file_digest,
-    is_same,
-    read_text,
-    write_text,
-)
+from softmodels.common.files import file_digest, is_same, read_text, write_text
 from softmodels.common.folders import OwnFolder, numbered, take_default
 from softmodels.mechanics.mpi import is_root, largest, on_root
 from softmodels.path.program import goes_on
 from softmodels.path.schedule import StageEnd
 from softmodels.runs.columns import cavity_columns
 from softmodels.runs.outcomes import BAD_INPUT, FAILED, RunError
-from softmodels.runs.store import (
-    RUN,
-    Results,
-    ResultsError,
-    picture_files,
-    picture_folder,
-)
+from softmodels.runs.store import RUN, Results, ResultsError, picture_files, picture_folder
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -46,61 +35,38 @@ if TYPE_CHECKING:
 
 
 def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[str, str], folder: Path) -> None:
-    """Refuse to resume a run whose results would differ from this case's.
+    """Raise `RunError`, with the first difference, where a run differs from this case in more than the requested values.
 
     Args:
         case: What is run.
         old: Case of the folder's case file.
-        known: `identity` of the case that the stored states are of.
-        wanted: `identity` of this case.
+        known, wanted: `identity` of the stored states' case, and of this one.
         folder: For the message.
-
-    Raises:
-        RunError: They differ in more than the requested values, with the first that differs.
     """
     if (name := difference(known, wanted)) is not None:
         what = name.removeprefix("components.").split(".")[0]
-        raise RunError(
-            f"{folder} holds a run with another {what} ({name} is {known.get(name, 'not given')} there, "
-            f"{wanted.get(name, 'not given')} here); resume with its options, or run without --resume",
-            BAD_INPUT,
-        )
-    if case.load_unload and case.values != old.values:
-        raise RunError(
-            f"{folder} holds a --load-unload run through other pressures; resume with the same pressures", BAD_INPUT
-        )
-    if not goes_on(case.program, old.program):
-        raise RunError(
-            f"{folder} holds a run of other steps; resume with the same steps (further ones may follow), or run without "
-            f"--resume",
-            BAD_INPUT,
-        )
-    if old.quantity != case.quantity:
-        raise RunError(
-            f"{folder} holds a run with requested {old.quantity}s; resume with the same, or run without --resume",
-            BAD_INPUT,
-        )
+        there, here = (table.get(name, "not given") for table in (known, wanted))
+        other = f"another {what} ({name} is {there} there, {here} here); resume with its options"
+    elif case.load_unload and case.values != old.values:
+        other = "a --load-unload through other pressures; resume with the same pressures"
+    elif not goes_on(case.program, old.program):
+        other = "other steps; resume with the same steps (further ones may follow)"
+    elif old.quantity != case.quantity:
+        other = f"requested {old.quantity}s; resume with the same"
+    else:
+        return
+    raise RunError(f"{folder} holds a run with {other}, or run without --resume", BAD_INPUT)
 
 
 def drop_between(case: Case, results: Results) -> None:
-    """Drop the last states if they lie between two steps of which the second is missing.
-
-    They are found again, with that step. Going on from one of them would cut the path into other steps.
-    """
-    quantity = case.quantity
-    if case.program:  # a step of a program is resumed from its start
-        while results.stored and not results.stored[-1].row["requested"]:
-            results.stored.pop()
-        return
+    """Drop the last states that were found between two steps, or within a step of a program: they are found again with it."""
     while results.stored:
         row = results.stored[-1].row
-        if not (
-            row["limit"]
-            or row["bifurcation"]
-            or row.get("stroke_limit")
-            or row["jump"]
-            or (row["requested"] and row["step"] and row["control"] != quantity)
-        ):
+        found = ("limit", "bifurcation", "stroke_limit", "jump")
+        between = any(row.get(name) for name in found) or (
+            row["requested"] and row["step"] and row["control"] != case.quantity
+        )
+        if not (not row["requested"] if case.program else between):
             return
         results.stored.pop()
 
@@ -192,10 +158,6 @@ def stored_state(results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, 
 # The results folder of a run: choose it, check it, and start or resume the run, before anything is solved.
 
 
-MOST_GAPS = 20
-"""Number of consecutive missing numbered folders after which the search for an earlier run stops."""
-
-
 @dataclasses.dataclass(frozen=True)
 class ResultsPlace:
     """A folder to solve into.
@@ -215,22 +177,16 @@ class ResultsPlace:
 
 
 def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
-    """Take a folder for a run and prepare it.
-
-    Returns:
-        The results, their folder locked; and whether there are states in it to go on from.
+    """Take a folder for a run and prepare it; return the results, locked, and whether there are states to go on from.
 
     Raises:
         RunError, OwnFolderError, InUseError, ResultsError, CaseError: The folder, or what is in it, cannot be used.
     """
     try:
         wanted, output, base = identity(case), place.folder, Path("results") / case.name
-        if output is None:
-            output = _found(base, case, wanted) if place.resume else None
-            own = take_default(base, RUN, wanted) if output is None else OwnFolder(output, RUN)
-        else:
-            own = OwnFolder(output, RUN)
-            _check_earlier(output)
+        if output is None and place.resume:
+            output = _found(base, case, wanted)
+        own = take_default(base, RUN, wanted) if output is None else OwnFolder(output, RUN)
         results = Results(own.path, case.name, case.actuator.gauge)
         results.own = own
         own.take()
@@ -266,69 +222,41 @@ def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[Res
 
 
 def _found(base: Path, case: Case, wanted: Mapping[str, str]) -> Path:
-    """Return the numbered folder with a run that this case can resume.
-
-    Raises:
-        RunError: There is none, or several.
-    """
-    fitting, exact, gaps = [], [], 0
-    for path in numbered(base):
-        gaps = 0 if path.exists() else gaps + 1
-        if gaps > MOST_GAPS:
-            break
+    """Return the numbered folder with a run of this case, or else with the only one that it can resume."""
+    fitting = []
+    for path in itertools.takewhile(Path.exists, numbered(base)):
         old = OwnFolder(path, RUN).about.get("inputs")
         if isinstance(old, dict) and difference(old, wanted) is None:
+            if old == dict(wanted):
+                return path
             fitting.append(path)
-            exact += [path] if old == dict(wanted) else []
-    chosen = exact if len(exact) == 1 else fitting
-    if len(chosen) > 1:
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
         raise RunError(
-            f"{' and '.join(map(str, chosen))} hold runs that this case can resume; choose one with --output",
+            f"{' and '.join(map(str, fitting))} hold runs that this case can resume; choose one with --output",
             BAD_INPUT,
         )
-    if not chosen:
-        first = f"; {base} holds another case" if base.exists() else ""
-        raise RunError(
-            f"none of the folders {base}, {base.name}-2 and so on holds a run of this case to resume{first}; give "
-            f"its folder (--output), or run without --resume",
-            BAD_INPUT,
-        )
-    return chosen[0]
-
-
-def _check_earlier(folder: Path) -> None:
-    """Reject results of a version without a record of its files.
-
-    Raises:
-        RunError: The folder holds such results.
-    """
-    if OwnFolder(folder, RUN).record is not None or not (folder / "case.toml").is_file():
-        return
-    if (folder / "path.csv").is_file() and any(folder.glob("*.h5")):
-        raise RunError(
-            f"{folder} holds results of an earlier version of softmodels, without a record of its files: they can "
-            f"be drawn (softmodels draw {folder}), but not resumed or replaced; use another folder (--output), or move it away",
-            BAD_INPUT,
-        )
+    first = f"; {base} holds another case" if base.exists() else ""
+    raise RunError(
+        f"none of the folders {base}, {base.name}-2 and so on holds a run of this case to resume{first}; give "
+        f"its folder (--output), or run without --resume",
+        BAD_INPUT,
+    )
 
 
 def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
-    """Load the states of an earlier run; return whether there are any.
-
-    Raises:
-        RunError, ResultsError: They are of another case, or cannot be resumed.
-    """
+    """Load the states of an earlier run; return whether there are any."""
     folder, about = results.own.path, results.own.about
     stored = [file for file in results.own.files if file.endswith(".h5") and (folder / file).exists()]
     if not stored:
         return False
     file = folder / "case.toml"
     if not file.exists():
-        raise RunError(
-            f"{folder} holds states of an earlier run but its case.toml is missing; restore it, or run "
-            "without --resume, which replaces the states",
-            BAD_INPUT,
+        text = (
+            f"{folder} holds states of an earlier run but its case.toml is missing; restore it, or run without --resume"
         )
+        raise RunError(f"{text}, which replaces the states", BAD_INPUT)
     if not isinstance(about.get("inputs"), dict):
         raise ResultsError(f"{folder} does not record the case of its states; run without --resume")
     _check_unchanged(results)
@@ -339,7 +267,9 @@ def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
         check_values(case, results)
     there = {file: name for file, name in results.inputs_of(case.files).items() if (folder / name).is_file()}
     text = case.to_toml(there)
-    results.renew(text, {"inputs": dict(wanted), "case_file": _digest(text)})
+    if results.stored:
+        results.record(inputs=dict(wanted), case_file=_digest(text))
+        write_text(file, text)
     return bool(results.stored)
 
 
@@ -363,11 +293,7 @@ def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs:
 
 
 def _check_unchanged(results: Results) -> None:
-    """Refuse to replace a case.toml that the user has changed since it was written.
-
-    Raises:
-        RunError: It was changed.
-    """
+    """Raise `RunError` if the user has changed the case.toml that is to be replaced."""
     file, known = results.own.path / "case.toml", results.own.about.get("case_file")
     if known is not None and file.exists() and file_digest(file) != known:
         raise RunError(

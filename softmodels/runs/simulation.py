@@ -11,7 +11,7 @@ import numpy as np
 
 from geometries import MeshingStopped, meshing
 from softmodels.case.case import Case
-from softmodels.case.materials import MaterialErrors
+from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
 from softmodels.materials.stability import weakness
 from softmodels.mechanics import c_library
@@ -474,3 +474,47 @@ def _own_words() -> bool:
     from petsc4py import PETSc
 
     return bool(PETSc.Options().getAll())
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Solve a case with every other source of its silicone, on the mesh of the run.
+
+
+def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
+    """Follow the path of each other source of a case's band; all ranks call it.
+
+    Args:
+        simulation: The case, prepared.
+        mesh: Its mesh's file.
+
+    Returns:
+        Rows by the sources' names, on all ranks; empty where the case has no such band. A path that ends early has the rows up
+        to there.
+
+    Raises:
+        RunError: It was stopped by the user.
+    """
+    case, band = simulation.case, simulation.case.band
+    if not isinstance(band, SourceBand):
+        return {}
+    found: dict[str, list[Row]] = {}
+    others = band.others(case.material)
+    for number, (name, material) in enumerate(others.items(), 1):
+        simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
+        aside = Simulation(
+            dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped
+        )
+        rows = found[name] = []
+        try:
+            aside.prepare(mesh)
+            for step in aside.steps():
+                rows.append(step.row)
+        except PathEnded as end:
+            simulation.listener.say(f"  {end}")
+        except RunError as error:
+            if error.status == STOPPED:
+                raise
+            simulation.listener.say(f"  the path of {name} ends here: {error}")
+        finally:
+            aside.release()
+    return {name: rows for name, rows in found.items() if rows}
