@@ -41,9 +41,8 @@ if TYPE_CHECKING:
 # ----------------------------------------------------------------------------------------------------------------------
 # A lock on a folder of results: one program at a time writes there, also where hosts share a file system.
 #
-# The system holds the lock and lets go of it when the process ends, however that happens. Its file has the process and the
-# host in its lines, for the sentence that another program is refused with. On file systems that know no locks the file alone
-# counts; of a process of this machine it is seen whether it has ended.
+# The system holds the lock until the process ends, however that happens; the file has the process and the host in its lines.
+# On file systems that know no locks the file alone counts; of a process of this machine it is seen whether it has ended.
 
 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)
@@ -108,10 +107,8 @@ class FolderLock:
             pid, host, *_ = read_text(self.file).splitlines()
             who = f"process {int(pid)} on {host}"
             since = f", since {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(self.file.stat().st_mtime))}"
-        return (
-            f"{self.file.parent} is in use by {who}{since}; wait until it ends, or use another folder "
-            f"(--output). If that process no longer exists, remove {self.file}"
-        )
+        text = f"{self.file.parent} is in use by {who}{since}; wait until it ends, or use another folder (--output)"
+        return f"{text}. If that process no longer exists, remove {self.file}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -121,9 +118,6 @@ class FolderLock:
 RECORD = f"{HIDDEN}.json"
 FORMAT = 1
 """Of the record."""
-
-Names = Mapping[str, list[str]]
-"""Names of files by the folder that they are in."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,8 +137,8 @@ class Record:
     kind: Any = None
     files: tuple[str, ...] = ()
     about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    inside: Names = dataclasses.field(default_factory=dict)
-    incoming: Names | None = None
+    inside: Mapping[str, list[str]] = dataclasses.field(default_factory=dict)
+    incoming: Mapping[str, list[str]] | None = None
     incoming_about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     version: str | None = None
     format: int = FORMAT
@@ -179,7 +173,6 @@ class Record:
         return dataclasses.replace(self, files=names, inside=inside, incoming=None, incoming_about={})
 
     def inside_of(self, name: str) -> set[str]:
-        """Return the files that are recorded inside a folder of the program's own."""
         return set(self.inside.get(name, ()))
 
 
@@ -247,39 +240,27 @@ class OwnFolder:
         """Whether the folder is empty, without files of an earlier run."""
         try:
             return not any(counts(file) for file in self.path.iterdir())
-        except FileNotFoundError:
-            return True
-        except OSError:
-            return False
+        except OSError as error:
+            return isinstance(error, FileNotFoundError)
 
     def check(self) -> None:
         """Raise `OwnFolderError` for a folder that is not this program's to write, with what it is and what to do."""
         record = self.record
         if record is not None and record.kind == self.kind:
             if record.format > FORMAT:
-                raise OwnFolderError(
-                    f"{self.path} was written by a later version ({record.version}); update, or take another folder"
-                )
+                text = f"{self.path} was written by a later version ({record.version})"
+                raise OwnFolderError(f"{text}; update, or take another folder")
             return
         if record is not None:
-            raise OwnFolderError(
-                f"{self.path} holds another kind of results ({record.kind}), which is not replaced; use another "
-                "folder (--output)"
-            )
+            text = f"{self.path} holds another kind of results ({record.kind}), which is not replaced"
+            raise OwnFolderError(f"{text}; use another folder (--output)")
         if self._record.name == RECORD and not self.is_free:
-            raise OwnFolderError(self._foreign())
-
-    def _foreign(self) -> str:
-        try:
-            names = sorted(file.name for file in self.path.iterdir() if counts(file))
-        except OSError as error:
-            return f"the folder {self.path} cannot be written ({error.strerror})"
-        if self._record.exists():
-            return f"{self._record} cannot be read, so nothing in its folder is replaced; use another folder (--output)"
-        return (
-            f"{self.path} holds files not written by a run of this version ({some(names)}), so nothing "
-            f"in it is replaced; use an empty or new folder (--output), or move those files away"
-        )
+            try:
+                names = some(sorted(file.name for file in self.path.iterdir() if counts(file)))
+            except OSError as error:
+                raise OwnFolderError(f"the folder {self.path} cannot be written ({error.strerror})") from None
+            text = f"{self.path} holds files without a readable record of a run ({names}), so nothing in it is replaced"
+            raise OwnFolderError(f"{text}; use an empty or new folder (--output), or move those files away")
 
     def check_names(self, names: Iterable[str]) -> None:
         """Raise `OwnFolderError` for a name under which somebody else's file lies."""
@@ -289,13 +270,10 @@ class OwnFolder:
 
     def check_inputs(self, inputs: Iterable[Path]) -> None:
         """Raise `OwnFolderError` for an input that lies among the results which are to be replaced."""
-        for name in self.files:
-            for file in inputs:
-                if is_same(self.path / name, file):
-                    raise OwnFolderError(
-                        f"{file} is an input, and one of the results in {self.path} that would be replaced; use "
-                        "another folder (--output), or read a copy of it"
-                    )
+        for name, file in itertools.product(self.files, inputs):
+            if is_same(self.path / name, file):
+                text = f"{file} is an input, and one of the results in {self.path} that would be replaced"
+                raise OwnFolderError(f"{text}; use another folder (--output), or read a copy of it")
 
     def take(self, wait: float = 0.0) -> None:
         """Make the folder if need be, lock it, and mend what a killed process has left.
@@ -332,11 +310,7 @@ class OwnFolder:
                 folder.rmdir()
 
     def claim(self, names: Iterable[str], about: Mapping[str, Any] | None = None) -> None:
-        """Record files as the program's own, before they are written, and more about the results.
-
-        Raises:
-            OwnFolderError: Somebody else's file lies under one of the names.
-        """
+        """Record files as the program's own, before they are written, and more about the results; see `check_names`."""
         names, known = list(names), self._known
         self.check_names(names)
         self._write(known.of([*known.files, *names]), {**known.about, **(about or {})})
@@ -364,11 +338,7 @@ class OwnFolder:
         return self._prepared
 
     def bring_in(self, about: Mapping[str, Any]) -> None:
-        """Put what was prepared in the place of the earlier results, whose files go; if it is cut off, `mend` ends it.
-
-        Raises:
-            OwnFolderError: Somebody else's file lies under one of the names.
-        """
+        """Put what was prepared in the place of the earlier results; see `check_names`. `mend` ends what is cut off."""
         known = self._known
         incoming = {
             file.name + "/" * file.is_dir(): sorted(inner.name for inner in file.iterdir()) if file.is_dir() else []
@@ -416,10 +386,8 @@ class OwnFolder:
 
 
 def _not_ours(file: Path) -> OwnFolderError:
-    return OwnFolderError(
-        f"{file} exists and was not written by this program, so it is not replaced; move it away, or use another folder "
-        "(--output)"
-    )
+    text = f"{file} exists and was not written by this program, so it is not replaced"
+    return OwnFolderError(f"{text}; move it away, or use another folder (--output)")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -427,16 +395,7 @@ def _not_ours(file: Path) -> OwnFolderError:
 
 
 def take_default(base: Path, kind: str, inputs: Mapping[str, Any]) -> OwnFolder:
-    """Take the first of ``base``, ``base-2``, ``base-3`` ... that is free or holds results of the very same inputs.
-
-    Args:
-        base: The folder's name where nothing is in the way.
-        kind: What it is to hold.
-        inputs: What decides the results, as it was recorded under ``"inputs"``.
-
-    Raises:
-        InUseError: A program with the same inputs is under way.
-    """
+    """Take the first of ``base``, ``base-2``, ``base-3`` ... that is free or holds results of the same recorded ``inputs``."""
     for path in numbered(base):
         own = OwnFolder(path, kind)
         record = own.record

@@ -597,6 +597,16 @@ def explain_failure(case: Case, failure: Exception, last: Row | None, petsc: boo
     return f"the path could not be followed ({failure})" + (f"; {told}" if last is None else f". {advice(case, last)}")
 
 
+def no_branch(case: Case, rows: Sequence[Row]) -> str:
+    """Return why a run has no branch to follow."""
+    if any(row.get("bifurcation") for row in rows):
+        return "the bifurcation was passed before the run was resumed; run without --resume to follow the branch"
+    if text := unlocated(rows, state_labels(case)):
+        return text
+    hidden = unseen(case.actuator)
+    return f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Turn errors of libraries and of the disk into messages for the user.
 

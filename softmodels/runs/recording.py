@@ -8,7 +8,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from softmodels.case.case import Case
 from softmodels.common.errors import Spoken, reason
@@ -16,18 +16,10 @@ from softmodels.common.files import file_digest, write_text
 from softmodels.common.folders import OwnFolderError
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import is_root, on_root
+from softmodels.runs import resume
 from softmodels.runs.columns import state_labels
-from softmodels.runs.notes import events, notes_of, sentences, stability_text, unlocated, unseen, unwritten
+from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
 from softmodels.runs.outcomes import BAD_INPUT, DONE, Ended, UnwrittenError
-from softmodels.runs.resume import (
-    ResultsPlace,
-    begin_together,
-    last_stop,
-    mesh_is_known,
-    recall,
-    stopped_at,
-    stored_points,
-)
 from softmodels.runs.row import Row
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
 from softmodels.runs.store import BRANCH, Results
@@ -35,11 +27,8 @@ from softmodels.runs.store import BRANCH, Results
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-REACHED = Ended()
-"""The end of a run that reached all its values."""
 
-
-def gather(case: Case, results: Results, ended: Ended = REACHED) -> None:
+def gather(case: Case, results: Results, ended: Ended) -> None:
     """Bring all steps into one file and write ``summary.json``; on rank 0. `OSError` if there is no room: the steps stay."""
     results.finish()
     words = state_labels(case)
@@ -62,7 +51,7 @@ def branch_rows(results: Results) -> list[Row]:
 
 
 class Observer:
-    """Is told on rank 0 how a folder of results comes about; here it does nothing."""
+    """Is told on rank 0 how a folder of results comes about."""
 
     def opened(self, results: Results) -> None:
         """The folder is taken; nothing is solved yet."""
@@ -74,20 +63,6 @@ class Observer:
         """The run has ended and its folder is complete, and still locked; None where no folder could be taken."""
 
 
-class Solved(NamedTuple):
-    """What came of a case that was solved into a folder.
-
-    Attributes:
-        folder: The folder; None where none could be taken.
-        loaded: Whether this run has stored a state that is not at rest.
-        ended: How it ended.
-    """
-
-    folder: Path | None
-    loaded: bool
-    ended: Ended
-
-
 @contextlib.contextmanager
 def unstopped() -> Iterator[Callable[[], bool]]:
     """Nobody asks to stop, but for exceptions."""
@@ -95,7 +70,7 @@ def unstopped() -> Iterator[Callable[[], bool]]:
 
 
 def solved_into(
-    place: ResultsPlace,
+    place: resume.ResultsPlace,
     case: Case,
     comm: MPI.Comm,
     listener: Listener | None = None,
@@ -103,20 +78,18 @@ def solved_into(
     branch: bool = False,
     observer: Observer | None = None,
     solving: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = unstopped,
-) -> Solved:
+) -> tuple[Path | None, bool, Ended]:
     """Solve a case and store each state in a folder at once; all ranks call it.
 
     Args:
-        place: The folder.
-        case: What is run.
-        comm: MPI communicator.
-        listener: Is told of each state.
+        place, case, comm: The folder, what is run, and on which ranks.
+        listener, observer: Are told of each state, and of the folder.
         branch: Follow the branch at the first bifurcation too.
-        observer: Is told of the folder.
         solving: Entered while states are solved; gives whether to stop, asked between them.
 
     Returns:
-        Where the states are, and how the run ended: `Ended.error` has the error of the input, PETSc, the memory or the disk.
+        The folder, None where none could be taken; whether a state that is not at rest is stored; and how the run ended:
+        `Ended.error` has the error of the input, PETSc, the memory or the disk.
     """
     results: Results | None = None
     ended, observer = Ended(), observer or Observer()
@@ -125,7 +98,7 @@ def solved_into(
             simulation = Simulation(case, comm, listener, stopped)
             try:
                 with sentences(unwritten):
-                    results, resumed = begin_together(case, place, comm)
+                    results, resumed = resume.begin_together(case, place, comm)
                     if is_root(comm):
                         observer.opened(results)
                     record(simulation, results, resumed, branch, observer.begun)
@@ -138,14 +111,14 @@ def solved_into(
                     simulation.release()
         failure, loaded = on_root(comm, lambda: _complete(case, results, ended, observer))
         ended = Ended.by(UnwrittenError(failure)) if failure else ended
-        return Solved(None if results is None else results.own.path, loaded, ended)
+        return (None if results is None else results.own.path), loaded, ended
     finally:
         if results is not None and is_root(comm):
             results.own.leave()
 
 
 def _complete(case: Case, results: Results | None, ended: Ended, observer: Observer) -> tuple[str, bool]:
-    """Gather the states of a run that has ended, on rank 0; return why only that failed, else "", and `Solved.loaded`."""
+    """Gather the states of a run that has ended, on rank 0; return why only that failed, else "", and whether it is loaded."""
     failure = ""
     if results is not None and results.stored and ended.status != BAD_INPUT:
         try:
@@ -153,9 +126,8 @@ def _complete(case: Case, results: Results | None, ended: Ended, observer: Obser
             results.own.forget_unwritten()
         except (OSError, OwnFolderError) as error:
             if ended.status == DONE:
-                advice = "make room and run again with --resume"
-                failure = f"the steps could not be gathered in one file ({reason(error)}); {advice}"
-                ended = Ended.by(UnwrittenError(failure))
+                failure = f"the steps could not be gathered in one file ({reason(error)})"
+                ended = Ended.by(UnwrittenError(failure := f"{failure}; make room and run again with --resume"))
     observer.closed(results, ended)
     return failure, results is not None and is_loaded(results.rows)
 
@@ -168,21 +140,16 @@ def is_loaded(rows: Sequence[Row]) -> bool:
 def record(
     simulation: Simulation, results: Results, resumed: bool, branch: bool, begun: Callable[[Results], None]
 ) -> None:
-    """Solve a case and store every state at once; all ranks call it.
+    """Solve a case and store every state at once, after those of a ``resumed`` run; all ranks call it, rank 0 writes.
 
-    Args:
-        simulation: The case.
-        results: Its folder, prepared by `softmodels.runs.resume.begin`; only rank 0 writes there.
-        resumed: Go on from the states that are there.
-        branch: Follow the branch at the first bifurcation too, into a folder of its own.
-        begun: Called on rank 0 as soon as the folder holds a state of this run.
+    ``begun`` is called on rank 0 as soon as the folder holds a state of this run.
 
     Raises:
         PathEnded, RunError, ResultsError: The path ended, or it was stopped, or the states there are of another mesh.
     """
     case, comm = simulation.case, simulation.comm
     mesh = results.folder / f"{case.name}.msh"
-    if not (resumed and on_root(comm, lambda: mesh_is_known(results, mesh))):
+    if not (resumed and on_root(comm, lambda: resume.mesh_is_known(results, mesh))):
         simulation.write_mesh(mesh)
         on_root(comm, lambda: results.record(mesh=file_digest(mesh)))
     simulation.prepare(mesh)
@@ -233,13 +200,13 @@ def _begun(simulation: Simulation, results: Results) -> Begun:
     if case.load_unload:
         return Begun(rows)
     solved = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if not row["bifurcation"]])
-    again = functools.partial(recall, results, fields, comm, solved)
+    again = functools.partial(resume.recall, results, fields, comm, solved)
     if case.program:
-        stop = last_stop(case, results, fields, comm)
+        stop = resume.last_stop(case, results, fields, comm)
         simulation.listener.say(f"resuming from step {stop.number} of the program")
         return Begun(rows, stop=stop, recall=again)
-    left = on_root(comm, lambda: [not stopped_at(results, case.column, value) for value in case.values])
-    points = stored_points(results, fields, comm)
+    left = on_root(comm, lambda: [not resume.stopped_at(results, case.column, value) for value in case.values])
+    points = resume.stored_points(results, fields, comm)
     simulation.listener.say(f"resuming from step {len(rows) - 1}")
     return Begun(rows, left, points, recall=again)
 
@@ -254,7 +221,7 @@ def _record_branch(simulation: Simulation, results: Results) -> None:
     aside = results.branch()
     _begin(simulation, aside)
     _store(simulation.branch(), aside, comm)
-    on_root(comm, lambda: gather(case, aside) if aside.stored else None)
+    on_root(comm, lambda: gather(case, aside, Ended()) if aside.stored else None)
 
 
 def begin_branch(results: Results, case: Case) -> Results:
@@ -266,13 +233,3 @@ def begin_branch(results: Results, case: Case) -> Results:
     there = {file: name for file, name in copies.items() if (aside.folder / name).is_file()}
     write_text(aside.folder / "case.toml", case.to_toml(there))
     return aside
-
-
-def no_branch(case: Case, rows: Sequence[Row]) -> str:
-    """Return why a run has no branch to follow."""
-    if any(row.get("bifurcation") for row in rows):
-        return "the bifurcation was passed before the run was resumed; run without --resume to follow the branch"
-    if text := unlocated(rows, state_labels(case)):
-        return text
-    hidden = unseen(case.actuator)
-    return f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"

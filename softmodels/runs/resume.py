@@ -23,7 +23,7 @@ from softmodels.path.program import goes_on
 from softmodels.path.schedule import StageEnd
 from softmodels.runs.columns import cavity_columns
 from softmodels.runs.outcomes import BAD_INPUT, FAILED, RunError
-from softmodels.runs.store import RUN, Results, ResultsError, picture_files, picture_folder
+from softmodels.runs.store import RUN, Results, picture_files, picture_folder
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -37,11 +37,7 @@ if TYPE_CHECKING:
 def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[str, str], folder: Path) -> None:
     """Raise `RunError`, with the first difference, where a run differs from this case in more than the requested values.
 
-    Args:
-        case: What is run.
-        old: Case of the folder's case file.
-        known, wanted: `identity` of the stored states' case, and of this one.
-        folder: For the message.
+    ``old`` is the case of the folder's case file, ``known`` and ``wanted`` are the `identity` of its states and of this case.
     """
     if (name := difference(known, wanted)) is not None:
         what = name.removeprefix("components.").split(".")[0]
@@ -77,17 +73,14 @@ def check_values(case: Case, results: Results) -> None:
     reached = max((row[key] for row in results.rows), default=0.0)
     for value in case.values:
         if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(results, key, value):
-            raise RunError(
-                f"{results.folder} holds a run that passed {value:g} {unit} without stopping there; "
-                f"resume with the run's own values, or run without --resume",
-                BAD_INPUT,
-            )
+            fix = "resume with the run's own values, or run without --resume"
+            text = f"{results.folder} holds a run that passed {value:g} {unit} without stopping there; {fix}"
+            raise RunError(text, BAD_INPUT)
 
 
 def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> StageEnd:
     """Return the end of a program's step that the stored states end with."""
-    row, record = on_root(comm, lambda: (results.rows[-1], results.stored[-1].restart))
-    last = on_root(comm, lambda: len(results.stored) - 1)
+    last, row, record = on_root(comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart))
     state = stored_state(results, fields, comm, last, record["P"], record["V"])
     system = fields.system
     pressures = [row[name] * case.cm / system.stress_unit for name in cavity_columns(row, "pressure", "cm")]
@@ -163,8 +156,7 @@ class ResultsPlace:
     """A folder to solve into.
 
     Attributes:
-        folder: Empty, not there, or an earlier run's; all ranks see it. None for the first of ``results/NAME``,
-            ``results/NAME-2`` ... that is free or holds a run of this very case.
+        folder: All ranks see it. None for the first of ``results/NAME``, ``results/NAME-2`` ... that `take_default` finds.
         resume: Go on from what an interrupted run of the same case has left.
         inputs: Files that the user has given: they are never written.
         draw: Whether pictures are to be drawn there too.
@@ -202,8 +194,7 @@ def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
         return results, resumed
     except OSError as error:
         status = FAILED if error.errno in FULL else BAD_INPUT
-        folder = place.folder or base
-        raise RunError(f"the folder {folder} cannot be written ({error.strerror})", status) from None
+        raise RunError(f"the folder {place.folder or base} cannot be written ({error.strerror})", status) from None
 
 
 def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[Results, bool]:
@@ -233,16 +224,10 @@ def _found(base: Path, case: Case, wanted: Mapping[str, str]) -> Path:
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
-        raise RunError(
-            f"{' and '.join(map(str, fitting))} hold runs that this case can resume; choose one with --output",
-            BAD_INPUT,
-        )
-    first = f"; {base} holds another case" if base.exists() else ""
-    raise RunError(
-        f"none of the folders {base}, {base.name}-2 and so on holds a run of this case to resume{first}; give "
-        f"its folder (--output), or run without --resume",
-        BAD_INPUT,
-    )
+        several = " and ".join(map(str, fitting))
+        raise RunError(f"{several} hold runs that this case can resume; choose one with --output", BAD_INPUT)
+    what = f"none of the folders {base}, {base.name}-2 and so on holds a run of this case to resume"
+    raise RunError(f"{what}; give its folder (--output), or run without --resume", BAD_INPUT)
 
 
 def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
@@ -253,14 +238,10 @@ def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
         return False
     file = folder / "case.toml"
     if not file.exists():
-        text = (
-            f"{folder} holds states of an earlier run but its case.toml is missing; restore it, or run without --resume"
-        )
-        raise RunError(f"{text}, which replaces the states", BAD_INPUT)
-    if not isinstance(about.get("inputs"), dict):
-        raise ResultsError(f"{folder} does not record the case of its states; run without --resume")
+        text = f"{file} is missing, the case of the states in that folder; restore it, or run without --resume"
+        raise RunError(f"{text}, which replaces them", BAD_INPUT)
     _check_unchanged(results)
-    check_same(case, Case.from_file(file), about["inputs"], wanted, folder)
+    check_same(case, Case.from_file(file), about.get("inputs", {}), wanted, folder)
     results.load(go_on=True)
     if not case.load_unload:
         drop_between(case, results)
@@ -276,14 +257,9 @@ def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
 def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs: Sequence[Path]) -> None:
     """Prepare new results beside the earlier ones."""
     copies = results.inputs_of(case.files)
-    text, folder = case.to_toml(copies), results.own.path
-    for name, file in itertools.product(results.own.files, inputs):
-        # A case file among its own run's results may be run again: it is written unchanged.
-        if is_same(folder / name, file) and not (name == "case.toml" and read_text(file) == text):
-            raise RunError(
-                f"{file} is an input of this run and would be replaced by its results; use another folder (--output)",
-                BAD_INPUT,
-            )
+    text, own = case.to_toml(copies), results.own.path / "case.toml"
+    # A case file among its own run's results may be run again: it is written unchanged.
+    results.own.check_inputs(file for file in inputs if not (is_same(own, file) and read_text(file) == text))
     _check_unchanged(results)
     results.prepare({"inputs": dict(wanted), "case_file": _digest(text)})
     for source, copy in copies.items():
@@ -296,11 +272,8 @@ def _check_unchanged(results: Results) -> None:
     """Raise `RunError` if the user has changed the case.toml that is to be replaced."""
     file, known = results.own.path / "case.toml", results.own.about.get("case_file")
     if known is not None and file.exists() and file_digest(file) != known:
-        raise RunError(
-            f"{file} has changed since its run wrote it; move it out of the results folder and run it from there, or "
-            f"use another folder (--output)",
-            BAD_INPUT,
-        )
+        fix = "move it out of the results folder and run it from there, or use another folder (--output)"
+        raise RunError(f"{file} has changed since its run wrote it; {fix}", BAD_INPUT)
 
 
 def _digest(text: str) -> str:

@@ -24,20 +24,8 @@ from softmodels.case.materials import SourceBand
 from softmodels.common.errors import Spoken
 from softmodels.common.files import hdf5_reason, remove_steps, replace, replace_hdf5
 from softmodels.common.folders import PATIENCE, OwnFolder
+from softmodels.runs import formats
 from softmodels.runs.band import FILE as SOURCES, SourceRows, in_order, read_sources, write_sources
-from softmodels.runs.formats import (
-    RESTART,
-    ROW,
-    Restart,
-    StoredStep,
-    inside,
-    opened,
-    read_step,
-    read_values,
-    shapes_of,
-    write_gathered,
-    write_light,
-)
 from softmodels.runs.row import Row
 
 PICTURES = ("profile", "mesh", "slice", "mode", "undeformed", "cut", "hot-spots", "stress",
@@ -46,6 +34,7 @@ PICTURES = ("profile", "mesh", "slice", "mode", "undeformed", "cut", "hot-spots"
 PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
 FORMAT = 5
 """Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read, but not resumed."""
+OLDER = "run without --resume into another folder (--output), or only draw it (softmodels draw)"
 INPUTS = "files/"
 """Subfolder for copies of a case's input files, such as a part's mesh."""
 RUN, BRANCH = "run", "branch/"
@@ -83,7 +72,7 @@ class Results:
     def __init__(self, folder: Path, name: str, gauge: str = "apex", kind: str = RUN):
         self.own = OwnFolder(folder, kind)
         self.folder, self.name, self.gauge = folder, name, gauge
-        self.stored: list[StoredStep] = []
+        self.stored: list[formats.StoredStep] = []
         self._about: dict[str, object] = {}
 
     @property
@@ -130,11 +119,7 @@ class Results:
         return names
 
     def prepare(self, about: Mapping[str, object]) -> None:
-        """Start new results beside the earlier ones, which stay until the first step is stored; ``about`` is recorded of them.
-
-        Raises:
-            OwnFolderError: Somebody else's file has a name that a run writes.
-        """
+        """Start new results beside the earlier ones, which stay until a step is stored; ``about`` is recorded of them."""
         self.own.check_names([*self.files, BRANCH])
         self._about = dict(about)
         self.folder = self.own.prepare()
@@ -177,13 +162,11 @@ class Results:
 
     def check_grid(self, points: npt.NDArray[np.float64]) -> None:
         """Raise `ResultsError` if the stored states lie on other nodes than these, shape (n, 3), m."""
-        with opened(self.heavy) as file:
-            stored = np.asarray(read_values(file, "mesh/points"))
+        with formats.opened(self.heavy) as file:
+            stored = np.asarray(formats.read_values(file, "mesh/points"))
         if stored.shape != points.shape or not np.allclose(stored, points, rtol=0.0, atol=1e-9 * np.abs(stored).max()):
-            raise ResultsError(
-                f"the states in {self.folder} are of another mesh ({len(stored)} nodes there, {len(points)} here), as another "
-                "version of Gmsh would make; run without --resume"
-            )
+            nodes = f"{len(stored)} nodes there, {len(points)} here"
+            raise ResultsError(f"the states in {self.folder} are of another mesh ({nodes}); run without --resume")
 
     def load(self, go_on: bool = False) -> None:
         """Load the results of an earlier run, to draw it or to ``go_on``, which needs a run of this version.
@@ -195,48 +178,44 @@ class Results:
             raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is no run to resume")
         if self.steps.is_symlink():
             raise ResultsError(f"{self.steps} is a link, but the steps of a run must be in its own folder; remove it")
-        found: dict[int, StoredStep] = {}
+        found: dict[int, formats.StoredStep] = {}
         try:
-            with opened(self.heavy) as file:
-                self._check_format(int(file.attrs.get("format", 0)), go_on)
-                points, cells = inside(file, "mesh/points").shape, inside(file, "mesh/cells").shape
-                self._shapes = (points[0], cells, str(inside(file, "mesh").attrs["cell_name"]))
-                for group in inside(file, "steps") if "steps" in file else ():
-                    found[int(group)] = read_step(inside(file, f"steps/{group}"), self.heavy.name, f"/steps/{group}")
+            with formats.opened(self.heavy) as file:
+                written = int(file.attrs.get("format", 0))
+                if written > FORMAT or (go_on and written < FORMAT):
+                    which, fix = ("a later", "update softmodels") if written > FORMAT else ("an earlier", OLDER)
+                    text = (
+                        f"{self.folder} was written by {which} version of softmodels (format {written}, not {FORMAT})"
+                    )
+                    raise ResultsError(f"{text}; {fix}")
+                points, cells = formats.inside(file, "mesh/points").shape, formats.inside(file, "mesh/cells").shape
+                self._shapes = (points[0], cells, str(formats.inside(file, "mesh").attrs["cell_name"]))
+                for group in formats.inside(file, "steps") if "steps" in file else ():
+                    step = formats.inside(file, f"steps/{group}")
+                    found[int(group)] = formats.read_step(step, self.heavy.name, f"/steps/{group}")
             for path in sorted(self.steps.glob("*.h5")):
-                with opened(path) as file:
-                    found[int(path.stem)] = read_step(file, f"{self.steps.name}/{path.name}", "")
+                with formats.opened(path) as file:
+                    found[int(path.stem)] = formats.read_step(file, f"{self.steps.name}/{path.name}", "")
         except ResultsError:
             raise
         except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
             raise ResultsError(f"the results in {self.folder} cannot be read ({hdf5_reason(error)})") from error
         self.stored = [found[step] for step in sorted(found)]
 
-    def _check_format(self, found: int, go_on: bool) -> None:
-        if found > FORMAT:
-            raise ResultsError(
-                f"{self.folder} was written by a later version of softmodels (format {found}, this version reads up to "
-                f"{FORMAT}); update softmodels"
-            )
-        if go_on and found < FORMAT:
-            raise ResultsError(
-                f"{self.folder} was written by an earlier version of softmodels (format {found}, this one resumes {FORMAT}); "
-                f"run without --resume into another folder (--output), or only draw it (softmodels draw {self.folder})"
-            )
-
-    def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Restart) -> None:
+    def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: formats.Restart) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and its restart data."""
-        number = len(self.stored)
         self.steps.mkdir(exist_ok=True)
 
         def fill(file: h5py.File) -> None:
             for name, values in fields.items():
                 file[name] = values
-            file.attrs[ROW], file.attrs[RESTART] = json.dumps(row.cells), json.dumps(restart)
+            file.attrs[formats.ROW], file.attrs[formats.RESTART] = json.dumps(row.cells), json.dumps(restart)
 
-        path = self.steps / f"{number:04d}.h5"
+        path = self.steps / f"{len(self.stored):04d}.h5"
         replace_hdf5(path, fill)
-        self.stored.append(StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), shapes_of(fields)))
+        self.stored.append(
+            formats.StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), formats.shapes_of(fields))
+        )
         self.write_light()
         if self.folder != self.own.path:
             self._bring_in()
@@ -246,8 +225,8 @@ class Results:
         if not (self.folder / self.stored[step].file).exists():
             self.load()  # the run that wrote it has merged its steps meanwhile
         stored = self.stored[step]
-        with opened(self.folder / stored.file) as file:
-            return {name: np.asarray(read_values(file, f"{stored.group}/{name}")) for name in names}
+        with formats.opened(self.folder / stored.file) as file:
+            return {name: np.asarray(formats.read_values(file, f"{stored.group}/{name}")) for name in names}
 
     def finish(self) -> None:
         """Merge all steps into one HDF5 file, with every step readable at any moment.
@@ -263,8 +242,9 @@ class Results:
             dataclasses.replace(stored, file=self.heavy.name, group=f"/steps/{number:04d}")
             for number, stored in enumerate(self.stored)
         ]
+        whole = self.heavy, self._shapes, self.stored, gathered
         try:
-            replace(self.heavy, lambda path: write_gathered(path, self.heavy, self._shapes, self.stored, gathered))
+            replace(self.heavy, lambda path: formats.write_gathered(path, *whole))
         except (OSError, RuntimeError) as error:
             raise OSError(errno.EIO, hdf5_reason(error)) from error
         self.stored = gathered
@@ -273,4 +253,4 @@ class Results:
 
     def write_light(self, gathered: bool = False) -> None:
         """Write ``path.csv``, the XDMF and the light VTKHDF anew; ``gathered`` is whether the HDF5 file has all steps."""
-        write_light(self.heavy, self._shapes, self.stored, gathered)
+        formats.write_light(self.heavy, self._shapes, self.stored, gathered)
