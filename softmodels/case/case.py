@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 from geometries import Actuator, registry as geometry_table
-from geometries.imported.mesh import FORMATS
+from geometries.imported.part import FORMATS
 from softmodels.case import materials, requests as gauge_tables
 from softmodels.case.components import (
     Parts,

@@ -259,7 +259,9 @@ class OwnFolder:
                 names = some(sorted(file.name for file in self.path.iterdir() if counts(file)))
             except OSError as error:
                 raise OwnFolderError(f"the folder {self.path} cannot be written ({error.strerror})") from None
-            text = f"{self.path} holds files without a readable record of a run ({names}), so nothing in it is replaced"
+            text = (
+                f"{self.path} holds files not written by a run of this version ({names}), so nothing in it is replaced"
+            )
             raise OwnFolderError(f"{text}; use an empty or new folder (--output), or move those files away")
 
     def check_names(self, names: Iterable[str]) -> None:

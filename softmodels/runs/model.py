@@ -18,7 +18,6 @@ from softmodels.case.case import Case
 from softmodels.case.entries import (
     CaseError,
 )
-from softmodels.case.from_python import Values, in_unit
 from softmodels.common.arrays import Array
 from softmodels.common.calls import checked, read_only
 from softmodels.common.processes import one_at_a_time
@@ -32,6 +31,7 @@ from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, RunError
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from softmodels.case.from_python import Values
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.system import State
     from softmodels.path.continuation import Continuation
@@ -192,6 +192,8 @@ class Model:
             ArgumentError, CaseError: Invalid input.
             RunError: The path ends before the last requested value.
         """
+        from softmodels.case.from_python import in_unit
+
         if (pressures is None) == (volumes is None):
             raise CaseError("give the pressures or the added volumes that the path goes to, one of them")
         unit, values, what = ("cm", pressures, "pressure") if volumes is None else ("ml", volumes, "volume")

@@ -20,7 +20,6 @@ from softmodels.common.files import file_digest, is_same, read_text, write_text
 from softmodels.common.folders import OwnFolder, numbered, take_default
 from softmodels.mechanics.mpi import is_root, largest, on_root
 from softmodels.path.program import goes_on
-from softmodels.path.schedule import StageEnd
 from softmodels.runs.columns import cavity_columns
 from softmodels.runs.outcomes import BAD_INPUT, FAILED, RunError
 from softmodels.runs.store import RUN, Results, picture_files, picture_folder
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
 
     from softmodels.mechanics.system import State
     from softmodels.path.points import Point
+    from softmodels.path.schedule import StageEnd
     from softmodels.runs.fields import Fields
     from softmodels.runs.formats import Restart
 
@@ -80,6 +80,8 @@ def check_values(case: Case, results: Results) -> None:
 
 def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> StageEnd:
     """Return the end of a program's step that the stored states end with."""
+    from softmodels.path.schedule import StageEnd
+
     last, row, record = on_root(comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart))
     state = stored_state(results, fields, comm, last, record["P"], record["V"])
     system = fields.system

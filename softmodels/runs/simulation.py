@@ -143,11 +143,11 @@ class Beginning:
         Raises:
             RunError: There is no such state on the way.
         """
-        from softmodels.path.schedule import inflate_from, load_from
-
         hung, driven, system = self.hung(), self.case.driven, self.solver.system
         if hung is None:
             return None
+        from softmodels.path.schedule import inflate_from, load_from
+
         if driven is None:
             return inflate_from(self.solver, hung)
         place = len(system.body.actuator.ratios) + system.dead.index(driven.of(self.case.components).key)
@@ -353,7 +353,6 @@ class Simulation:
         from softmodels.mechanics.newton import NoConvergence
         from softmodels.path.continuation import trace
         from softmodels.path.points import PathEnd
-        from softmodels.path.schedule import cycle
 
         case, count = self.case, len(begun.rows)
         last = begun.rows[-1] if begun.rows else None
@@ -363,10 +362,14 @@ class Simulation:
         self.beginning.check_volumes(path.start)
         if begun.rows and not case.load_unload:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
+        if case.load_unload:
+            from softmodels.path.schedule import cycle
+
+            points = cycle(path, goals)
+        else:
+            points = trace(path, goals, begun.points)
         try:
-            for number, point in enumerate(
-                cycle(path, goals) if case.load_unload else trace(path, goals, begun.points)
-            ):
+            for number, point in enumerate(points):
                 if case.load_unload and number < count:
                     continue  # the curve is computed anew; stored states stay
                 step = self.step_of(point, number if case.load_unload else count + number)

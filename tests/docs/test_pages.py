@@ -70,6 +70,22 @@ def test_each_example_is_on_a_page_beside_its_picture():
         assert (SITE / "img" / "gallery" / f"{name}.png").stat().st_size < LARGEST_PICTURE, name
 
 
+COUNT = """
+import atexit, runpy, sys
+def told():
+    print(sum(name.split(".")[0] in ("softmodels", "geometries", "measurement") for name in sys.modules))
+atexit.register(told)
+sys.argv = ["disk", "--section=axisymmetric", "--pressure-cm=0,5", "--quiet", "--no-pictures", "--output=disk"]
+runpy.run_module("softmodels.disk", run_name="__main__", alter_sys=True)
+"""
+
+
+def test_no_run_imports_more_files_than_the_architecture_page_says(tmp_path):
+    text = (SITE / "explanation" / "architecture.md").read_text()
+    (tmp_path / "count.py").write_text(COUNT)
+    assert int(_run(["count.py"], tmp_path).stdout.split()[-1]) <= int(re.search(r"imports (\d+) files", text)[1])
+
+
 def test_links_and_pictures_lead_somewhere():
     for page in TEXTS:
         text = re.sub(r"^ *```.*?^ *```", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
