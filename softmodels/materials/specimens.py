@@ -25,12 +25,12 @@ from softmodels.materials.strain import (
 )
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Closed-form solutions without a mesh: test specimens, balloons, thick-walled spheres and tubes of any law.
+# Closed-form solutions without a mesh: test specimens, balloons and thick-walled spheres of any law.
 #
 # Every function takes the law's own energy and differentiates it by a complex step (Squire & Trapp 1998,
-# doi 10.1137/S003614459631241X), which is exact to rounding, so a new law is covered as soon as it has an energy. Except in
-# `uniaxial_compressible` the material is treated as incompressible for any Poisson's ratio. Stresses come back in the
-# unit of the law's parameters (Pa); beyond the locking stretch of a law (Gent) they are nan.
+# doi 10.1137/S003614459631241X), which is exact to rounding, so a new law is covered as soon as it has an energy. The
+# material is treated as incompressible for any Poisson's ratio. Stresses come back in the unit of the law's parameters
+# (Pa); beyond the locking stretch of a law (Gent) they are nan.
 
 
 _STEP = 1e-30  # so small that its square vanishes relative to 1: no truncation error
@@ -79,39 +79,6 @@ def nominal_stress(material: Material, stretch: npt.ArrayLike, mode: str = "unia
 def secant_modulus(material: Material, stretch: float) -> float:
     """Return the shear modulus in Pa of the neo-Hookean specimen with the same nominal stress at a uniaxial stretch."""
     return float(nominal_stress(material, stretch)) / (stretch - stretch**-2)
-
-
-def uniaxial_compressible(material: Material, stretch: npt.ArrayLike) -> tuple[Array, Array]:
-    """Return the uniaxial tension of a law with its own bulk; at ``poisson = 0.5`` the incompressible result.
-
-    Args:
-        material: The law.
-        stretch: Imposed stretch, any shape.
-
-    Returns:
-        Nominal stress in Pa and the lateral stretch at which the lateral stress vanishes, shapes of ``stretch``.
-    """
-    from scipy.optimize import brentq
-
-    stretch = np.asarray(stretch, dtype=float)
-    if np.isinf(material.bulk):
-        return nominal_stress(material, stretch), stretch**-0.5
-
-    def lateral(x: float) -> float:
-        def stress(side: float) -> float:
-            return float(_slope(lambda s: material.energy(HomogeneousStrain((x, s, s))), np.asarray(side)))
-
-        guess = x**-material.poisson
-        low = high = guess
-        while stress(low) > 0.0:
-            low *= 0.99
-        while stress(high) < 0.0:
-            high *= 1.01
-        # Equal if the guess is the solution, or if the law has no stress (nan).
-        return guess if low == high else float(brentq(stress, low, high, xtol=1e-15, rtol=1e-15))
-
-    sides = np.vectorize(lateral, otypes=[float])(stretch)
-    return _slope(lambda x: material.energy(HomogeneousStrain((x, sides, sides))), stretch), sides
 
 
 def balloon_pressure(material: Material, stretch: npt.ArrayLike, thickness_over_radius: float) -> Array:
@@ -168,15 +135,6 @@ def sphere_pressure(material: Material, inner: float, outer: float, inner_stretc
         inner_stretch: Inner radius over undeformed inner radius, any shape.
     """
     return _wall_pressure(material, inner, outer, inner_stretch, "equibiaxial", 3)
-
-
-def tube_pressure(material: Material, inner: float, outer: float, inner_stretch: npt.ArrayLike) -> Array:
-    """Return the pressure in Pa inside a thick-walled incompressible tube that keeps its length, none outside.
-
-    P = int W'(l) / (l^2 - 1) dl, W of planar tension (Ogden 1984, section 5.3.3 at axial stretch 1); see `sphere_pressure`,
-    whose arguments it takes.
-    """
-    return _wall_pressure(material, inner, outer, inner_stretch, "planar", 2)
 
 
 def _wall_pressure(

@@ -191,10 +191,6 @@ class ViewCamera:
         names = ("direction", "up", "focus", "scale", "size")
         return "; ".join(f"{name} {np.round(getattr(self, name), 9).tolist()}" for name in names)
 
-    def smaller(self, width: int) -> ViewCamera:
-        """Return the same view in fewer pixels."""
-        return dataclasses.replace(self, size=(width, 2 * round(width * self.size[1] / self.size[0] / 2)))
-
 
 def _triple(vector: Array) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in vector)

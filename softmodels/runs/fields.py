@@ -72,14 +72,6 @@ class Figures:
     def max_stretch(self) -> float:
         return self.extremes["largest_stretch"][1]
 
-    @property
-    def J_min(self) -> float:
-        return self.extremes["J"][0]
-
-    @property
-    def J_max(self) -> float:
-        return self.extremes["J"][1]
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Tracked surface points and tracked face rotations, on any number of ranks.
