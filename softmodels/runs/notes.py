@@ -500,7 +500,12 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
     if end.limit is None:
         return f"{asked} was not reached: {end}. {where}" + advice(
             case,
-            {"pressure_Pa": last.pressure, "max_stretch": last.max_stretch, "J_min": last.J_min, **last.device},
+            {
+                "pressure_Pa": last.pressure,
+                "max_stretch": last.max_stretch,
+                "J_min": last.extremes["J"][0],
+                **last.device,
+            },
             petsc,
         )
     at = fields.figures(end.limit.state)

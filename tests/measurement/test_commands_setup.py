@@ -11,8 +11,7 @@ from PIL import Image
 
 from measurement.__main__ import main
 from measurement.screen.setup import Setup
-from measurement.synthetic.photographer import Scene, dome, photograph, save
-from tests.support.photographs.boards import chessboard
+from measurement.synthetic.photographer import Scene, chessboard, dome, photograph, save
 
 EXIF = {"maker": "Canon", "camera": "Canon EOS 550D", "lens": "EF-S18-55mm f/3.5-5.6 IS", "focal_mm": 40.0}
 

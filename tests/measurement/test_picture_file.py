@@ -20,8 +20,7 @@ from measurement.edge.tracing import trace
 from measurement.screen.setup import Setup
 from measurement.series.photo import find_zero, outline_of
 from measurement.synthetic import photographer
-from measurement.synthetic.photographer import Scene, dome, photograph, save
-from tests.support.photographs.boards import chessboard
+from measurement.synthetic.photographer import Scene, chessboard, dome, photograph, save
 
 SMALL = photograph(Scene(width=96, height=64, pixel_size=4e-4, noise=0.0, jpeg_quality=None), dome(8e-3), 1)[0]
 SCENE = dataclasses.replace(
