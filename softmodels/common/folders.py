@@ -45,8 +45,7 @@ if TYPE_CHECKING:
 # On file systems that know no locks the file alone counts; of a process of this machine it is seen whether it has ended.
 
 
-NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)
-"""What file systems without locks answer."""
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)  # answers of file systems without locks
 
 
 class InUseError(Spoken, RuntimeError):
@@ -116,8 +115,7 @@ class FolderLock:
 
 
 RECORD = f"{HIDDEN}.json"
-FORMAT = 1
-"""Of the record."""
+FORMAT = 1  # of the record
 
 
 @dataclasses.dataclass(frozen=True)
@@ -192,8 +190,7 @@ def remove_recorded(folder: Path, name: str, inside: Iterable[str] = ()) -> None
         remove_steps(path, inside)
 
 
-PATIENCE = 600.0
-"""Seconds to wait for a program that draws into a folder which is to be replaced."""
+PATIENCE = 600.0  # seconds to wait for a program that draws into a folder which is to be replaced
 
 
 class OwnFolderError(Spoken, RuntimeError):
