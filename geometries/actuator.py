@@ -375,25 +375,7 @@ class Actuator(Designable, Castable, Presented, ABC):
         return dataclasses.replace(self, **values)
 
     variable: ClassVar[tuple[str, ...]] = ()
-    """Lengths supported by `velocity`: those a mesh can follow by moving its nodes."""
-
-    def velocity(self, name: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the motion of undeformed points as a length of the device changes, in m per m.
-
-        Points on the boundary stay on it; the motion is linear in the length.
-
-        Args:
-            name: One of `variable`.
-            points: Device coordinates in m, shape (n, 3).
-
-        Returns:
-            Shape (n, 3), device coordinates.
-
-        Raises:
-            GeometryError: A length whose motion this device does not know.
-        """
-        known = f"only with {', '.join(self.variable)}" if self.variable else "with none of its lengths"
-        raise GeometryError(f"the mesh of {type(self).__name__} does not move with {name}, {known}")
+    """Lengths that a fit may take as free parameters."""
 
     @abstractmethod
     def check(self) -> None:

@@ -918,15 +918,6 @@ class HollowDisk(Wedged):
 
     variable: ClassVar[tuple[str, ...]] = ("membrane",)
 
-    def velocity(self, name: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the motion of points with the membrane's thickness: all that lies above the cavity's ceiling is stretched
-        upwards."""
-        if name not in self.variable:
-            return super().velocity(name, points)
-        points = np.asarray(points, dtype=float)
-        share = np.clip((points[:, 2] - self.ceiling) / self.membrane, 0.0, None)
-        return np.column_stack([np.zeros_like(share), np.zeros_like(share), share])
-
     @property
     def parting(self) -> Parting:
         # As low as the cavity's wall is upright, so that neither half holds its core.

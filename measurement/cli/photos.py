@@ -20,7 +20,6 @@ from measurement.cli.shared import (
     stop,
     with_error,
 )
-from measurement.edge.tracing import AUTO
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
 from measurement.screen.setup import Setup, SetupError
@@ -31,7 +30,7 @@ from measurement.series.measuring import (
     measure_all,
     with_zero,
 )
-from measurement.series.photo import Refusal
+from measurement.series.photo import AUTO, Refusal
 from measurement.series.photo_list import (
     DENSITY_ERROR,
     READING_ERROR,
@@ -226,8 +225,8 @@ def _line(result: Result) -> str:
 
 
 def _draw(output: Path, made: Measurement, tone: str) -> None:
-    from measurement.edge.tracing import trace_image
     from measurement.series.overview import animate, draw_heights, draw_profiles, write_overview
+    from measurement.series.photo import trace_image
     from measurement.series.pictures import draw_steps
 
     outlines = sorted(made.outlines, key=lambda outline: outline.pressure)

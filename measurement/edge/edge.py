@@ -33,9 +33,7 @@ from measurement.edge.profiles import (
     gaussian,
     stations,
 )
-from measurement.edge.shadow import ShadowColour
 from measurement.robust import deviation, deviations
-from measurement.screen.look import View
 from softmodels.common.arrays import Array
 
 MOST_STATIONS = 1200
@@ -485,25 +483,6 @@ def _direction(px: Array) -> Array:
 WINDOW, MIN_WINDOW_POINTS = 1.2e-3, 15
 """Length in m and least number of points over which the width's median is taken: corners and dust are shorter."""
 
-LEAST, NOISES = 0.12, 8.0
-"""Logarithm of the width over its smooth course, and the same in its own scatter, from which a patch is blurred."""
-
-
-def check_blur(edge: Edge, scale: float) -> str | None:
-    """Return what speaks for a drop or fat on the lens before a part of the edge.
-
-    Args:
-        edge: The edge as it was found.
-        scale: Length in m of a pixel.
-    """
-    more, scatter = widest_patch(edge, scale)
-    if more <= max(LEAST, NOISES * scatter):
-        return None
-    return (
-        f"a part of the edge is {np.expm1(more):.0%} more blurred than the rest: a drop or grease on the lens, which "
-        f"also shifts the edge, or a second object casts the shadow there"
-    )
-
 
 def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
     """Return the logarithm of the most blurred patch's width over what the rest of the edge leads one to expect, and its
@@ -524,71 +503,3 @@ def widest_patch(edge: Edge, scale: float) -> tuple[float, float]:
     count = min(max(MIN_WINDOW_POINTS, round(WINDOW / spacing)), len(rest) // 3)
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(rest, count), axis=1)
     return float(smooth.max()), deviation(smooth - np.median(smooth))
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Check that the edge is the penumbra of a single lamp: not too wide, not saturated, without steps.
-
-
-WIDEST_EDGE = 300e-6
-"""Greatest standard deviation in m of penumbra and blur together; beyond, half of the light is no longer a place."""
-
-BLANK, MOST_BLANK = 0.985, 0.1
-"""Light of a channel from which it is taken as saturated, and share of the edge that may lie beside such light."""
-
-PART, MOST_PARTS = 0.7, 0.05
-"""Share of the shadow's depth by which light must fall over its edge, and share of the edge where it may fall less."""
-
-UNEVEN, PIECES, MIN_POINTS_PER_PIECE = 0.08, 12, 20
-"""Change of the shadow's depth along its edge that one lamp does not make, over means of so many pieces of the edge, each of
-so many points at least."""
-
-
-def check_light(edge: Edge, view: View) -> None:
-    """Reject an edge that is blurred, or beside which the screen is white.
-
-    Raises:
-        Unmeasurable: With the reason.
-    """
-    slope = view.setup.jacobian(edge.px)
-    width = edge.width * np.linalg.norm(slope @ edge.normal[..., None], axis=(1, 2))
-    wide = float(np.percentile(width, 90))
-    if wide > WIDEST_EDGE:
-        raise Unmeasurable(
-            f"the edge is blurred over {wide * 1e6:.0f} um (standard deviation), more than {WIDEST_EDGE * 1e6:.0f} um; "
-            "focus on the screen, use a smaller lamp, or move the lamp away and the body closer to the screen"
-        )
-    beside = view.sample(edge.px + 3.0 * edge.width[:, None] * edge.normal)
-    blank = float(np.mean((beside > BLANK).any(axis=1)))
-    if blank > MOST_BLANK:
-        raise Unmeasurable(
-            f"it is overexposed: beside {blank:.0%} of the edge the screen is saturated, which shifts the edge; "
-            "reduce the exposure"
-        )
-
-
-def check_steps(edge: Edge, colour: ShadowColour) -> tuple[str, ...]:
-    """Return the doubts about an edge over which the light does not fall all the way from the screen's to the shadow's.
-
-    Raises:
-        Unmeasurable: The shadow has several edges.
-    """
-    whole = 1.0 / float(colour.direction @ colour.lit)
-    part = edge.contrast / whole
-    if np.median(part) < PART:
-        raise Unmeasurable(
-            f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has several "
-            "edges, from a second lamp, a reflection or a double exposure; use only one lamp, cover reflecting "
-            "surfaces, and photograph it again"
-        )
-    count = max(MIN_POINTS_PER_PIECE, len(part) // PIECES)
-    level = np.convolve(part, np.ones(count) / count, "valid")
-    if len(part) >= 2 * count and np.ptp(level) > UNEVEN:
-        return (
-            f"the shadow's depth changes by {np.ptp(level):.0%} along its edge: a second lamp, a reflection or stray light "
-            "reaches a part of it",
-        )
-    share = float(np.mean(part < PART))
-    if share > MOST_PARTS:
-        return (f"along {share:.0%} of the edge the light falls only part of the way: a second shadow or a reflection",)
-    return ()

@@ -215,25 +215,6 @@ def closing_size(line_px: float) -> int:
     return 2 * int(np.ceil(0.5 * line_px)) + 3
 
 
-def check_exposure(light: npt.NDArray[np.float32]) -> None:
-    """Reject a photograph (h, w, 3) in light that is too dark, or white where it should tell shades apart.
-
-    Raises:
-        Unmeasurable: It is under- or overexposed.
-    """
-    bright = float(np.percentile(light.mean(axis=2), 90))
-    if bright < 0.015:
-        raise Unmeasurable(
-            f"it is underexposed: the screen has {bright:.1%} of the camera's range; increase the exposure"
-        )
-    share = float((light.min(axis=2) > 0.985).mean())
-    if share > 0.2:
-        raise Unmeasurable(
-            f"it is overexposed: {share:.0%} of the picture is saturated, which would shift the edge; reduce "
-            "the exposure"
-        )
-
-
 def _smooth_light(brightness: Array, lit: Mask) -> Array:
     """Return a quadratic surface through the logarithm of the lit screen's light, relative to its median."""
     rows, columns = np.mgrid[0 : lit.shape[0], 0 : lit.shape[1]]

@@ -109,7 +109,7 @@ class Outline:
         left, right = np.nonzero(low[: self.apex])[0], np.nonzero(low[self.apex :])[0]
         return slice(left[-1] + 1 if len(left) else 0, self.apex + right[0] if len(right) else len(self.x))
 
-    @property
+    @functools.cached_property
     def height(self) -> float:
         """Height of the top in m: that of the parabola through the points around it.
 

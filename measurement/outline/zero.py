@@ -7,6 +7,7 @@ setup. x runs along it from the foot of the screen's origin, z stands on it.
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from scipy.ndimage import binary_erosion
 from measurement.camera.pictures import Unmeasurable
 from measurement.edge.edge import SPAN
 from measurement.robust import deviation, robust_fit
+from measurement.screen.setup import Setup, SetupError
 from softmodels.common.arrays import Array
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -113,8 +115,8 @@ points that the body's surface has at least."""
 SURFACE_BAND, CORNERS = 250e-6, 0.97
 """Distance in m from the line, and share of the body's radius, within which its edge is looked at for a bow."""
 
-BOWED, FINEST = 20e-6, 1e-6
-"""Bow in m of the surface from which the lamp or the body is not level, and the least error of a bow."""
+FINEST = 1e-6
+"""Least error of a bow in m."""
 
 HIDDEN, LEVEL = 2.0, 0.1
 """Where the body's sides are not in the picture: the true bow over the visible one, and the standard error in degrees by
@@ -139,7 +141,7 @@ class ZeroLine:
         tone: How the photograph that shows it stores light, one of `pixels.TONES`; empty without a photograph.
         doubts: What speaks against trusting it, one sentence each.
         sides: The body's sides below it; None where the photograph does not show both.
-        level_error: Standard error in m of all heights above it by a lamp or a body that is not level; see `checked_level`.
+        level_error: Standard error in m of all heights above it by a lamp or a body that is not level; see `Bow`.
     """
 
     origin: Array
@@ -232,55 +234,60 @@ class ZeroLine:
         return np.hypot(self.error, self.slope_error * (x - self.centre))
 
 
-def checked_level(line: ZeroLine, placed: Array, upwards: Array) -> ZeroLine:
-    """Return the line with what the edge's bow has against it, and with the error of the level that the bow leaves.
+@dataclasses.dataclass(frozen=True)
+class Bow:
+    """How far the undeformed surface's edge bows up towards its middle.
 
     Light that does not run along the surface of a round body throws the shadow of its rim: the half of an ellipse, whose
     height is the body's radius times the angle between the two. The bulge in the middle is then measured from the rim in place
     of the surface, and seems lower by that height. A body that leans and a lamp above or below the surface do the same.
 
-    Args:
-        line: The undeformed surface, with the body's sides.
-        placed: Measured edge as x along the surface and z above it in m, shape (n, 2).
-        upwards: Cosine of the angle between the way to the light and the surface's normal, shape (n,).
+    Attributes:
+        rise: Its height in m; NaN where the surface reaches beyond what seem to be the body's sides.
+        error: Its standard error in m.
+        radius: The body's in m, or how much of it is visible.
+        level_error: Standard error in m of all heights that it leaves.
     """
-    mine = (np.abs(placed[:, 1]) < SURFACE_BAND) & (upwards > np.cos(np.radians(STEEPEST)))
-    mine &= (placed[:, 0] >= line.extent[0]) & (placed[:, 0] <= line.extent[1])
-    x, z = placed[mine].T
-    middle, half = 0.5 * sum(line.extent), 0.5 * (line.extent[1] - line.extent[0])
-    radius = half if line.sides is None else 0.5 * line.sides.width
-    away = (x - middle) / radius
-    if len(x) < MIN_SURFACE_POINTS:
-        return line
-    if line.sides is None:
-        profile = 1.0 - away**2
-    else:
-        # At the corners the smoothed edge is round already.
-        inner = np.abs(away) < CORNERS
-        if int(inner.sum()) < MIN_SURFACE_POINTS:
-            doubt = "the surface reaches beyond what seem to be the body's sides, so that its level cannot be checked"
-            return dataclasses.replace(line, doubts=(*line.doubts, doubt))
-        x, z, away = x[inner], z[inner], away[inner]
-        profile = np.sqrt(1.0 - away**2)
-    terms = np.column_stack([np.ones(len(x)), away, profile])
-    fit = robust_fit(terms, z, 8)
-    spread = float(np.linalg.inv(terms.T @ terms)[2, 2])
-    bow, error = (
-        float(fit.coefficients[2]),
-        float(np.hypot(fit.scatter * np.sqrt(CORRELATED_SURFACE_POINTS * spread), FINEST)),
-    )
-    left = float(np.hypot(max(bow, 0.0), error))
-    level = left if line.sides is not None else float(np.hypot(HIDDEN * left, np.radians(LEVEL) * radius))
-    doubts = line.doubts
-    if bow > max(BOWED, 4.0 * error):
-        angle = np.degrees(bow / radius)
-        doubts = (
-            *doubts,
-            f"the undeformed surface bows up by {bow * 1e6:.0f} um towards its middle, as the rim of a round body does if the "
-            f"lamp or the body is at least {angle:.1f} degrees off level: heights are too small by at least that much; "
-            f"move the lamp to the height of the surface, level the body and repeat all photographs",
-        )
-    return dataclasses.replace(line, doubts=doubts, level_error=level)
+
+    rise: float
+    error: float
+    radius: float
+    level_error: float
+
+    @classmethod
+    def of(cls, line: ZeroLine, placed: Array, upwards: Array) -> Bow | None:
+        """Return that of an undeformed surface; None where too little of it is visible.
+
+        Args:
+            line: The undeformed surface, with the body's sides.
+            placed: Measured edge as x along the surface and z above it in m, shape (n, 2).
+            upwards: Cosine of the angle between the way to the light and the surface's normal, shape (n,).
+        """
+        mine = (np.abs(placed[:, 1]) < SURFACE_BAND) & (upwards > np.cos(np.radians(STEEPEST)))
+        mine &= (placed[:, 0] >= line.extent[0]) & (placed[:, 0] <= line.extent[1])
+        x, z = placed[mine].T
+        middle, half = 0.5 * sum(line.extent), 0.5 * (line.extent[1] - line.extent[0])
+        radius = half if line.sides is None else 0.5 * line.sides.width
+        away = (x - middle) / radius
+        if len(x) < MIN_SURFACE_POINTS:
+            return None
+        if line.sides is None:
+            profile = 1.0 - away**2
+        else:
+            # At the corners the smoothed edge is round already.
+            inner = np.abs(away) < CORNERS
+            if int(inner.sum()) < MIN_SURFACE_POINTS:
+                return cls(np.nan, np.nan, radius, 0.0)
+            x, z, away = x[inner], z[inner], away[inner]
+            profile = np.sqrt(1.0 - away**2)
+        terms = np.column_stack([np.ones(len(x)), away, profile])
+        fit = robust_fit(terms, z, 8)
+        spread = float(np.linalg.inv(terms.T @ terms)[2, 2])
+        rise = float(fit.coefficients[2])
+        error = float(np.hypot(fit.scatter * np.sqrt(CORRELATED_SURFACE_POINTS * spread), FINEST))
+        left = float(np.hypot(max(rise, 0.0), error))
+        hidden = float(np.hypot(HIDDEN * left, np.radians(LEVEL) * radius))
+        return cls(rise, error, radius, hidden if line.sides is None else left)
 
 
 def _surface(points: Array, normals: Array, level: Mask) -> Mask:
@@ -325,3 +332,50 @@ def _best_pair(points: Array) -> tuple[Array, Array]:
     best = int(np.argmax((np.abs(offset) < STRAIGHT / 2).sum(axis=1)))
     found = direction[best] if direction[best, 0] > 0.0 else -direction[best]
     return found, points[pairs[best, 0]]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The body's known width as the unit of length.
+
+
+OTHER_BODY = 0.5
+"""Share of its width by which a body's shadow may be larger or smaller."""
+
+CONTRADICTS = 4.0
+"""Standard errors by which the body's width and the setup's own scale may differ."""
+
+
+def with_known_body(setup: Setup, zero: ZeroLine, width: float, error: float = 0.0) -> Setup:
+    """Return the setup with the magnification that gives the body at zero pressure its known width.
+
+    Args:
+        setup: Camera and screen.
+        zero: The undeformed surface and the body's sides below it, as this setup has them.
+        width: True width of the body in m.
+        error: Its standard error in m.
+
+    Raises:
+        SetupError: The sides are not in the picture, or the width is another body's.
+    """
+    if zero.sides is None:
+        raise SetupError(
+            "the photograph at zero pressure does not show both sides of the body below its surface, so its width is "
+            "unknown; leave out --body-width, or give the setup --lamp-distance and --screen-distance"
+        )
+    scale = zero.sides.width / width
+    if abs(scale - 1.0) > OTHER_BODY:
+        raise SetupError(
+            f"the body seems {zero.sides.width * 1e3:.4g} mm wide, but --body-width is {width * 1e3:.4g} mm: this is another "
+            "body or another unit, or the setup's magnification is far off"
+        )
+    # The model of the edge's shape moves both sides outwards, or both inwards.
+    spread = math.hypot(error / width, zero.sides.error / zero.sides.width, 2.0 * zero.model_error / zero.sides.width)
+    if setup.magnification_error > 0.0 and abs(scale - 1.0) > CONTRADICTS * math.hypot(spread, setup.scale_error):
+        raise SetupError(
+            f"the body seems {zero.sides.width * 1e3:.4g} mm wide by the grid's pitch and the lamp's distance, where "
+            f"--body-width has {width * 1e3:.4g} mm: they differ by {scale - 1.0:+.2%} and are known to "
+            f"{math.hypot(spread, setup.scale_error):.2%}; measure the pitch over many lines, the distances and the width again"
+        )
+    magnified = setup.magnification * scale
+    # The width is the unit of length now: a wrong pitch is in the magnification.
+    return dataclasses.replace(setup, magnification=magnified, magnification_error=magnified * spread, pitch_error=0.0)

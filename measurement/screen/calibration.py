@@ -58,7 +58,10 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
         camera: The camera, known well enough to straighten a window.
         reach: Half width of the window around a corner in px.
     """
-    light = gray.astype(np.float32)
+    # Only the part of the picture that the windows can come to.
+    first = np.clip(np.floor(corners.min(axis=0)).astype(int) - 2 * reach - 2, 0, None)
+    last = np.ceil(corners.max(axis=0)).astype(int) + 2 * reach + 3
+    light = gray[first[1] : last[1], first[0] : last[0]].astype(np.float32)
     slopes = [cv2.Scharr(light, cv2.CV_32F, *order) / 32.0 for order in ((1, 0), (0, 1))]
     places = np.linspace(-1.0, 1.0, NODES)
     nodes = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
@@ -71,7 +74,7 @@ def straightened_corners(gray: NDArray[np.uint8], corners: Points, camera: Camer
         ideal = camera.undistort((middles[:, None] + reach * nodes).reshape(-1, 2)).reshape(len(seen), -1, 2)
         starts, steps = camera.undistort(seen), np.zeros_like(seen)
         for number, (middle, lens) in enumerate(zip(middles, fit @ ideal, strict=True)):
-            steps[number] = _step(slopes, middle, seen[number], starts[number], lens, reach)
+            steps[number] = _step(slopes, middle - first, seen[number] - first, starts[number], lens, reach)
         found = camera.distort(starts + steps)
         found = np.where(np.isfinite(found), found, seen)
         # A corner that runs away stays where it was: its window holds no corner.
@@ -189,9 +192,8 @@ def _searched(gray: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.f
             scale = longest / side
             size = (round(gray.shape[1] / scale), round(gray.shape[0] / scale))
             small = gray if side == longest else cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
-            found, corners = cv2.findChessboardCornersSB(
-                small, pattern, flags=cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
-            )
+            # Without CALIB_CB_ACCURACY, which searches four times the pixels for a precision that comes later here.
+            found, corners = cv2.findChessboardCornersSB(small, pattern, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
             if found and (small is gray or corner_reach(corners.reshape(-1, 2)) >= ENOUGH):
                 scales = np.array(gray.shape[::-1]) / small.shape[::-1]
                 return np.asarray((corners.reshape(-1, 2).astype(float) + 0.5) * scales - 0.5)

@@ -20,7 +20,6 @@ from scipy.special import ndtr
 from measurement.camera.pictures import (
     LIGHT,
     Pixels,
-    Unmeasurable,
     sample_light,
 )
 from measurement.robust import deviation, deviations, robust_fit
@@ -412,9 +411,9 @@ def _look_up(offsets: dict[int, float], line: npt.NDArray[np.int64]) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Check the screen's flatness near the outline.
+# The screen's flatness near the outline.
 #
-# `movement.py` asks whether the picture of the whole screen has moved. A screen that bulges, or hot air before it, moves only a
+# `movement` tells whether the picture of the whole screen has moved. A screen that bulges, or hot air before it, moves only a
 # part of it, and the shadow's edge with it. So each printed line is looked at piece by piece, in the light and inside of the
 # shadow, and what a piece lies off beyond the whole screen's movement counts for the outline near it.
 
@@ -424,10 +423,6 @@ PIECE = 5
 
 NOISES = 6.0
 """Standard errors of such a median up to which a piece may lie where it should: the largest of some hundreds do."""
-
-DOUBTED, DOUBTED_NOISES = 25e-6, 8.0
-"""Distance of a piece of line from where it should be, in m and in standard errors, from which the outline beside it is not
-trusted."""
 
 NEAR = 1.0
 """Distance of a piece from the outline in pitches up to which it tells of it."""
@@ -498,18 +493,27 @@ def _medians(look: GridLook, axis: int, shift: Array) -> tuple[Array, Array, Arr
     return np.concatenate(places), np.concatenate(medians), np.concatenate(rests).ravel()
 
 
-def flatness(pieces: Pieces, points: Array) -> tuple[Array, str | None]:
-    """Return what the screen's own shape makes uncertain of an edge, and what speaks against trusting it.
+@dataclasses.dataclass(frozen=True, eq=False)
+class Flatness:
+    """What the screen's own shape does to an edge.
 
-    Args:
-        pieces: The pieces of the printed lines.
-        points: The edge in m on the screen, shape (n, 2).
-
-    Returns:
-        Standard errors (n,) in m, and a sentence or None.
+    Attributes:
+        error: Standard errors of the edge's points in m, shape (n,).
+        off: Distance in m of each piece of line beside the edge from where it should be, beyond noise; shape (k,).
+        noise: Standard errors of these in m, shape (k,).
+        away: Distances in m of these pieces from the edge, shape (k,).
     """
+
+    error: Array
+    off: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
+    noise: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
+    away: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
+
+
+def flatness(pieces: Pieces, points: Array) -> Flatness:
+    """Return what the screen's own shape does to an edge at these points (n, 2) in m on the screen."""
     if not len(pieces.off):
-        return np.zeros(len(points)), None
+        return Flatness(np.zeros(len(points)))
     # What the pieces have in common beyond their noise is the screen's own; far from all of them a point has more of it.
     best = pieces.error <= pieces.error.min()
     common2 = deviation(pieces.off[best]) ** 2 - float(pieces.error.min()) ** 2
@@ -521,14 +525,7 @@ def flatness(pieces: Pieces, points: Array) -> tuple[Array, str | None]:
     for number in np.flatnonzero(beyond > 0.0):
         far = np.linalg.norm(points - pieces.place[number], axis=1) / (FADES * pieces.pitch)
         error = np.maximum(error, beyond[number] * np.exp(-far))
-    doubted = beyond * beside * (beyond >= np.maximum(DOUBTED, DOUBTED_NOISES * pieces.error))
-    worst = int(np.argmax(doubted))
-    if not doubted[worst]:
-        return error, None
-    return error, (
-        f"{near[worst] * 1e3:.1f} mm beside the edge the printed grid is {beyond[worst] * 1e6:.0f} um off: the screen bulges "
-        "or slides there, hot air or a drop on the lens bends the light, or the lens' correction is wrong"
-    )
+    return Flatness(error, beyond[beside], pieces.error[beside], near[beside])
 
 
 def _affine(look: GridLook, axis: int) -> Array | None:
@@ -547,18 +544,8 @@ def _affine(look: GridLook, axis: int) -> Array | None:
 # noise, dust, or another setup.
 
 
-MOVED = 15e-6
-"""Movement of the screen's picture in m since the setup from which a photograph is refused, or `MOVED_PX` if that is more."""
-
-MOVED_PX = 0.5
-
-GRID_SEEN, FEWEST = 0.4, 24
-"""Least share of the grid's expected lines that must be visible, and least number of places where one was seen."""
-
-GRID_REST = 60e-6
-"""Greatest scatter in m of the grid's lines about where they should be, or `GRID_REST_PX` if that is more."""
-
-GRID_REST_PX = 1.5
+FEWEST = 24
+"""Least number of places where a line was seen."""
 
 
 def movement(look: GridLook) -> tuple[float, float]:
@@ -577,43 +564,3 @@ def movement(look: GridLook) -> tuple[float, float]:
         moved2 += float(np.mean(fit.value**2))
         rest2 += float(np.mean(np.minimum(fit.rest, 5.0 * fit.scatter) ** 2))
     return np.sqrt(moved2), np.sqrt(rest2)
-
-
-def check_movement(look: GridLook, magnification: float, pixel: float) -> float:
-    """Reject a photograph whose grid is not where the setup has it.
-
-    Args:
-        look: What it shows of the grid.
-        magnification: The shadow's.
-        pixel: Length in m of a pixel in the object's plane.
-
-    Returns:
-        The movement in m, in the object's plane.
-
-    Raises:
-        Unmeasurable: With the reason.
-    """
-    if look.seen < GRID_SEEN or len(look.shift) < FEWEST:
-        raise Unmeasurable(
-            f"the grid is not where the setup has it ({look.seen:.0%} of its lines are seen): the camera or the screen has "
-            "moved, the picture is turned or mirrored, or the grid cannot be seen; photograph the grid again and rerun setup"
-        )
-    moved, rest = (value / magnification for value in movement(look))
-    if not np.isfinite(moved):
-        raise Unmeasurable(
-            "too few of the grid's lines are seen beside the shadow, along one of their two directions, to check whether the "
-            "camera has moved; show more of the grid, or use one with a smaller pitch"
-        )
-    if not moved <= max(MOVED, MOVED_PX * pixel):
-        raise Unmeasurable(
-            f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
-            "picture is turned, mirrored, cropped or too noisy; photograph the grid again from the current "
-            "camera position and rerun setup"
-        )
-    if not rest <= max(GRID_REST, GRID_REST_PX * pixel):
-        raise Unmeasurable(
-            f"the grid's lines are {rest * 1e6:.0f} um off: the picture is too noisy, too much compressed or too dusty to "
-            "see them, the screen has bent, or this is another setup; clean and flatten the screen, and photograph "
-            "grid and body again"
-        )
-    return moved

@@ -77,7 +77,7 @@ def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline:
     axes = pictures.subplots(1, 3)
     _show(axes[0], small, factor)
     axes[0].set_title("1. The photograph, never warped")
-    x0, y0, x1, y1 = traced.roi
+    x0, y0, x1, y1 = traced.view.roi
     shown = axes[1].imshow(
         np.clip(traced.coarse.share, -0.1, 1.1), cmap="magma", extent=(x0 - 0.5, x1 - 0.5, y1 - 0.5, y0 - 0.5)
     )
@@ -87,7 +87,7 @@ def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline:
     )
     _show(axes[2], small, factor)
     _draw_line(axes[2], traced, 1.5)
-    axes[2].set_title(f"3. The edge in raw pixels, ± {np.median(traced.error_px):.2f} px")
+    axes[2].set_title(f"3. The edge in raw pixels, ± {np.median(traced.line.error):.2f} px")
     for part in axes:
         part.set_xlabel("x in px")
         part.set_ylabel("y in px")
@@ -111,9 +111,9 @@ def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline:
 
 def _draw_line(axes: Axes, traced: Traced, width: float) -> None:
     """The edge, dotted where it only bridges a gap."""
-    if traced.bridged.any():
-        axes.plot(*_parted(traced.px, traced.bridged).T, color=BRIDGE_COLOUR, linewidth=width, linestyle=":")
-    axes.plot(*_parted(traced.px, ~traced.bridged).T, color=EDGE_COLOUR, linewidth=width)
+    if traced.line.bridged.any():
+        axes.plot(*_parted(traced.line.px, traced.line.bridged).T, color=BRIDGE_COLOUR, linewidth=width, linestyle=":")
+    axes.plot(*_parted(traced.line.px, ~traced.line.bridged).T, color=EDGE_COLOUR, linewidth=width)
 
 
 def _parted(points: Array, shown: npt.NDArray[np.bool_]) -> Array:

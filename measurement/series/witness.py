@@ -9,13 +9,21 @@ the pressure was let down, and lies then between the course upwards and `LAG` be
 from __future__ import annotations
 
 import dataclasses
+import functools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import least_squares
 from scipy.stats import norm
 
-from measurement.outline.checks import ON_SURFACE
+from measurement.camera.pictures import Pixels
 from measurement.outline.outline import Outline
+from measurement.outline.shape import ON_SURFACE
+from measurement.series.copies import copies, same_pictures
+from measurement.series.photo_list import Photograph
 from softmodels.common.arrays import Array
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -223,39 +231,36 @@ CLEAR = 3.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Readings:
-    """Pressures and heights of a run in the list's order, all shapes (n,).
+class Run:
+    """The photographs of a run in the list's order, and what each shows of the others.
 
     Attributes:
-        names: Names of the photographs.
-        pressures: In Pa.
-        pressure_errors: Their standard errors in Pa.
-        heights: In m.
-        height_errors: Their standard errors in m.
+        outlines: Outlines above one zero plane by their numbers in the list.
+        samples: Patches of the pictures (`copies.cut_out`) by the same numbers, as far as there are any.
+        rows: The list.
+        heights, height_errors: Heights of the outlines and their standard errors in m, shapes (n,).
+        pressures, pressure_errors: Pressures of the outlines and their standard errors in Pa, shapes (n,).
     """
 
-    names: list[str]
-    pressures: Array
-    pressure_errors: Array
-    heights: Array
-    height_errors: Array
+    outlines: Mapping[int, Outline] = MappingProxyType({})
+    samples: Mapping[int, Pixels] = MappingProxyType({})
+    rows: Sequence[Photograph] = ()
 
-    @classmethod
-    def of(cls, outlines: list[Outline]) -> Readings:
-        """Return those of some outlines."""
-        columns = ("pressure", "pressure_error", "height", "height_error")
-        values = [np.array([getattr(outline, name) for outline in outlines], dtype=float) for name in columns]
-        return cls([outline.source for outline in outlines], *values)
+    heights = functools.cached_property[Array](lambda run: run._each("height"))
+    height_errors = functools.cached_property[Array](lambda run: run._each("height_error"))
+    pressures = functools.cached_property[Array](lambda run: run._each("pressure"))
+    pressure_errors = functools.cached_property[Array](lambda run: run._each("pressure_error"))
 
-    def __getitem__(self, chosen: Flags) -> Readings:
-        names = [name for name, take in zip(self.names, chosen, strict=True) if take]
-        return Readings(
-            names,
-            self.pressures[chosen],
-            self.pressure_errors[chosen],
-            self.heights[chosen],
-            self.height_errors[chosen],
-        )
+    def __getitem__(self, chosen: Flags) -> Run:
+        return Run({k: outline for (k, outline), take in zip(self.outlines.items(), chosen, strict=True) if take})
+
+    def _each(self, name: str) -> Array:
+        return np.array([getattr(outline, name) for outline in self.outlines.values()], dtype=float)
+
+    @property
+    def trusted(self) -> Run:
+        """The trusted outlines."""
+        return self[np.array([outline.trusted for outline in self.outlines.values()], dtype=bool)]
 
     @property
     def is_zero(self) -> Flags:
@@ -271,41 +276,64 @@ class Readings:
             parts = [np.append(part, value) for part, value in zip(parts, (0.0, 0.0, 0.0, least), strict=True)]
         return Course.through(*parts)
 
+    @functools.cached_property
+    def contradictions(self) -> dict[int, str]:
+        """Trusted outlines that the others contradict, and by what; the others are no witnesses."""
+        run = self.trusted
+        if not run.outlines:
+            return {}
+        told = {**_risen_zeros(run), **_signs(run)}
+        good = ~np.isin(np.arange(len(run.outlines)), list(told))
+        odd = _strangers(run[good])
+        told.update({int(k): odd[place] for place, k in enumerate(np.flatnonzero(good)) if place in odd})
+        return {number: told[k] for k, number in enumerate(run.outlines) if k in told}
 
-def doubts(outlines: list[Outline]) -> list[str | None]:
-    """Return what speaks against each outline of a run by the others; None where nothing does, or it is not trusted already.
+    @functools.cached_property
+    def sinking(self) -> Common:
+        """How far the surface beside the bulge has sunk in m."""
+        return self._common(self._each("sunk"), 0.2 * ON_SURFACE)
 
-    Args:
-        outlines: Those above one zero plane, in the list's order.
-    """
-    found: list[str | None] = [None] * len(outlines)
-    trusted = [k for k, outline in enumerate(outlines) if outline.trusted]
-    if not trusted:
-        return found
-    run = Readings.of([outlines[k] for k in trusted])
-    told = _signs(run)
-    told.update({k: why for k, why in _risen_zeros(run).items() if k not in told})
-    good = np.array([k not in told for k in range(len(trusted))])
-    numbers = np.nonzero(good)[0]
-    told.update({int(numbers[k]): why for k, why in _strangers(run[good]).items()})
-    for k, why in told.items():
-        found[trusted[k]] = why
-    return found
+    @functools.cached_property
+    def scaling(self) -> Common:
+        """By which share the body's sides lie farther apart than at zero pressure."""
+        return self._common(self._each("scale") - 1.0, 1e-4)
+
+    def _common(self, values: Array, usual: float) -> Common:
+        known = (self.heights > MIN_HEIGHT_RATIO * ON_SURFACE) & np.isfinite(values)
+        return Common(list(self.outlines), self.heights, values, known, usual)
+
+    @property
+    def unknown(self) -> dict[int, float]:
+        """How far in m outlines may lie off because too few photographs tell a soft body from one that was moved."""
+        if self.sinking.course is not None:
+            return {}
+        raised = self[self.sinking.known].outlines
+        return {k: outline.sunk for k, outline in raised.items() if outline.sunk}
+
+    @functools.cached_property
+    def copies(self) -> dict[int, str]:
+        """Photographs that are copies of others, and why they must not be used."""
+        return copies(self.outlines, self.samples)
+
+    @functools.cached_property
+    def repeated(self) -> dict[Path, str]:
+        """Files with the same bytes as another one of the list, and why they must not be measured."""
+        return same_pictures(self.rows)
 
 
 def course_of(outlines: list[Outline]) -> Course | None:
     """Return the course through the trusted outlines of a run; None where they are too few or do not rise."""
-    run = Readings.of([outline for outline in outlines if outline.trusted])
+    run = Run(dict(enumerate(outlines))).trusted
     return run.course if _tells(run) else None
 
 
-def _tells(run: Readings) -> bool:
-    return len(run.names) >= FEWEST and float(run.heights.max()) > max(
+def _tells(run: Run) -> bool:
+    return len(run.outlines) >= FEWEST and float(run.heights.max()) > max(
         10.0 * float(np.median(run.height_errors)), ON_SURFACE
     )
 
 
-def _signs(run: Readings) -> dict[int, str]:
+def _signs(run: Run) -> dict[int, str]:
     """Return the photographs at a pressure below zero: suction draws a surface in, where its shadow cannot show it."""
     found = {}
     for k in np.nonzero(run.pressures < -CLEAR * run.pressure_errors)[0]:
@@ -319,7 +347,7 @@ def _signs(run: Readings) -> dict[int, str]:
     return found
 
 
-def _risen_zeros(run: Readings) -> dict[int, str]:
+def _risen_zeros(run: Run) -> dict[int, str]:
     """Return the photographs at zero pressure whose outline does not lie in the zero plane."""
     raised = (run.pressures > 0.0) & ~run.is_zero
     # The lowest pressures tell best how far the reading's error may lift a surface at zero.
@@ -336,7 +364,7 @@ def _risen_zeros(run: Readings) -> dict[int, str]:
     }
 
 
-def _strangers(run: Readings) -> dict[int, str]:
+def _strangers(run: Run) -> dict[int, str]:
     """Return the photographs that the others contradict, each with what the others lead one to expect."""
     if not _tells(run):
         return {}
@@ -351,38 +379,38 @@ def _strangers(run: Readings) -> dict[int, str]:
     return _named(run, odd)
 
 
-def _let_down(run: Readings) -> Flags:
+def _let_down(run: Run) -> Flags:
     """Return the photographs that follow a higher one at a higher pressure; none where the list's order is not the
     experiment's."""
     steps = np.sign(np.diff(run.pressures))
     steps = steps[steps != 0.0]
     if np.sum(steps[1:] != steps[:-1]) > TURNS:
-        return np.zeros(len(run.names), dtype=bool)
-    earlier = np.tri(len(run.names), k=-1, dtype=bool)
+        return np.zeros(len(run.outlines), dtype=bool)
+    earlier = np.tri(len(run.outlines), k=-1, dtype=bool)
     above = run.pressures[None, :] - run.pressures[:, None] > CLEAR * run.pressure_errors[:, None]
     higher = run.heights[None, :] - run.heights[:, None] > CLEAR * run.height_errors[:, None]
     return np.any(earlier & above & higher, axis=1)
 
 
-def _lagging(run: Readings, course: Course) -> Flags:
+def _lagging(run: Run, course: Course) -> Flags:
     """Return whether each may have been taken while the pressure was let down, by the course upwards."""
     upwards, spread, _ = course.at(run.heights, run.pressure_errors)
     return (run.pressures < upwards + CLEAR * spread) & (run.pressures > (1.0 - LAG) * upwards - CLEAR * spread)
 
 
-def _outliers(run: Readings) -> Flags:
+def _outliers(run: Run) -> Flags:
     """Return the photographs that the others contradict.
 
     Several wrong ones hide each other, so the least likely are put aside one after the other first, likely or not, and are
     taken back, the likeliest first, as long as the course through the others allows.
     """
-    kept = np.ones(len(run.names), dtype=bool)
+    kept = np.ones(len(run.outlines), dtype=bool)
     judged = ~run.is_zero | (run.heights > ON_SURFACE)
     for _ in range(max(1, len(kept) // SHARE)):
         if kept.sum() < FEWEST:
             break
         part = run[kept]
-        tails = part.course.left_out()[2][: len(part.names)]
+        tails = part.course.left_out()[2][: len(part.outlines)]
         tails = np.where(judged[kept], tails, np.inf)
         if not np.isfinite(tails).any():
             break
@@ -397,14 +425,14 @@ def _outliers(run: Readings) -> Flags:
     return ~kept
 
 
-def _tails(run: Readings, course: Course, numbers: npt.NDArray[np.int64], pressures: Array) -> Array:
+def _tails(run: Run, course: Course, numbers: npt.NDArray[np.int64], pressures: Array) -> Array:
     """Return the probabilities that good photographs of these heights are as far off as at these pressures (k,) in Pa."""
     errors = np.hypot(run.pressure_errors[numbers], course.slope(run.heights[numbers]) * run.height_errors[numbers])
     table = course.at(run.heights[numbers], errors)[2]
     return course.tail(table, pressures)
 
 
-def _named(run: Readings, odd: Flags) -> dict[int, str]:
+def _named(run: Run, odd: Flags) -> dict[int, str]:
     """Return a sentence for each photograph that is odd."""
     if not odd.any():
         return {}
@@ -426,7 +454,7 @@ def _named(run: Readings, odd: Flags) -> dict[int, str]:
     return found
 
 
-def _cause(run: Readings, course: Course, k: int, odd: npt.NDArray[np.int64]) -> str:
+def _cause(run: Run, course: Course, k: int, odd: npt.NDArray[np.int64]) -> str:
     """Return what would explain an odd photograph; empty if nothing simple does."""
     here = np.array([k])
     for factor, word in ((10.0, "a tenth of what it was"), (0.1, "ten times what it was")):
@@ -437,5 +465,71 @@ def _cause(run: Readings, course: Course, k: int, odd: npt.NDArray[np.int64]) ->
             continue
         pair = np.array([k, other])
         if (_tails(run, course, pair, run.pressures[pair[::-1]]) > FITS).all():
-            return f": its row and that of {run.names[other]} may be swapped"
+            return f": its row and that of {list(run.outlines.values())[other].source} may be swapped"
     return ""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What changes smoothly with the height in a run whose body stands still: how far the surface beside the bulge sinks, and how
+# far apart the body's sides lie.
+#
+# Under pressure a soft body draws in the rubber beside its bulge, and its sides may give way: both grow smoothly with the
+# height and vanish with it, from one photograph of a run to the next. A body that was moved after the zero photograph lies off
+# by the same amount at every height, and one that was moved for a single photograph lies off in that one. Moved along the
+# light, its shadow is larger or smaller as a whole, and so is the distance of its sides.
+
+
+MIN_RAISED_OUTLINES = 4
+"""Raised outlines from which their common course can be told from a body that was moved."""
+
+CURVED = 6
+"""Raised outlines from which the course may bend."""
+
+MIN_HEIGHT_RATIO = 5.0
+"""Heights below this many times `ON_SURFACE` tell nothing of the course."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Common:
+    """A value of each outline of a run, and its common course over the height.
+
+    Attributes:
+        numbers: Numbers of the outlines.
+        heights: In m, shape (n,).
+        values: The values, shape (n,).
+        known: Which outlines are raised and have one, shape (n,).
+        usual: How far a value may lie off the course before it counts less.
+    """
+
+    numbers: list[int]
+    heights: Array
+    values: Array
+    known: Flags
+    usual: float
+
+    @functools.cached_property
+    def course(self) -> np.polynomial.Polynomial | None:
+        """The values over the height; None where too few outlines tell it."""
+        if self.known.sum() < MIN_RAISED_OUTLINES:
+            return None
+        return _common(self.heights[self.known], self.values[self.known], self.usual)
+
+
+def _common(heights: Array, values: Array, usual: float) -> np.polynomial.Polynomial:
+    """Return the values (n,) over height (n,): a line, or a parabola where there are points enough, that none of them draws
+    away.
+
+    Args:
+        heights: Heights in m.
+        values: What follows them.
+        usual: How far a value may lie off the course before it counts less.
+    """
+    scale = float(heights.max())
+    terms = np.vander(heights / scale, 3 if len(heights) >= CURVED else 2, increasing=True)
+    fit = least_squares(
+        lambda c: (terms @ c - values) / usual,
+        np.zeros(terms.shape[1]),
+        loss="soft_l1",
+        jac=lambda c: terms / usual,
+    )
+    return np.polynomial.Polynomial(fit.x / scale ** np.arange(terms.shape[1]))

@@ -370,7 +370,7 @@ def _between(simulation: Simulation, source: Source, ends: tuple[int, int], aske
         stored_point(stored, fields, comm, step, source.restart(step), step in passed) for step in (*passed, *ends)
     )
     followed = source.case.quantity if quantity in source.rows[0] else quantity
-    path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.beginning.state())
+    path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.model.hanging())
     solved = [step for step in range(ends[0] + 1) if step not in passed]
     path.recall = functools.partial(recall, stored, fields, comm, solved)
     try:
@@ -381,7 +381,7 @@ def _between(simulation: Simulation, source: Source, ends: tuple[int, int], aske
             state = path.corrector.root(before, after, lambda point: _figure(simulation, point, quantity) - wanted)
             found = path.corrector.point(state, requested=True)
         else:
-            found = path.between(before, after, wanted / simulation.beginning.unit_of(quantity))
+            found = path.between(before, after, wanted / simulation.model.unit_of(quantity))
         path.keep(found)
     except NoConvergence as failure:
         raise RunError(f"no converged state between steps {ends[0]} and {ends[1]} ({failure})") from failure

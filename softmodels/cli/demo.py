@@ -97,8 +97,8 @@ def inflated(truth: DemoTruth, comm: MPI.Comm) -> tuple[DeviceModel, list[Array]
         body = Body.from_file(truth.actuator, truth.actuator.write(Path(folder) / "disk.msh"), comm)
     device = DeviceModel(Solver(System(body, choice.material(truth.values))), choice)
     states = device.states(truth.values, truth.pressures, "pressure")
-    lengths = device.set_parameters(truth.values)
-    return device, [half_outline(device.curve(state, lengths), 2e-5, 0.0)[0] for state in states]
+    device.set_parameters(truth.values)
+    return device, [half_outline(device.curve(state), 2e-5, 0.0)[0] for state in states]
 
 
 def polygon(half: Array) -> Array:

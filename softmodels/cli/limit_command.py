@@ -78,7 +78,7 @@ from softmodels.runs.limits import (
     with_sources,
 )
 from softmodels.runs.notes import NEAR_STRETCH_LIMIT, unseen
-from softmodels.runs.outcomes import FAILED, RunError
+from softmodels.runs.outcomes import FAILED, Ended, RunError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -310,6 +310,8 @@ def limit(kind: type[Actuator], **values: object) -> None:
     same height (a thinner membrane over a thicker base). A sideways shift of a disk's core is not
     sampled: by symmetry it has no first-order effect.
 
+    Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium under the preload.
+
     \b
     Examples:
       softmodels limit results/disk/case.toml
@@ -380,7 +382,7 @@ def _answered(
     except (CaseError, GeometryError, ComponentError) as error:
         fail(str(error))
     except (MeshingError, RunError) as error:
-        fail(str(error), FAILED)
+        fail(str(error), Ended.by(error).status)
     except OSError as error:  # the mesh is made in the temporary folder
         fail(f"the mesh cannot be written ({error.strerror or error})", FAILED)
     return dict(zip(materials, limits, strict=True)), Scatter(question.tolerances, sampled)

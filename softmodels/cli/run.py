@@ -31,7 +31,6 @@ from softmodels.runs.columns import (
     state_labels,
     term,
 )
-from softmodels.runs.notes import notes_of, stability_text
 from softmodels.runs.outcomes import (
     BAD_INPUT,
     DONE,
@@ -42,7 +41,7 @@ from softmodels.runs.outcomes import (
 from softmodels.runs.progress import Progress
 from softmodels.runs.recording import (
     Observer,
-    branch_rows,
+    Summary,
     solved_into,
     unstopped,
 )
@@ -141,7 +140,7 @@ class Teller(Observer):
         if self.drawing is not None:
             self.drawing.begin(results)
 
-    def closed(self, results: Results | None, ended: Ended) -> None:
+    def closed(self, results: Results | None, ended: Ended, summary: Summary) -> None:
         self.status, message = self._outcome(results, ended)
         if results is None:
             say(f"softmodels: {bounded(message)}", err=True)
@@ -155,10 +154,10 @@ class Teller(Observer):
             say(f"softmodels: {message}{where}{f': {drawn}' if drawn and not self.quiet else ''}", err=True)
         if self.quiet:
             return
-        for note in notes_of(self.case, results.rows, results.sources(self.case)) if good else []:
+        for note in summary.get("notes", ()):
             say(f"softmodels: note: {note}", err=True)
         if not message:
-            _summarise(self.case, results, drawn)
+            _summarise(self.case, results, drawn, summary["stability"])
 
     def _outcome(self, results: Results | None, ended: Ended) -> tuple[int, str]:
         """Exit status and sentence; what PETSc refuses before anything is solved are the words it was given."""
@@ -181,8 +180,8 @@ class Teller(Observer):
         return self.drawing.draw(results, self.quiet)
 
 
-def _summarise(case: Case, results: Results, drawn: str) -> None:
-    """Print the last state of a run that has reached all its values, and what there is in its folder."""
+def _summarise(case: Case, results: Results, drawn: str, stability: str) -> None:
+    """Print the last state of a run that has reached all its values, its stability, and what there is in its folder."""
     row, words = results.rows[-1], state_labels(case)
     gauge = words.gauge
     volume = f"added volume {row['added_volume_ml']:.5g}{_band(row, 'added_volume_ci95_ml')} ml" if words.volume else ""
@@ -197,8 +196,8 @@ def _summarise(case: Case, results: Results, drawn: str) -> None:
         print(text)
     if case.gauges.columns():
         say(", ".join(_gauge(name, row) for name in case.gauges.columns()))
-    if told := stability_text(results.rows, case.actuator, words, branch_rows(results)):
-        say(told)
+    if stability:
+        say(stability)
     drawn = f"; {drawn}" if drawn else ""
     say(
         f"{len(results.stored)} states in {results.folder}: path.csv, {results.name}.vtkhdf for ParaView{drawn}{_solved_on()}"

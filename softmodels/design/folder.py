@@ -139,7 +139,7 @@ class DesignFolder:
         if form is None:
             return
         best = form.best([one for one in trials if one.mesh == trial.mesh])
-        if best is not None and (trial.start == 1 or best is form.best(list(trials))):
+        if best is not None and (trial.start == 1 or best is form.best(trials)):
             self._write_best(best)
 
     def settle(self, best: Trial, trials: Sequence[Trial]) -> Path:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from geometries.actuator import parameter
 from softmodels.common.arrays import Array
 from softmodels.design.loads import PRESSURE, JudgedLoad
 from softmodels.design.problem import (
@@ -103,7 +104,7 @@ class Formulation:
         self.spread = ToleranceSpread(problem.names, problem.spreads, problem.errors)
         self.low = np.array([one.low for one in problem.free])
         self.width = np.array([one.width for one in problem.free])
-        self.rest = np.array([_value(problem, name) for name in problem.names[len(problem.free) :]])
+        self.rest = np.array([parameter(problem.case.actuator, name) for name in problem.names[len(problem.free) :]])
         self.rows = [row for keep in problem.limits for row in self._rows(keep, first.values)]
         slopes = np.abs(self._slope(first)) * self.width
         self.size = max(abs(self.objective(first)), float(slopes.max(initial=0.0)), 1e-300)
@@ -209,33 +210,16 @@ class Formulation:
             fresh,
         )  # fmt: skip
 
-    def better(self, trial: Trial, than: Trial | None) -> bool:
-        """Return whether a design is better: first by feasibility, then by the objective, then by the
-        smallest violation."""
-        if than is None or than.failed:
-            return not trial.failed
-        if trial.failed:
-            return False
-        mine, other = self.feasible(trial), self.feasible(than)
-        if mine != other:
-            return mine
-        if mine:
-            return self.problem.sign * (self.objective(trial) - self.objective(than)) < 0.0
-        return self.worst(trial)[0] < self.worst(than)[0]
+    def best(self, trials: Sequence[Trial]) -> Trial | None:
+        """Return the best of some trials: a feasible one by the objective, else that with the smallest violation; None if none
+        could be evaluated."""
 
-    def best(self, trials: list[Trial]) -> Trial | None:
-        """Return the best of some trials; None if none could be evaluated."""
-        found: Trial | None = None
-        for trial in trials:
-            if not trial.failed and self.better(trial, found):
-                found = trial
-        return found
+        def order(trial: Trial) -> tuple[bool, float]:
+            if self.feasible(trial):
+                return False, self.problem.sign * self.objective(trial)
+            return True, self.worst(trial)[0]
 
-
-def _value(problem: DesignProblem, name: str) -> float:
-    from geometries.actuator import parameter
-
-    return parameter(problem.case.actuator, name)
+        return min((trial for trial in trials if not trial.failed), key=order, default=None)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -14,7 +14,6 @@ and dP/dtheta = (v . dR/dtheta) / (v . q).
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -31,8 +30,6 @@ from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.path.stability import Mode, Stability
 
 if TYPE_CHECKING:
-    from dolfinx import fem
-
     from softmodels.design.body import DesignedBody
     from softmodels.design.quantities.base import Measure
     from softmodels.mechanics.system import State
@@ -61,7 +58,7 @@ class Adjoint:
         self._lambda = fem.Function(system.space)
         self._forces = [compiled(ufl.action(force, self._lambda)) for force in potential.forces]
         self._volume = compiled(potential.cavity_volume - design.rest_volume)
-        self._sensitivity = Sensitivity(self.solver)
+        self._sensitivity = Sensitivity(self.solver, design.motion)
 
     def prepare(self, state: State) -> None:
         """Factorise the tangent at a state, for the following gradients."""
@@ -130,16 +127,6 @@ class Adjoint:
             by_material[name] = direct - inner - eta * kept
         return motion.gradient(by_X, dict(velocities)), by_material
 
-    @functools.cached_property
-    def _moving(self) -> tuple[fem.Function, list[fem.Form]]:
-        """A motion of the mesh's nodes, and the derivatives of the forces along it."""
-        import ufl
-        from dolfinx import fem
-
-        system, motion = self.system, fem.Function(self.design.motion.space)
-        X = ufl.SpatialCoordinate(system.body.mesh)
-        return motion, [system.form(ufl.derivative(force, X, motion)) for force in system.potential.forces]
-
     def rates(self, kind: str, velocity: Array) -> tuple[Array, Array]:
         """Return the derivative of the prepared state by a parameter: its unknowns, with ghosts, and the mesh's nodes, shape
         (nodes, d).
@@ -150,10 +137,8 @@ class Adjoint:
             kind: Of the load that is kept.
             velocity: Motion of the boundary with the parameter, of `MeshMotion.boundary_velocities`.
         """
-        moving, forms = self._moving
         nodes = self.design.motion.nodes_rate(velocity)
-        moving.x.array[:] = nodes.ravel()
-        w = -self.design.answer(self.system.assemble(forms).copy())
+        w = -self.design.answer(self._sensitivity.motion_force(nodes)[0])
         if kind == VOLUME:
             comm, q = self.system.comm, self._tangent_load
             owned = slice(0, self.design.motion.owned_entries)

@@ -115,6 +115,8 @@ class Told:
 def recovered(form: Formulation, trial: Trial) -> Told | None:
     """Return the parameters determined by a problem's targets at a trial; None without a target or
     errors."""
+    from scipy.stats import t
+
     problem = form.problem
     found = [(term.quantity, trial.squares.get(term.quantity.key)) for term in problem.terms]
     if problem.objective != "follow" or any(squares is None for _, squares in found):
@@ -141,7 +143,9 @@ def recovered(form: Formulation, trial: Trial) -> Told | None:
     told_at_all = values > 1e-12 * values.max(initial=0.0)
     inverse = np.where(told_at_all, 1.0 / np.where(told_at_all, values, 1.0), np.inf)
     scaled = _covariance(vectors, inverse)
-    quantile = _quantile(math.inf if known else freedom)
+    quantile = float(
+        t.ppf(0.975, math.inf if known else freedom)
+    )  # Student's: the variance is estimated from few residuals
     errors = np.zeros(count)
     errors[inside] = np.sqrt(np.diag(scaled)) * form.width[inside]
     intervals = tuple(
@@ -167,13 +171,6 @@ def _covariance(vectors: Array, inverse: Array) -> Array:
         blind = np.abs(vector) > 1e-6
         covariance[blind, blind] = np.inf
     return np.asarray(covariance)
-
-
-def _quantile(freedom: float) -> float:
-    """Of 95 %: Student's, as the residuals' variance is estimated from few of them."""
-    from scipy.stats import norm, t
-
-    return float(norm.ppf(0.975) if math.isinf(freedom) else t.ppf(0.975, freedom))
 
 
 def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, half: float) -> str:
@@ -214,8 +211,6 @@ def _weakest(form: Formulation, trial: Trial, free: list[Free], vector: Array, h
 
 MET = 5e-3
 """Fraction of a limit above which it is active."""
-EDGE = 1e-6
-"""Tolerance relative to the range within which a parameter is at a bound."""
 LEAST = 1e-3
 """Multipliers below this fraction of the largest count as zero."""
 BALANCED = 0.2
@@ -261,7 +256,9 @@ def holding(form: Formulation, trial: Trial) -> Holding:
     met = violations.max() - MET if infeasible else -MET
     rows = [k for k in range(len(form.rows)) if violations[k] >= met]
     x = form.x(np.array(trial.theta))
-    bounds = [(k, -1.0) for k in range(len(x)) if x[k] <= EDGE] + [(k, 1.0) for k in range(len(x)) if x[k] >= 1 - EDGE]
+    bounds = [(k, -1.0) for k in range(len(x)) if x[k] <= AT_BOUND] + [
+        (k, 1.0) for k in range(len(x)) if x[k] >= 1 - AT_BOUND
+    ]
     columns = [scaled.dc[k] for k in rows] + [sign * np.eye(len(x))[k] for k, sign in bounds]
     if not columns:
         return Holding((), not scaled.df.any())

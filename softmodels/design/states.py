@@ -17,20 +17,13 @@ from softmodels.design.trials import DesignFailure
 from softmodels.mechanics.controls import pressure_control, volume_control
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.path.continuation import (
-    QUICK,
-    SLOW,
-    Continuation,
-    predict,
-    trace,
-)
-from softmodels.path.points import AddedVolume, PathEnd
+from softmodels.path.continuation import Continuation, trace
+from softmodels.path.points import AddedVolume, PathEnd, Point
 from softmodels.runs.grid import Grid, displacement_maps
 
 if TYPE_CHECKING:
     from softmodels.design.body import DesignedBody
     from softmodels.design.gradients import Bifurcation, Bifurcations
-    from softmodels.mechanics.controls import Tangent
     from softmodels.mechanics.system import State
 
 
@@ -191,29 +184,19 @@ class Transfer:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class LimitPoint:
-    """A limit point of the pressure: the state, and the path's direction there, which is K's null vector."""
-
-    state: State
-    tangent: Tangent
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
 class Known:
     """States of one design, as guesses for the next: values, never modified.
 
     Attributes:
         rest: Volume of its undeformed cavity.
         states: By load.
-        limit: Its limit point, if there is one.
-        witness: The state at the highest pressure, where there is none up to it.
+        limit: Its limit point, if there is one; no guess, because a bulge may grow elsewhere on the next design.
         bifurcation: Its first bifurcation, if there is one.
     """
 
     rest: float
     states: dict[JudgedLoad, State]
-    limit: LimitPoint | None
-    witness: State | None
+    limit: Point | None
     bifurcation: Bifurcation | None
 
     def ahead(self, before: Known, share: float) -> Known:
@@ -225,13 +208,8 @@ class Known:
             P, V = here.P + share * (here.P - there.P), here.V + share * (here.V - there.V)
             return dataclasses.replace(here, w=w, P=P, V=V)
 
-        limit, witness = self.limit, self.witness
-        if limit is not None and before.limit is not None:
-            limit = LimitPoint(state(limit.state, before.limit.state), limit.tangent)
-        if witness is not None and before.witness is not None:
-            witness = state(witness, before.witness)
         states = {load: state(here, before.states[load]) for load, here in self.states.items()}
-        return Known(self.rest + share * (self.rest - before.rest), states, limit, witness, self.bifurcation)
+        return Known(self.rest + share * (self.rest - before.rest), states, None, self.bifurcation)
 
     def transferred(self, transfer: Transfer) -> Known:
         """Return the same on another mesh of the same device."""
@@ -239,40 +217,12 @@ class Known:
         def state(known: State) -> State:
             return dataclasses.replace(known, w=transfer.dofs(known.w), V=transfer.volume(known.V, self.rest))
 
-        limit, witness, fork = self.limit, self.witness, self.bifurcation
+        fork = self.bifurcation
         if fork is not None:
             modes = tuple(transfer.dofs(mode) for mode in fork.modes)
             V = transfer.volume(fork.V, self.rest)
             fork = dataclasses.replace(fork, V=V, states=tuple(map(state, fork.states)), modes=modes)
-        return Known(
-            transfer.rest, {load: state(known) for load, known in self.states.items()},
-            None if limit is None else LimitPoint(state(limit.state), limit.tangent),
-            None if witness is None else state(witness), fork,
-        )  # fmt: skip
-
-
-MOST_SECANTS = 12
-"""Maximum secant iterations to find the limit point on the next design."""
-CLOSE = 1e-6
-"""Relative tolerance of the volume at the limit point; its pressure is exact to the square."""
-FIRST_STEP = 1e-3
-"""First step of the secant, relative to the added volume."""
-TIGHT = 1e-10
-"""Tolerance of the linear solver for the path's tangent, the null vector used for derivatives."""
-FIRST_SHARE, LARGEST_SHARE = 0.15, 0.5
-"""First and largest step towards the limit point from a state below it, relative to the added volume."""
-GROWTH = 1.4
-"""Growth factor of the step if Newton's method converges quickly; it shrinks otherwise."""
-REFUSED = 1 / 3
-"""Reduction factor of a failed step. The following steps grow from there: near the sudden growth
-of a bulge, one step that is too long costs as much as four good ones."""
-MOST_NEWTON = 9
-"""Newton iterations above which a shorter step is cheaper."""
-MOST_STEPS = 80
-"""Maximum number of steps from that state to the limit point."""
-FARTHEST = 0.5
-"""Maximum motion of the limit point between designs, relative to the added volume; otherwise it is searched
-along the whole path."""
+        return Known(transfer.rest, {load: state(known) for load, known in self.states.items()}, None, fork)
 
 
 class WorkingStates:
@@ -302,10 +252,9 @@ class WorkingStates:
         self.design, self.system, self.solver = design, design.system, design.solver
         self.loads, self.highest = tuple(loads), highest
         self.states: dict[JudgedLoad, State] = {}
-        self.limit: LimitPoint | None = None
+        self.limit: Point | None = None
         self.bifurcation: Bifurcation | None = None
         self._bifurcations = bifurcations
-        self._witness: State | None = None
         self.newton = 0
         self.carried = False
         self._rest_volume = 0.0
@@ -318,7 +267,7 @@ class WorkingStates:
         Raises:
             DesignFailure: A load is not met.
         """
-        self.states, self.limit, self.bifurcation, self._witness = {}, None, None, None
+        self.states, self.limit, self.bifurcation = {}, None, None
         self._rest_volume, self.carried = self.design.volume_at_rest(), False
         by_pressure = sorted(load for load in self.loads if load.kind == PRESSURE)
         self._trace_pressures(by_pressure)
@@ -327,54 +276,56 @@ class WorkingStates:
             self._trace_volumes(by_volume)
 
     def _trace_pressures(self, loads: Sequence[JudgedLoad]) -> None:
-        unit = self.system.stress_unit
-        wanted = [load.value / unit for load in loads]
-        top, upwards = self.highest / unit, bool(loads) and self._bifurcations is None
-        if top > 0.0 and not upwards and (not wanted or top > wanted[-1]):
-            wanted.append(top)
+        wanted = [load.value / self.system.stress_unit for load in loads]
+        wanted += self._top(wanted)
         if not wanted:
             return
+        met, self.limit, forked, end = self._climb(wanted)
+        self.states |= dict(zip(loads, met, strict=False))
+        if len(met) < len(loads):
+            load = loads[len(met)]
+            if self.limit is None:
+                raise DesignFailure(f"the path ends before {load}: {end}")
+            limit = self.limit.state.P * self.system.stress_unit
+            raise DesignFailure(f"the pressure has a limit point at {limit / 1e3:.4g} kPa, before {load}", limit)
+        if end is not None and self.limit is None and forked is None:
+            raise DesignFailure(f"the path ends before {self.highest / 1e3:.4g} kPa: {end}")
+        if forked is not None and forked.mode is not None and self._bifurcations is not None:
+            state = forked.state
+            try:
+                self.bifurcation = self._bifurcations.near(state, state.V, forked.mode, self._rest_volume)
+            except NoConvergence as failure:
+                raise DesignFailure(f"the bifurcation was passed but not located: {failure}") from failure
+
+    def _top(self, pressures: Sequence[float]) -> list[float]:
+        """Return the dimensionless pressure up to which a limit point is looked for, if it is above these."""
+        top = self.highest / self.system.stress_unit
+        return [top] if top > max(pressures, default=0.0) else []
+
+    def _climb(
+        self, goals: Sequence[float], start: State | None = None
+    ) -> tuple[list[State], Point | None, Point | None, PathEnd | None]:
+        """Follow the path through pressures, up to its first limit point, and from rest up to its first bifurcation if wanted.
+
+        Returns:
+            The states met, the limit point, the bifurcation, and what ended the path before the last goal.
+        """
         met: list[State] = []
-        limit = forked = None
+        limit = forked = end = None
+        # Near the limit point steps of the volume converge, where several steps of the pressure may fail.
+        control = "auto" if start is None else AddedVolume.name
         try:
-            for point in trace(Continuation(self.solver), wanted):
+            for point in trace(Continuation(self.solver, control=control, start=start), goals):
                 self.newton += point.state.iterations
-                if point.limit and limit is None:
-                    limit = point
-                if point.bifurcation and forked is None:
-                    forked = point
+                limit = point if point.limit and limit is None else limit
+                forked = point if point.bifurcation and forked is None else forked
                 if point.requested:
                     met.append(point.state)
-                if limit is not None and (forked is not None or self._bifurcations is None):
+                if limit is not None and (forked is not None or self._bifurcations is None or start is not None):
                     break  # the path beyond is not needed, and would be most of the work
-        except PathEnd as end:
-            limit = limit or end.limit
-            if len(met) < len(loads):
-                raise self._failure(loads[len(met)], end) from end
-        if limit is not None and len(met) < len(loads):
-            raise self._limit_below(limit.state, loads[len(met)])
-        self.states |= dict(zip(loads, met, strict=False))
-        # If the path passes the highest pressure without a limit point, the state there is the start for later designs.
-        self._witness = met[-1] if limit is None and len(met) > len(loads) else None
-        try:
-            if limit is not None and self.highest:
-                self.limit = self._limit_near(limit.state, self._rest_volume)
-            elif upwards and self.highest:
-                self.limit, self._witness = self._upwards(met[-1], self._rest_volume)
-            if forked is not None and forked.mode is not None and self._bifurcations is not None:
-                state = forked.state
-                self.bifurcation = self._bifurcations.near(state, state.V, forked.mode, self._rest_volume)
-        except NoConvergence as failure:
-            raise DesignFailure(f"the loss of stability was passed but not located: {failure}") from failure
-
-    def _failure(self, load: JudgedLoad, end: PathEnd) -> DesignFailure:
-        if end.limit is None:
-            return DesignFailure(f"the path ends before {load}: {end}")
-        return self._limit_below(end.limit.state, load)
-
-    def _limit_below(self, limit: State, load: JudgedLoad) -> DesignFailure:
-        pressure = limit.P * self.system.stress_unit
-        return DesignFailure(f"the pressure has a limit point at {pressure / 1e3:.4g} kPa, before {load}", pressure)
+        except PathEnd as failure:
+            end = failure
+        return met, limit, forked, end
 
     def _trace_volumes(self, loads: Sequence[JudgedLoad]) -> None:
         wanted = [load.value / self.system.volume_unit for load in loads]
@@ -393,12 +344,12 @@ class WorkingStates:
     @property
     def known(self) -> Known:
         """The current states, to be restored or used as guesses."""
-        return Known(self._rest_volume, self.states, self.limit, self._witness, self.bifurcation)
+        return Known(self._rest_volume, self.states, self.limit, self.bifurcation)
 
     @known.setter
     def known(self, known: Known) -> None:
-        self._rest_volume, self.states, self.limit = known.rest, known.states, known.limit
-        self._witness, self.bifurcation = known.witness, known.bifurcation
+        self._rest_volume, self.states = known.rest, known.states
+        self.limit, self.bifurcation = known.limit, known.bifurcation
 
     def carry(self, guess: Known | None = None) -> None:
         """Solve all states for the device of the current mesh.
@@ -408,65 +359,19 @@ class WorkingStates:
 
         Raises:
             NoConvergence: One of them was not found from there. Nothing has changed then.
-            DesignFailure: The limit point lies below one of the loads now. Nothing has changed then.
         """
         guess, rest = guess or self.known, self.design.volume_at_rest()
-        limit, witness = guess.limit, guess.witness
-        highest = max((load for load in guess.states if load.kind == PRESSURE), default=None)
-        upwards = highest is not None and self._bifurcations is None and (limit or witness) is not None
-        if not upwards:  # the limit point first: above it no state exists
-            limit = self._carried_limit(guess, rest)
         found = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
-        if upwards and highest is not None:
-            limit, witness = self._upwards(found[highest], rest)
-        elif witness is not None:
-            witness = self._solve(JudgedLoad(PRESSURE, self.highest), witness, rest)
+        by_pressure = [found[load] for load in sorted(found) if load.kind == PRESSURE]
+        limit = None
+        if top := self._top([state.P for state in by_pressure]):
+            _, limit, _, end = self._climb(top, by_pressure[-1] if by_pressure else None)
+            if end is not None and limit is None:
+                raise NoConvergence(str(end))
         forked = guess.bifurcation
         if forked is not None and self._bifurcations is not None:
             forked = self._bifurcations.near(forked.states[0], forked.V - guess.rest + rest, forked.mode, rest)
-        self.known, self.carried = Known(rest, found, limit, witness, forked), True
-
-    def _upwards(self, state: State, rest: float) -> tuple[LimitPoint | None, State | None]:
-        """Find the limit point along the path from a state below it, or the state at the highest pressure.
-
-        The last design's limit point is no guess to rely on: a bulge that grows all at once there grows elsewhere on the next.
-        By secants from below, with their steps bounded, hardly a state behind the limit point has to be solved for.
-
-        Raises:
-            NoConvergence: The path could not be followed.
-        """
-        points, share = [self._on_path(state, state.V)], FIRST_SHARE
-        step = share * (state.V - rest)
-        for _ in range(MOST_STEPS):
-            here = points[-1]
-            try:
-                there = self._on_path(here.state, here.state.V + step, points)
-            except NoConvergence:
-                step *= REFUSED
-                share = abs(step) / (here.state.V - rest)
-                continue
-            if there.state.P * self.system.stress_unit >= self.highest:
-                return None, self._solve(JudgedLoad(PRESSURE, self.highest), there.state, rest)
-            rise, added = (there.tangent.P - here.tangent.P) / step, there.state.V - rest
-            step = -there.tangent.P / rise if rise < 0.0 else np.inf
-            if abs(step) < CLOSE * added:
-                return there, None
-            points = [here, there]
-            count = there.state.iterations
-            share = min(share * (GROWTH if count <= QUICK else 1.0 if count < SLOW else 0.6), LARGEST_SHARE)
-            step = float(np.clip(step, -share * added, share * added))
-        raise NoConvergence("the limit point was not located along the path")
-
-    def _carried_limit(self, guess: Known, rest: float) -> LimitPoint | None:
-        """Return the limit point of the current design, whose volume at rest is ``rest``; see `carry`."""
-        if guess.limit is None:
-            return None
-        state = guess.limit.state
-        limit = self._limit_near(dataclasses.replace(state, V=state.V - guess.rest + rest), rest)
-        for load in sorted(guess.states):
-            if load.kind == PRESSURE and load.value >= limit.state.P * self.system.stress_unit:
-                raise self._limit_below(limit.state, load)
-        return limit
+        self.known, self.carried = Known(rest, found, limit, forked), True
 
     def _solve(self, load: JudgedLoad, guess: State, rest: float) -> State:
         system = self.system
@@ -476,52 +381,3 @@ class WorkingStates:
             state = self.solver.solve(volume_control(rest + load.value / system.volume_unit), guess.w, guess.P)
         self.newton += state.iterations
         return state
-
-    def _limit_near(self, guess: State, rest: float) -> LimitPoint:
-        """Return the limit point near a state, by the secant method on the slope of the pressure over the volume.
-
-        Args:
-            guess: The state.
-            rest: Volume of the undeformed cavity.
-
-        Raises:
-            NoConvergence: It is not near.
-        """
-        added = guess.V - rest
-        here = self._on_path(guess, guess.V)
-        step = -FIRST_STEP * added  # backwards first: just beyond a limit point a bulge may grow suddenly
-        for _ in range(MOST_SECANTS):
-            try:
-                there = self._on_path(here.state, here.state.V + step, [here])
-            except NoConvergence:
-                step /= 4
-                continue
-            rise = (there.tangent.P - here.tangent.P) / (there.state.V - here.state.V)
-            if not rise:
-                break
-            here, step = there, -there.tangent.P / rise
-            if abs(here.state.V + step - guess.V) > FARTHEST * added:
-                break
-            if abs(step) < CLOSE * added:
-                if rise > 0.0:
-                    break  # a minimum of the pressure
-                return here
-        raise NoConvergence("the limit point is not near that of the last design")
-
-    def _on_path(self, guess: State, V: float, known: Sequence[LimitPoint] = ()) -> LimitPoint:
-        """Return the state at a volume, and the path's direction there, for one unit of volume.
-
-        Args:
-            guess: Where Newton's method begins if nothing is known of the path.
-            V: The volume.
-            known: One or two points near by, from which the state is predicted.
-        """
-        line = volume_control(V)
-        w, P = predict(known, line) if known else (guess.w, guess.P)
-        state = self.solver.solve(line, w, P, most=MOST_NEWTON if known else None)
-        self.newton += state.iterations
-        try:
-            return LimitPoint(state, self.solver.tangent(state, line, TIGHT))
-        except NoConvergence:  # the lagged factorisation belongs to a state too far away
-            self.solver.factorise(state)
-            return LimitPoint(state, self.solver.tangent(state, line, TIGHT))

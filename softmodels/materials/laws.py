@@ -9,9 +9,10 @@ library; `register` makes it available by name to command lines and files.
 
 from __future__ import annotations
 
+import cmath
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from softmodels.common.calls import checked
@@ -19,7 +20,7 @@ from softmodels.common.errors import FieldError, Spoken
 from softmodels.common.registry import Registry
 from softmodels.common.schema import Quantity, Several
 from softmodels.common.units import with_prefix
-from softmodels.materials.strain import Expression, StrainMeasures
+from softmodels.materials.strain import Dual, Expression, HomogeneousStrain, StrainMeasures
 
 Values = Mapping[str, Any]
 """Numbers by the names of a law's fields; tuples of numbers for fields with one per term."""
@@ -179,7 +180,22 @@ class Material:
         """Return the energy in Pa of a compressible deformation. With an infinite bulk only J = 1 is possible, with the
         shape's energy."""
         shape = self.shape(strain, self)
-        return shape if math.isinf(self.bulk) else shape + self.bulk / 2 * (strain.J - 1) ** 2
+        return shape if cmath.isinf(self.bulk) else shape + self.bulk / 2 * (strain.J - 1) ** 2
+
+    def derivative(
+        self, stretches: Sequence[Expression], change: Sequence[Expression], compressible: bool = False
+    ) -> Dual:
+        """Return the energy at principal stretches with its derivative along their change, in Pa: all stresses in numpy.
+
+        Args:
+            stretches: The three; numpy arrays of one shape. A complex step in them or in a parameter gives the derivative of
+                the derivative, exact to rounding (Squire & Trapp 1998, doi 10.1137/S003614459631241X).
+            change: Of each, per unit of what is differentiated by.
+            compressible: Whether the bulk's energy counts.
+        """
+        a, b, c = map(Dual, stretches, change)
+        strain = HomogeneousStrain((a, b, c))
+        return self.energy(strain) if compressible else self.shape(strain, self)
 
     @property
     def strain_limit(self) -> float:

@@ -1,8 +1,7 @@
 """Test specimens: nominal stress under homogeneous stretch, and its exact slopes by the stretch and by every parameter.
 
-The energy is differentiated by the stretch in forward mode (`Dual`) and by a parameter with a complex step through that,
-without finite differences, so a new law needs only an energy. Compressible specimens
-find their free sides from the condition that these carry no stress; the slopes follow by the implicit function theorem.
+All come from `Material.derivative`, so a new law needs only an energy. Compressible specimens find their free sides from the
+condition that these carry no stress; the slopes follow by the implicit function theorem.
 """
 
 from __future__ import annotations
@@ -17,20 +16,13 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.materials.laws import Material
-from softmodels.materials.strain import (
-    Dual,
-    DualStrain,
-    Expression,
-    HomogeneousStrain,
-)
+from softmodels.materials.strain import Expression
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Closed-form solutions without a mesh: test specimens, balloons and thick-walled spheres of any law.
 #
-# Every function takes the law's own energy and differentiates it by a complex step (Squire & Trapp 1998,
-# doi 10.1137/S003614459631241X), which is exact to rounding, so a new law is covered as soon as it has an energy. The
-# material is treated as incompressible for any Poisson's ratio. Stresses come back in the unit of the law's parameters
-# (Pa); beyond the locking stretch of a law (Gent) they are nan.
+# The material is treated as incompressible for any Poisson's ratio, except by `respond`. Stresses come back in the unit of
+# the law's parameters (Pa); beyond the locking stretch of a law (Gent) they are nan.
 
 
 _STEP = 1e-30  # so small that its square vanishes relative to 1: no truncation error
@@ -41,23 +33,16 @@ MODES: dict[str, tuple[tuple[float, float, float], int]] = {
     "equibiaxial": ((1.0, 1.0, -2.0), 2),
 }
 """Tests of an incompressible specimen: principal stretches as powers of the imposed one, and the number of loaded sides."""
+MODE_NAMES = tuple(MODES)
 
 
-def energy_slope(material: Material, stretch: npt.ArrayLike, mode: str) -> Array:
-    """Return dW/d(stretch) in Pa of the energy along one of `MODES`, in the shape of ``stretch``."""
-    powers = MODES[mode][0]
-    stretch = np.asarray(stretch, dtype=float)
-
-    def energy(x: Expression) -> Expression:
-        return material.shape(HomogeneousStrain((x ** powers[0], x ** powers[1], x ** powers[2])), material)
-
-    return _slope(energy, stretch)
-
-
-def _slope(energy: Callable[[Expression], Expression], x: Array) -> Array:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        # The logarithm of a negative number is nan only for reals; as a complex number it would count as a stress.
-        return np.where(np.isfinite(energy(x)), np.imag(energy(x + 1j * _STEP)) / _STEP, np.nan)
+def _slope(
+    law: Material, stretches: Sequence[Expression], change: Sequence[Expression], compressible: bool = False
+) -> Expression:
+    """Return `Material.derivative`; nan where the law has no energy. The logarithm of a negative number is that only for
+    reals: of complex stretches it would count as a stress."""
+    found = law.derivative(stretches, change, compressible)
+    return np.where(np.isfinite(found.value), found.slope, np.nan)
 
 
 def nominal_stress(material: Material, stretch: npt.ArrayLike, mode: str = "uniaxial") -> Array:
@@ -71,9 +56,21 @@ def nominal_stress(material: Material, stretch: npt.ArrayLike, mode: str = "unia
     Returns:
         Nominal stress in Pa, shape of ``stretch``. Two sides share the work in ``"equibiaxial"``.
     """
+    _check(mode)
+    with np.errstate(all="ignore"):
+        return np.asarray(_incompressible_stress(material, np.asarray(stretch, dtype=float), mode))
+
+
+def _check(mode: str) -> None:
     if mode not in MODES:
         raise ValueError(f"mode {mode!r} is not one of {', '.join(MODES)}")
-    return energy_slope(material, stretch, mode) / MODES[mode][1]
+
+
+def _incompressible_stress(law: Material, stretch: Expression, mode: str) -> Expression:
+    powers, sides = MODES[mode]
+    stretches = [stretch**power for power in powers]
+    change = [power * side / stretch for power, side in zip(powers, stretches, strict=True)]
+    return _slope(law, stretches, change) / sides
 
 
 def secant_modulus(material: Material, stretch: float) -> float:
@@ -82,7 +79,7 @@ def secant_modulus(material: Material, stretch: float) -> float:
 
 
 def balloon_pressure(material: Material, stretch: npt.ArrayLike, thickness_over_radius: float) -> Array:
-    """Return the pressure in Pa in a thin spherical balloon: P = (t/R) W'(stretch) / stretch^2, W of equibiaxial tension.
+    """Return the pressure in Pa in a thin spherical balloon: P = 2 (t/R) S / stretch^2, S of equibiaxial tension.
 
     The work P dv on the volume 4/3 pi (stretch R)^3 is the rise of the energy of the volume 4 pi R^2 t. Terms of the order
     (t/R)^2 are dropped if R is the undeformed middle radius.
@@ -93,7 +90,7 @@ def balloon_pressure(material: Material, stretch: npt.ArrayLike, thickness_over_
         thickness_over_radius: t/R of the undeformed balloon.
     """
     stretch = np.asarray(stretch, dtype=float)
-    return thickness_over_radius * energy_slope(material, stretch, "equibiaxial") / stretch**2
+    return 2 * thickness_over_radius * nominal_stress(material, stretch, "equibiaxial") / stretch**2
 
 
 def balloon_limit(material: Material, thickness_over_radius: float, most: float = 10.0) -> tuple[float, float] | None:
@@ -106,12 +103,10 @@ def balloon_limit(material: Material, thickness_over_radius: float, most: float 
     """
     from scipy.optimize import brentq
 
-    def rise(stretch: Array | float, h: float = 1e-3) -> Array:
-        near, far = (
-            balloon_pressure(material, stretch + d, 1.0) - balloon_pressure(material, stretch - d, 1.0)
-            for d in (h, 2 * h)
-        )
-        return (8 * near - far) / material.shear_modulus_0  # an error of h^4, far below the root's tolerance
+    def rise(stretch: Array | float) -> Array:
+        with np.errstate(all="ignore"):
+            found = _incompressible(material, np.asarray(stretch), "equibiaxial", ())
+        return (found.tangent - 2 * found.stress / stretch) / material.shear_modulus_0
 
     scan = np.linspace(1.0, most, 2000)
     falls = np.flatnonzero(rise(scan) < 0.0)
@@ -146,7 +141,7 @@ def _wall_pressure(
     def pressure(at_inner: float) -> float:
         def integrand(radius: float) -> float:
             stretch = (1 + (at_inner**power - 1) * (inner / radius) ** power) ** (1 / power)
-            return float(energy_slope(material, stretch, mode)) / (stretch ** (power - 1) * radius)
+            return MODES[mode][1] * float(nominal_stress(material, stretch, mode)) / (stretch ** (power - 1) * radius)
 
         if not np.isfinite(integrand(inner)):
             return np.nan  # the inner wall has the largest strain, so its limit ends the integration
@@ -155,7 +150,6 @@ def _wall_pressure(
     return np.vectorize(pressure, otypes=[float])(np.asarray(inner_stretch, dtype=float))
 
 
-MODE_NAMES = tuple(MODES)
 _NEWTON = 60
 
 
@@ -193,8 +187,7 @@ def respond(
         mode: One of `MODE_NAMES`.
         parameters: Names (see `Material.parameter_names`, or ``poisson``) to differentiate by.
     """
-    if mode not in MODES:
-        raise ValueError(f"mode {mode!r} is not one of {', '.join(MODES)}")
+    _check(mode)
     stretch = np.asarray(stretch, dtype=float)
     with np.errstate(all="ignore"):  # beyond a law's locking stretch the numbers are nan on purpose
         if math.isinf(material.bulk):
@@ -216,49 +209,44 @@ def nudged(material: Material, name: str, by: complex) -> Material:
 
 
 def _incompressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
-    powers, sides = MODES[mode]
+    def by_step(law: Material, at: Expression) -> Array:
+        return np.asarray(np.imag(_incompressible_stress(law, at, mode)) / _STEP + dead)
 
-    def slope(law: Material, at: Expression) -> Expression:
-        x = Dual(at, np.ones_like(at))
-        energy = law.shape(DualStrain((x ** powers[0], x ** powers[1], x ** powers[2])), law)
-        return energy.slope / sides, energy.value
-
-    stress, energy = slope(material, stretch)
-    stress = np.where(np.isfinite(energy), stress, np.nan)
-    dead = np.where(np.isfinite(stress), 0.0, np.nan)  # a logarithm of a negative number is nan in reals only
-
-    def by_stretch() -> Array:
-        return np.asarray(np.imag(slope(material, stretch + 1j * _STEP)[0]) / _STEP + dead)
-
+    stress = np.asarray(_incompressible_stress(material, stretch, mode))
+    dead = 0.0 * stress  # nan where it is
     # The stretch stays real, so that only terms with the nudged parameter are complex: complex powers take most of a fit's
     # time.
-    columns = [np.imag(slope(nudged(material, name, 1j * _STEP), stretch)[0]) / _STEP + dead for name in parameters]
-    return Response(stress, _columns(columns, stretch), stretch ** powers[2], by_stretch)
+    columns = [by_step(nudged(material, name, 1j * _STEP), stretch) for name in parameters]
+    side = stretch ** MODES[mode][0][2]
+    return Response(stress, _columns(columns, stretch), side, lambda: by_step(material, stretch + 1j * _STEP))
+
+
+_SIDES = {
+    "uniaxial": ((1.0, 0.0, 0.0), (0.0, 1.0, 1.0)),
+    "planar": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "equibiaxial": ((1.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+}
+"""Which sides are pulled, and which are free; others keep their length."""
 
 
 def _compressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:
-    pulled = MODES[mode][1]
+    pulled, free = _SIDES[mode]
 
     def slopes(law: Material, a: Expression, s: Expression) -> tuple[Expression, Expression]:
         """Return dW/da and dW/ds of the loaded and the free sides."""
-        found = []
-        for along_a in (1.0, 0.0):
-            x, y = Dual(a, along_a * np.ones_like(a)), Dual(s, (1.0 - along_a) * np.ones_like(s))
-            strain = DualStrain({"uniaxial": (x, y, y), "planar": (x, 1.0, y), "equibiaxial": (x, x, y)}[mode])
-            energy = law.shape(strain, law) + law.bulk / 2 * (strain.J - 1) ** 2
-            found.append(np.where(np.isfinite(energy.value), energy.slope, np.nan))
-        return found[0], found[1]
+        stretches = [i * a + j * s + (1.0 - i - j) for i, j in zip(pulled, free, strict=True)]
+        return _slope(law, stretches, pulled, True), _slope(law, stretches, free, True)
 
     side = _free_side(material, slopes, stretch, mode)
-    stress = slopes(material, stretch, side)[0] / pulled
-    dead = np.where(np.isfinite(stress), 0.0, np.nan)
+    stress = slopes(material, stretch, side)[0] / sum(pulled)
+    dead = 0.0 * stress
     a, s = stretch.astype(complex), side.astype(complex)
     by_side = slopes(material, a, s + 1j * _STEP)
 
     def follow(moved: tuple[Expression, Expression]) -> Array:
         """Return the total derivative, with the free side moving so that it stays stress-free."""
         drift = -np.imag(moved[1]) / np.imag(by_side[1])
-        total: Array = (np.imag(moved[0]) / _STEP + np.imag(by_side[0]) / _STEP * drift) / pulled + dead
+        total: Array = (np.imag(moved[0]) / _STEP + np.imag(by_side[0]) / _STEP * drift) / sum(pulled) + dead
         return total
 
     columns = [follow(slopes(nudged(material, name, 1j * _STEP), a, s)) for name in parameters]
@@ -307,22 +295,14 @@ def log_strain_stiffness(material: Material, stretch: npt.ArrayLike, mode: str) 
     """
     stretch = np.asarray(stretch, dtype=float)
     e1, e2 = (np.log(stretch) * power for power in MODES[mode][0][:2])
-    one, none = np.ones_like(stretch), np.zeros_like(stretch)
 
-    def gradient(a: Expression, b: Expression) -> tuple[Expression, Expression]:
-        found = []
-        for da, db in ((one, none), (none, one)):
-            l1, l2 = (Dual(np.exp(e), np.exp(e) * d) for e, d in ((a, da), (b, db)))
-            energy = material.shape(DualStrain((l1, l2, (l1 * l2) ** -1.0)), material)
-            found.append(np.where(np.isfinite(energy.value), energy.slope, np.nan))
-        return found[0], found[1]
+    def gradient(a: Expression, b: Expression) -> list[Expression]:
+        sides = np.exp(a), np.exp(b), np.exp(-a - b)
+        return [_slope(material, sides, (i * sides[0], j * sides[1], -sides[2])) for i, j in np.eye(2)]
 
     with np.errstate(all="ignore"):
-        dead = np.where(np.isfinite(gradient(e1, e2)[0]), 0.0, np.nan)
-        first = gradient(e1 + 1j * _STEP, e2 + 0j)
-        second = gradient(e1 + 0j, e2 + 1j * _STEP)
-        rows = [[np.imag(first[0]), np.imag(second[0])], [np.imag(first[1]), np.imag(second[1])]]
-        H = np.moveaxis(np.array(rows), (0, 1), (-2, -1)) / _STEP + dead[..., None, None]
+        first, second = gradient(e1 + 1j * _STEP, e2 + 0j), gradient(e1 + 0j, e2 + 1j * _STEP)
+        H = np.moveaxis(np.imag([first, second]), (0, 1), (-2, -1)) / _STEP + 0.0 * gradient(e1, e2)[0][:, None, None]
         k = np.exp(2 * e1) + np.exp(2 * e2) + np.exp(-2 * (e1 + e2)) - 3
     return H, k
 

@@ -1,7 +1,7 @@
 """Measures of strain under one set of names, for UFL fields and for numpy numbers.
 
 An energy is written once against these names. `Strain` builds them from a deformation gradient in UFL, and
-`HomogeneousStrain` from principal stretches in numpy (real or complex, so that a complex step differentiates it).
+`HomogeneousStrain` from principal stretches in numpy: numbers, or `Dual` numbers, which carry a derivative.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def eigenvalues(A: Expression, gap: float = 1e-4) -> tuple[Expression, Expressio
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HomogeneousStrain(Isochoric):
-    """Strain measures of principal stretches given as numpy arrays of one shape (real or complex)."""
+    """Strain measures of principal stretches: numpy arrays of one shape, real or complex, or `Dual`."""
 
     stretches: tuple[Expression, Expression, Expression]
 
@@ -148,7 +148,7 @@ class HomogeneousStrain(Isochoric):
 
     @staticmethod
     def log(x: Expression) -> Expression:
-        return np.log(x)
+        return x.log() if isinstance(x, Dual) else np.log(x)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -201,11 +201,3 @@ class Dual:
 
     def log(self) -> Dual:
         return Dual(np.log(self.value), self.slope / self.value)
-
-
-class DualStrain(HomogeneousStrain):
-    """Strain measures of principal stretches of which some are `Dual`."""
-
-    @staticmethod
-    def log(x: Expression) -> Expression:
-        return x.log() if isinstance(x, Dual) else np.log(x)

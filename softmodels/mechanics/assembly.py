@@ -71,17 +71,7 @@ def assemble_into(
     constants, coefficients = fem.pack_constants(form), fem.pack_coefficients(form)
     cpp.fem.petsc.assemble_matrix(matrix, form._cpp_object, constants, coefficients, held)
     matrix.assemble(matrix.AssemblyType.FLUSH)
-    put_diagonal(matrix, form.function_spaces[0], bcs, diagonal)
-
-
-def put_diagonal(
-    matrix: PETSc.Mat, space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC], diagonal: float = 1.0
-) -> None:
-    """Set the diagonal of held dofs, after flushing the matrix."""
-    from dolfinx import cpp
-
-    of = getattr(space, "_cpp_object", space)
-    cpp.fem.petsc.insert_diagonal(matrix, of, [bc._cpp_object for bc in bcs], diagonal)
+    cpp.fem.petsc.insert_diagonal(matrix, form.function_spaces[0], held, diagonal)
 
 
 def assembled_matrix(form: fem.Form, bcs: Sequence[fem.DirichletBC] = (), diagonal: float = 1.0) -> PETSc.Mat:

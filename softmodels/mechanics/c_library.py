@@ -1,42 +1,29 @@
 """C functions for the most frequent computations, compiled on the first run into the kernel cache.
 
-They use the same compiler and flags as the kernels; see `softmodels.mechanics.compiling`.
-If a core is free, they are compiled in a separate process during meshing: ``python -m`` this module, the source's name
-and the module's place.
+They use the same compiler and flags as the kernels; see `softmodels.mechanics.compiling`. Both sources take 1.3 s of CPU time.
 """
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import functools
 import hashlib
 import importlib.util
-import subprocess
-import sys
 import sysconfig
 import tempfile
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from softmodels.common.processes import cores
 from softmodels.mechanics.compiling import cache, compiler_flags
 from softmodels.mechanics.mpi import on_root
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-    from petsc4py import PETSc
 
 
 _TABLES = f"int64_t, int64_t, int64_t, const int32_t *{', const double *' * 5}"
-_ROWS = "typedef struct { void *matrix, *set; const int32_t *starts, *columns; double *values; } rows;"
-_MODULI = f"{_ROWS} void moduli_take(int64_t, int64_t, int64_t, const double *, const double *, double *);" + "".join(
-    f"void moduli_{of}({_TABLES}, const double *, double *);"
-    f"int matrix_{of}({_TABLES}, int64_t, const int8_t *, const rows *);"
-    for of in ("of_gradients", "with_pressure", "with_values")
+_MODULI = "void moduli_take(int64_t, int64_t, int64_t, const double *, const double *, double *);" + "".join(
+    f"void moduli_{of}({_TABLES}, const double *, double *);" for of in ("of_gradients", "with_pressure", "with_values")
 )
 _LEVEL = "int64_t, const int32_t *, const int32_t *, const float *, const double *, const double *"
 _MULTIGRID = """
@@ -59,20 +46,6 @@ FAST = "-O3"
 """Optimisation flags: these few functions may take longer to compile than kernels."""
 
 
-_aside: dict[str, subprocess.Popen[bytes]] = {}
-"""Processes that compile a source, once `begin` has started them."""
-
-
-def begin(source: str) -> None:
-    """Start compiling in a separate process, if needed and a core is free; `library` waits for it."""
-    place = _place(source)
-    if not (source in _aside or place.exists() or cores() < 2):
-        command = [sys.executable, "-m", __name__, source, str(place)]
-        nothing = subprocess.DEVNULL
-        with contextlib.suppress(OSError):
-            _aside[source] = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
-
-
 def library(comm: MPI.Comm, source: str) -> ModuleType:
     """Return the compiled functions, and cffi's way to pass arrays to them: a module with ``lib`` and ``ffi``.
 
@@ -85,52 +58,8 @@ def library(comm: MPI.Comm, source: str) -> ModuleType:
         cffi.VerificationError: The compiler failed.
     """
     place = _place(source)
-    on_root(comm, lambda: _see_to(source, place))
+    on_root(comm, lambda: _compile(source, place))
     return _loaded(_name(place), place)
-
-
-def _see_to(source: str, place: Path) -> None:
-    """Ensure that the module is compiled."""
-    if source in _aside:
-        _aside[source].wait()
-    if not place.exists():  # an error there occurs again here, and is reported
-        _compile(source, place)
-
-
-class Rows:
-    """Target of the C code that adds cell matrices.
-
-    Args:
-        matrix: A matrix of PETSc with a place for each entry.
-
-    Attributes:
-        c: The C code's own description of it.
-    """
-
-    def __init__(self, matrix: PETSc.Mat):
-        from petsc4py import PETSc
-
-        self._ffi = library(matrix.comm.tompi4py(), "moduli").ffi
-        petsc, self._matrix = ctypes.CDLL(PETSc.__file__), matrix
-        self.c = self._ffi.new("rows *")
-        self.c.matrix = self._ffi.cast("void *", matrix.handle)
-        if matrix.comm.size > 1 or not matrix.assembled:
-            function = ctypes.cast(petsc.MatSetValuesLocal, ctypes.c_void_p).value
-            self.c.set = self._ffi.cast("void *", function)
-            return
-        # PETSc would search for the place of every entry, which takes most of an assembly.
-        self._places = [np.asarray(part, dtype=np.int32) for part in matrix.getRowIJ()]
-        values = ctypes.c_void_p()
-        self.check(petsc.MatSeqAIJGetArray(ctypes.c_void_p(matrix.handle), ctypes.byref(values)))
-        self.c.starts, self.c.columns = (self._ffi.from_buffer("int32_t[]", part) for part in self._places)
-        self.c.values = self._ffi.cast("double *", values.value)
-
-    def check(self, error: int) -> None:
-        """Raise the error for a code of the C functions or PETSc; 0 is success."""
-        from petsc4py import PETSc
-
-        if error:
-            raise PETSc.Error(error)
 
 
 def _text(source: str) -> str:
@@ -161,7 +90,9 @@ def _loaded(name: str, place: Path) -> ModuleType:
 
 
 def _compile(source: str, place: Path) -> None:
-    """Compile under a temporary name and rename, because another run may do the same and either may be killed."""
+    """Compile if needed, under a temporary name: another run may do the same, and either may be killed."""
+    if place.exists():
+        return
     import cffi  # type: ignore[import-untyped]
 
     place.parent.mkdir(parents=True, exist_ok=True)
@@ -170,7 +101,3 @@ def _compile(source: str, place: Path) -> None:
     made.set_source(_name(place), _text(source), extra_compile_args=_words())
     with tempfile.TemporaryDirectory(dir=place.parent) as folder:
         Path(made.compile(tmpdir=folder)).replace(place)
-
-
-if __name__ == "__main__":
-    _compile(sys.argv[1], Path(sys.argv[2]))

@@ -14,21 +14,25 @@ whose components are Constants. Of a length it is the derivative by the mesh's c
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import types
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from softmodels.common.arrays import Array
 from softmodels.materials.laws import Material, parameter_fields
 from softmodels.materials.specimens import nudged
-from softmodels.mechanics.body import Reshaping
-from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import Control, Tangent
+from softmodels.mechanics.motion import MeshMotion
 from softmodels.mechanics.regions import MaterialRegion
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
+
+if TYPE_CHECKING:
+    from dolfinx import fem
 
 TOLERANCE = 1e-10  # of the linear solves
 _STEP = 1e-30  # into the complex plane: exact to rounding
@@ -42,11 +46,14 @@ class Rate:
         w: Derivative of `State.w`, dimensionless, with ghosts.
         P: Derivative of the cavity pressure in Pa.
         V: Derivative of the whole device's cavity volume in m3.
+        X: Derivative of the mesh's dimensionless nodes, shape (nodes of `MeshMotion.space`, d), with ghosts; None where they
+            stay.
     """
 
     w: Array
     P: float
     V: float
+    X: Array | None = None
 
 
 def known_parameters(material: Material) -> tuple[str, ...]:
@@ -63,29 +70,29 @@ class Sensitivity:
 
     Args:
         solver: The device.
-        reshaping: Lengths of it that will be asked for; None for none.
-
-    Raises:
-        ComponentError: Lengths of a device with self-contact.
+        motion: Moves its mesh; None for derivatives by the material only.
     """
 
-    def __init__(self, solver: Solver, reshaping: Reshaping | None = None):
+    def __init__(self, solver: Solver, motion: MeshMotion | None = None):
         import ufl
 
-        self.solver, eq = solver, solver.system
-        if reshaping is not None and reshaping.velocities and eq.assembled.slack:
-            raise ComponentError(
-                "derivatives by lengths do not support self-contact ([walls]); fix the lengths, or leave out the walls"
-            )
+        self.solver, self.motion, eq = solver, motion, solver.system
         self._along = _Directions(eq)
         test = ufl.TestFunction(eq.space)
         self._material = [eq.form(ufl.derivative(energy, eq.w, test)) for energy in self._along.energies]
-        X = ufl.SpatialCoordinate(eq.body.mesh)
-        self._lengths = {}
-        for name, velocity in (reshaping.velocities if reshaping else {}).items():
-            forces = [eq.form(ufl.derivative(force, X, velocity)) for force in eq.potential.forces]
-            loads = [[eq.form(ufl.derivative(form, X, velocity)) for form in forms] for forms in eq.dead.integrals]
-            self._lengths[name] = forces, loads, eq.form(ufl.derivative(eq.potential.cavity_volume, X, velocity))
+
+    @functools.cached_property
+    def _moving(self) -> tuple[fem.Function, list[fem.Form], list[list[fem.Form]], fem.Form]:
+        """A motion of the mesh's nodes, and the derivatives along it of the forces, of the loads and of the cavity's volume."""
+        import ufl
+        from dolfinx import fem
+
+        eq = self.solver.system
+        assert self.motion is not None
+        X, moving = ufl.SpatialCoordinate(eq.body.mesh), fem.Function(self.motion.space)
+        forces = [eq.form(ufl.derivative(force, X, moving)) for force in eq.potential.forces]
+        loads = [[eq.form(ufl.derivative(form, X, moving)) for form in forms] for forms in eq.dead.integrals]
+        return moving, forces, loads, eq.form(ufl.derivative(eq.potential.cavity_volume, X, moving))
 
     def rates(self, state: State, control: Control, names: Sequence[str]) -> tuple[Tangent, dict[str, Rate]]:
         """Return the derivatives of the state that stays on one line of pressure and volume (in SI units) as parameters change.
@@ -95,7 +102,7 @@ class Sensitivity:
         Args:
             state: A state of the system's present material and lengths.
             control: The line, dimensionless as for `Solver.solve`.
-            names: Of `known_parameters`, or of the lengths.
+            names: Of `known_parameters`, or lengths of the device.
 
         Returns:
             Direction of the path, for one unit of the control's line; and a rate per name.
@@ -126,22 +133,34 @@ class Sensitivity:
             force -= dmu / eq.stress_unit * eq.by_unknowns(eq.assembled.add_harder(eq.w.x.array, np.zeros(eq.n)))
         return force, dmu
 
+    def motion_force(self, X: Array) -> tuple[Array, float]:
+        """Return the derivatives of the residual and of the cavity's volume by a motion of the mesh at the loaded state.
+
+        Args:
+            X: Motion of the nodes, see `Rate`.
+
+        Returns:
+            Owned entries, shape (n,), and a number; dimensionless.
+        """
+        eq, (moving, forces, loads, volume) = self.solver.system, self._moving
+        moving.x.array[:] = X.ravel()
+        force = eq.assemble(forces).copy()
+        for magnitude, forms in zip(eq.pressures[len(eq.pressures) - len(loads) :], loads, strict=True):
+            force -= magnitude * eq.assemble(forms)  # a thicker part is heavier
+        return force, eq.integral(volume)
+
     def _rate(self, state: State, control: Control, name: str) -> Rate:
         eq = self.solver.system
-        mu, dmu = eq.stress_unit, 0.0
-        if name in self._lengths:
-            forces, loads, volume = self._lengths[name]
-            force = eq.assemble(forces).copy()
-            for magnitude, forms in zip(eq.pressures[len(eq.pressures) - len(loads) :], loads, strict=True):
-                force -= magnitude * eq.assemble(forms)  # a thicker part is heavier
-            force /= eq.length_unit  # forms by coordinates are per unit of the device's size
-            opened = eq.integral(volume) / eq.length_unit
+        mu, dmu, opened, X = eq.stress_unit, 0.0, 0.0, None
+        if self.motion is not None and name in self.motion.device.variable:
+            X = self.motion.velocity(name)
+            force, opened = self.motion_force(X)
         else:
-            (force, dmu), opened = self.material_force(name), 0.0
+            force, dmu = self.material_force(name)
         # The line is fixed in Pa and m3; in shear moduli it moves with the shear modulus.
         gap = -control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
         moved = self.solver.linear_response(-force, gap, TOLERANCE)
-        return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit)
+        return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit, X)
 
 
 class _Directions:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +24,6 @@ from softmodels.mechanics.mpi import (
     TooLargeError,
     available,
     needed,
-    summed,
     total,
 )
 from softmodels.mechanics.newton import (
@@ -38,64 +38,9 @@ from softmodels.mechanics.newton import (
 from softmodels.mechanics.system import State, System, spread
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
     from petsc4py import PETSc
 
     from softmodels.mechanics.iterative import Multigrid
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Initial guess of a linear solution from the solutions at earlier states.
-
-
-MOST = 3
-"""Number of stored solutions: three represent a path's curvature."""
-LIKE = 0.5
-"""Maximum relative remainder of the distance to a new state for which more than the last solution is used."""
-ALIKE = 1e-10
-"""Fraction of the longest distance below which the difference of two states is rounding."""
-
-
-class EarlierAnswers:
-    """The solutions for a load at the last states of a path.
-
-    Args:
-        comm: The ranks that hold a part of each.
-    """
-
-    def __init__(self, comm: MPI.Comm):
-        self.comm = comm
-        self._load: Array | None = None
-        self._known: list[tuple[Array, Array]] = []
-
-    def guess(self, load: Array, place: Array) -> Array | None:
-        """Return a guess of the solution at a state; None if there is no earlier one.
-
-        The sum of states with shares that add up to one that comes nearest to the state: the same sum of their answers.
-
-        Args:
-            load: What is answered; asked of another one, what is known of the last is forgotten.
-            place: Owned unknowns of the state.
-        """
-        if load is not self._load:
-            self._load, self._known = load, []
-        if not self._known:
-            return None
-        (last, answer), others = self._known[-1], self._known[:-1]
-        ways = np.array([place - last, *(w - last for w, _ in others)])
-        products = summed(self.comm, ways @ ways.T)
-        guess = answer.copy()
-        square, right = products[1:, 1:], products[1:, 0]
-        shares = np.linalg.lstsq(square, right, rcond=ALIKE)[0]
-        left = products[0, 0] - 2.0 * shares @ right + shares @ square @ shares
-        if left <= LIKE**2 * products[0, 0]:
-            for share, (_, x) in zip(map(float, shares), others, strict=True):
-                guess += share * (x - answer)
-        return guess
-
-    def keep(self, place: Array, answer: Array) -> None:
-        """Store the solution at a state for the last load."""
-        self._known = [*self._known[1 - MOST :], (place.copy(), answer.copy())]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -217,19 +162,14 @@ class Solver:
         self._make()
 
     def _make(self) -> None:
-        from petsc4py import PETSc
-
         system = self.system
         constraints = len(system.coupling.constraints)
         self.bordered = Bordered(system.K, self.method.inverse(system), weakly(system.tangent_product), constraints)
         self.kept = LaggedPreconditioner(system, self.bordered)
         self.newton = Newton(system, self.bordered, self.kept)
         self.bordered.precondition(self.newton.snes.getKSP(), LOOSEST)
-        # Solves outside the continuation use a separate solver, so that their iterations do not count as the path's.
-        self._side = self.bordered.precondition(PETSc.KSP().create(system.comm), TANGENT_TOLERANCE)
         self.newton.snes.setFromOptions()
         self._y = system.K.createVecRight()
-        self._answers = EarlierAnswers(system.comm)
 
     def couple(self, coupling: Coupling, state: State, pressures: Array) -> State:
         """Change the coupling of the cavities at a state.
@@ -365,20 +305,42 @@ class Solver:
         Raises:
             NoConvergence: The linear solver did not get there.
         """
+        if guess is not None:
+            body = self.system.unknowns.nearest(guess.w)
+            self.bordered.join(self.newton.x, body, [guess.P, *guess.w[self.system.dofs :]])
+        constraints = np.zeros(len(self.bordered.constraint_columns))
+        self._solve(force, [gap, *constraints], tolerance, self.kept.solve, guess is not None)
+        return self._answer()
+
+    def _solve(
+        self,
+        force: Array | float,
+        gaps: Sequence[float] | Array,
+        tolerance: float,
+        by: Callable[[PETSc.KSP, PETSc.Vec, PETSc.Vec], object] = lambda ksp, b, x: ksp.solve(b, x),
+        guessed: bool = False,
+    ) -> None:
+        """Solve the bordered equations for a force and gaps.
+
+        Args:
+            force, gaps: The right side.
+            tolerance: Relative.
+            by: Calls the linear solver; by itself its iterations do not count as the path's.
+            guessed: Whether the vector of unknowns has a guess.
+
+        Raises:
+            NoConvergence: The linear solver did not get there.
+        """
         bordered, newton, ksp = self.bordered, self.newton, self.newton.snes.getKSP()
-        bordered.join(newton.f, force, [gap, *np.zeros(len(bordered.constraint_columns))])
+        bordered.join(newton.f, force, gaps)
         bordered.mat.assemble()
         ksp.setOperators(bordered.mat)
         ksp.setTolerances(rtol=tolerance)
-        if guess is not None:
-            body = self.system.unknowns.nearest(guess.w)
-            bordered.join(newton.x, body, [guess.P, *guess.w[self.system.dofs :]])
-        ksp.setInitialGuessNonzero(guess is not None)
-        solved = self.kept.solve(ksp, newton.f, newton.x)
+        ksp.setInitialGuessNonzero(guessed)
+        by(ksp, newton.f, newton.x)
         ksp.setInitialGuessNonzero(False)
-        if not solved:
-            raise NoConvergence(f"the linear solver failed on the state's linear response{bordered.inverse.instead}")
-        return self._answer()
+        if not ksp.is_converged:
+            raise NoConvergence(f"the linear solver failed on a linear response{bordered.inverse.instead}")
 
     def _answer(self) -> Tangent:
         """Return the linear solver's solution: changes of dofs, pressure and volume."""
@@ -392,8 +354,7 @@ class Solver:
         return Tangent(w, float(pressures[0]), bordered.q.dot(self._y))
 
     def aside(self, state: State, control: Control, force: Array, tolerance: float) -> Tangent:
-        """Return the linear response of a state to a ``force`` on the body on a control's line; does not affect the
-        continuation.
+        """Return the linear response of a state to a ``force`` on the body on a control's line; not counted as the path's.
 
         Args:
             state: The state.
@@ -405,24 +366,14 @@ class Solver:
             NoConvergence: The linear solver did not get there.
         """
         self._border(state, control)
-        bordered, newton = self.bordered, self.newton
-        bordered.join(newton.f, force, np.zeros(bordered.scalars))
-        bordered.mat.assemble()
-        self._side.setOperators(bordered.mat)
-        self._side.setTolerances(rtol=tolerance)
-        self._side.solve(newton.f, newton.x)
-        self._side.setTolerances(rtol=TANGENT_TOLERANCE)
-        if not self._side.is_converged:
-            raise NoConvergence(
-                f"the linear solver failed on a force outside the continuation{bordered.inverse.instead}"
-            )
+        self._solve(force, np.zeros(self.bordered.scalars), tolerance)
         return self._answer()
 
     def dead_load_compliance(self, state: State, load: Array) -> float:
         """Return the work of a dead load (entries of owned dofs, shape (n,)) on the motion it causes at constant
         cavity pressure.
 
-        To 1e-9, by a few iterations from the answers at the states before; infinite where the tangent has no solution.
+        To 1e-8; infinite where the tangent has no solution.
         """
         self.system.load(state)
         bordered, newton = self.bordered, self.newton
@@ -430,24 +381,11 @@ class Solver:
         if bordered.constraint_columns:  # for the held volumes, because the border may belong to another state
             self._border(state, bordered.control)
         pulled = self.system.by_unknowns(load).copy()
-        bordered.join(newton.f, pulled, np.zeros(bordered.scalars))
-        bordered.mat.assemble()
-        self._side.setOperators(bordered.mat)
-        self._side.setTolerances(rtol=ENERGY_TOLERANCE if bordered.inverse.exact else OF_A_CYCLE)
-        place = self.system.unknowns.nearest(state.w)
-        guess = self._answers.guess(load, place)
-        # Near a critical point solutions may differ strongly between states: retry without the guess.
-        for known in [None] if guess is None else [guess, None]:
-            newton.x.array_w[:] = 0.0 if known is None else known
-            self._side.setInitialGuessNonzero(known is not None)
-            self._side.solve(newton.f, newton.x)
-            if self._side.is_converged:
-                break
-        self._side.setInitialGuessNonzero(False)
-        self._side.setTolerances(rtol=TANGENT_TOLERANCE)
-        if not self._side.is_converged:
+        try:
+            tolerance = ENERGY_TOLERANCE if bordered.inverse.exact else OF_A_CYCLE
+            self._solve(pulled, np.zeros(bordered.scalars), tolerance)
+        except NoConvergence:
             return math.inf
-        self._answers.keep(place, newton.x.array_r)
         moved, pressures = bordered.split(newton.x)
         # Twice the load's work minus that of all forces in the solution has a second-order error.
         bordered.mat.mult(newton.x, newton.f)
@@ -464,6 +402,5 @@ class Solver:
 
     def _drop(self) -> None:
         self.newton.release()
-        self._side.destroy()
         self.bordered.release()
         self._y.destroy()

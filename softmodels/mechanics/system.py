@@ -614,7 +614,7 @@ class System(Assembly):
         self.still_pressures = round(total(self.comm, sum(bc.dof_indices()[1] for bc in still)))
         self.bcs = [*conditions(self.body, self.vectors), *still]
         self.assembled = AssembledTerms(self.potential.terms.values(), self.bcs)
-        self._whole: PETSc.Mat = matrix_of(self.space, self._products.pattern)
+        self._whole: PETSc.Mat = matrix_of(self.space, self._products.matrices[: len(self.matter)])
         self.unknowns = unknowns_of(body, self.space, self.bcs, components)
         self.K: PETSc.Mat = self.unknowns.matrix(self._whole, self._assemble_whole)
         self._vector = fem.Function(self.space)

@@ -193,6 +193,8 @@ FARTHEST = 4.0
 """Maximum travel of a dead load in one step, relative to the predicted one."""
 MOST_SECANTS = 25
 """Maximum secant iterations to locate a value between two points."""
+NULL_TOLERANCE = 1e-10
+"""Tolerance of the tangent at a limit point, which is K's null vector: the limit pressure's derivatives come from it."""
 
 
 class Emptied(NoConvergence):
@@ -260,7 +262,7 @@ class Corrector:
         stale = (stale or self.stability.wants(state)) and not (limit and solver.bordered.factorisations)
         if stale:
             solver.factorise(state)
-        tangent, before = self.tangent(state), last.tangent
+        tangent, before = self.tangent(state, NULL_TOLERANCE if limit else TANGENT_TOLERANCE), last.tangent
         if limit:
             # The sign of the pressure's rate is rounding there; like the signature, take it from the state before.
             tangent = dataclasses.replace(tangent, P=math.copysign(tangent.P, before.P))

@@ -52,6 +52,22 @@ class HangingEnd(PathEnd):
         super().__init__(str(end), end.limit, end.cause)
         self.what, self.share = what, share
 
+    @property
+    def sentence(self) -> str:
+        """Why the preload has no equilibrium, and what can be done."""
+        none = f"the device has no equilibrium under {self.what} (the preload)"
+        if self.limit is not None:
+            return (
+                f"{none}: limit point at {self.share:.3g} of the full load or slightly below; reduce the load, or use a "
+                "stiffer silicone or thicker walls"
+            )
+        if self.cause:
+            return f"{none}: at {self.share:.3g} of the full load {self.cause.clause}. {self.cause.advice}"
+        return (
+            f"{self.what[0].upper()}{self.what[1:]} could be applied only up to {self.share:.3g} of the full load ({self}); "
+            "reduce the load, or refine the mesh (--cell-size)"
+        )
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StageEnd:

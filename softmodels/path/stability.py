@@ -37,11 +37,7 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Buckling modes as measures of other shapes, and the operator whose eigenvectors they are.
-
-
-if TYPE_CHECKING:
-    Solve = Callable[[PETSc.Vec, PETSc.Vec], object]
+# Buckling modes as measures of other shapes.
 
 
 class Mode:
@@ -83,129 +79,15 @@ class Mode:
         return float(self._vector.dot(pushed) ** 0.5)
 
 
-class ShiftInvert:
-    """PETSc's context of K^-1 M with a kept factorisation of K."""
-
-    def __init__(self, solve: Solve, M: PETSc.Mat):
-        self.solve, self.M, self.image = solve, M, M.createVecLeft()
-
-    @classmethod
-    def matrix(cls, solve: Solve, M: PETSc.Mat) -> PETSc.Mat:
-        from petsc4py import PETSc
-
-        made = PETSc.Mat().createPython(M.getSizes(), context=cls(solve, M), comm=M.comm)
-        made.setUp()
-        return made
-
-    def mult(self, mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        self.M.mult(x, self.image)
-        self.solve(self.image, y)
-
-
 # ----------------------------------------------------------------------------------------------------------------------
-# The lowest eigenvalue of K x = lambda M x by Lanczos' method on K^-1 M, verified by its residual and K's inertia.
+# Davidson's method: eigenvalues of K x = lambda M x nearest zero and all negative ones, with an exact or approximate K^-1.
 #
-# K is symmetric and may be indefinite, M symmetric and positive except for a null space (the pressures of a mixed form). K^-1 M
-# is self-adjoint in the inner product of M, with eigenvalues nu = 1/lambda. Where K has no negative eigenvalue, the lowest
-# lambda belongs to the largest nu. Where it has k of them, it belongs to the negative nu nearest to zero: Lanczos' matrix
-# never has more negative eigenvalues than K (Cauchy's interlacing), so once it has k of them, none is missed.
-# Parlett 1998, The Symmetric Eigenvalue Problem, chapters 11 to 13; the semi-inner product: Nour-Omid, Parlett, Ericsson and
-# Jensen 1987, doi 10.1090/S0025-5718-1987-0878698-5.
-
-
-TOLERANCE = 1e-7
-"""Residual of K^-1 M x = nu x, in the norm of M and relative to nu; the eigenvalue's error is about its square."""
-ROUNDING = 1e-12
-"""Fraction of the largest nu below which one counts as zero: it belongs to the null space of M."""
-MOST_STEPS = 150
-"""Maximum back-substitutions, after which an eigenvalue counts as not converged."""
-
-
-def lowest(
-    solve: Solve, M: PETSc.Mat, start: PETSc.Vec, negatives: int, count: int = 1, tolerance: float = TOLERANCE
-) -> tuple[float, list[PETSc.Vec]]:
-    """Return the lowest eigenvalue, its vector, and approximations of the next ones.
-
-    Args:
-        solve: ``solve(b, x)`` puts K^-1 b into x (PETSc vectors).
-        M: PETSc matrix.
-        start: PETSc vector with a part of every mode.
-        negatives: Number of negative eigenvalues of K where M counts.
-        count: How many vectors; fewer if fewer were found.
-        tolerance: Of the residual, as `TOLERANCE`.
-
-    Returns:
-        lambda, and vectors of length 1 in the norm of M, the one of lambda first.
-
-    Raises:
-        NoConvergence: The residual did not fall below the tolerance, or K's inertia contradicts the result.
-    """
-    w, image = M.createVecRight(), M.createVecLeft()
-    M.mult(start, image)
-    solve(image, w)  # in the range of K^-1 M, where M is an inner product
-    basis: list[PETSc.Vec] = []
-    images: list[PETSc.Vec] = []
-    diagonal: list[float] = []
-    beside: list[float] = []
-    M.mult(w, image)
-    length = w.dot(image) ** 0.5
-    while len(basis) < MOST_STEPS:
-        if not np.isfinite(length) or length == 0.0:
-            break
-        basis.append(w.copy())
-        images.append(image.copy())
-        basis[-1].scale(1 / length)
-        images[-1].scale(1 / length)
-        solve(images[-1], w)
-        diagonal.append(w.dot(images[-1]))
-        for _ in range(2):  # full reorthogonalisation, twice: Lanczos' recurrence loses orthogonality
-            w.maxpy([-share for share in w.mDot(images)], basis)
-        M.mult(w, image)
-        length = max(w.dot(image), 0.0) ** 0.5
-        values, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(beside, -1))  # of which it reads the lower half
-        below = int(np.count_nonzero(values < -ROUNDING * np.abs(values).max()))
-        if below > negatives:
-            break
-        if below == negatives:
-            chosen = negatives - 1 if negatives else len(values) - 1
-            if length * abs(vectors[-1, chosen]) <= tolerance * abs(values[chosen]):
-                others = [k for k in range(len(values) - 1, -1, -1) if k != chosen][: count - 1]
-                found = [M.createVecRight() for _ in (chosen, *others)]
-                for x, k in zip(found, (chosen, *others), strict=True):
-                    x.maxpy([float(share) for share in vectors[:, k]], basis)
-                return 1 / float(values[chosen]), found
-        beside.append(length)
-    raise NoConvergence(f"the lowest eigenvalue did not converge in {len(basis)} steps")
-
-
-def grown(square: npt.NDArray[np.float64], column: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return a symmetric matrix with one more column and row."""
-    column = np.asarray(column)
-    return np.block([[square, column[:-1, None]], [column[None, :-1], column[-1:, None]]])
-
-
-def generalised(
-    A: npt.NDArray[np.float64], C: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return the eigenvalues, rising, and vectors as columns of A x = value C x for small symmetric matrices, x of length 1 in
-    C.
-
-    NumPy has no routine for two matrices, and SciPy's takes longer to load than a section's path to solve.
-
-    Raises:
-        numpy.linalg.LinAlgError: C is not positive definite.
-    """
-    inverse = np.linalg.inv(np.linalg.cholesky(C))
-    values, vectors = np.linalg.eigh(inverse @ A @ inverse.T)
-    return values, inverse.T @ vectors
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Davidson's method: eigenvalues of K x = lambda M x nearest zero and all negative ones, with an approximate K^-1.
-#
-# Rayleigh's quotient is made stationary over a growing space. Each new direction is a residual times K^-1, by loose iterations
-# or a factorisation in single precision, so that the space grows as that of inverse iteration does. It starts from modes
-# known at a nearby state. Davidson 1975, doi 10.1016/0021-9991(75)90065-0; Morgan and Scott 1986, doi 10.1137/0907054.
+# K is symmetric and may be indefinite, M symmetric and positive except for a null space (the pressures of a mixed form).
+# Rayleigh's quotient is made stationary over a growing space. Each new direction is a residual times K^-1, so that the space
+# grows as that of inverse iteration does, and with the exact K^-1 as Lanczos' method. It starts from modes known at
+# a nearby state, or from any shape in the range of K^-1 M. Davidson 1975, doi 10.1016/0021-9991(75)90065-0; Morgan and
+# Scott 1986, doi 10.1137/0907054. Over a space the quotient has no more negative values than K (Cauchy's interlacing), so
+# that none is missed once it has as many.
 
 
 MOST_DIRECTIONS = 32
@@ -262,7 +144,8 @@ class Space:
         Mx.scale(left**-0.5)
         self.pencil.product(x, Kx)
         self.x, self.Kx, self.Mx = [*self.x, x], [*self.Kx, Kx], [*self.Mx, Mx]
-        self.K = grown(self.K, Kx.mDot(self.x))
+        column = np.asarray(Kx.mDot(self.x))
+        self.K = np.block([[self.K, column[:-1, None]], [column[None, :-1], column[-1:, None]]])
         return True
 
     def combined(self, shares: Array, vectors: Sequence[PETSc.Vec]) -> PETSc.Vec:
@@ -289,7 +172,13 @@ class Modes:
         return int(np.count_nonzero(self.values < 0.0))
 
 
-def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[float], most: int = MOST_SOLVES) -> Modes:
+def nearest(
+    pencil: Pencil,
+    start: Sequence[PETSc.Vec],
+    tolerances: Sequence[float],
+    most: int = MOST_SOLVES,
+    negatives: int | None = None,
+) -> Modes:
     """Return the eigenvalues nearest zero, and all negative ones.
 
     Args:
@@ -297,11 +186,12 @@ def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[flo
         start: Vectors near the modes, or one with a part of each, in the range of K^-1 M.
         tolerances: Of the residual K^-1 (K x - lambda M x), length in the norm of M, for the lowest eigenvalue, the next,
             and so on; as many are looked for. An eigenvalue's error is about the residual's square. Infinite for one that
-            is taken as the start's vectors have it.
+            is taken as the space has it where the others are found.
         most: Solves after which an eigenvalue counts as not found.
+        negatives: How many eigenvalues are negative, where that is known: then K^-1 is the exact one.
 
     Raises:
-        NoConvergence: A residual did not fall below its tolerance.
+        NoConvergence: A residual did not fall below its tolerance, or more eigenvalues are negative.
     """
     space, count = Space(pencil), len(tolerances)
     for x in start:
@@ -309,7 +199,11 @@ def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[flo
     first, found, polished = len(space.x), list[float](), dict[int, float]()
     for _ in range(most):
         values, shares = np.linalg.eigh(space.K)
-        chosen = _chosen(values, shares[:first], count)
+        below = int(np.count_nonzero(values < 0.0))
+        if negatives is not None and below > negatives:
+            break
+        chosen = _chosen(values, shares[:first] if negatives is None else shares, count)
+        whole = len(chosen) >= count and negatives in (None, below)
         if len(space.x) > MOST_DIRECTIONS:
             first = len(chosen)
             near = [k for k in np.argsort(np.abs(values)) if k not in chosen]
@@ -320,14 +214,15 @@ def nearest(pencil: Pencil, start: Sequence[PETSc.Vec], tolerances: Sequence[flo
         while found and abs(found[-1] - here[len(found) - 1]) > slack:  # a lower one has appeared since
             found.pop()
             polished.pop(len(found), None)
-        while len(found) < len(chosen) >= count and math.isinf(tolerances[min(len(found), count - 1)]):
+        while len(found) < len(chosen) and whole and math.isinf(tolerances[min(len(found), count - 1)]):
             found.append(here[len(found)])
-        if len(found) == len(chosen) >= count:
+        if len(found) == len(chosen) and whole:
             best = np.array([polished.get(k, value) for k, value in enumerate(here)])
             return Modes(best, [space.combined(column, space.x) for column in shares[:, chosen].T])
         place = min(len(found), len(chosen) - 1)
         tolerance = tolerances[min(place, count - 1)]
-        size, new = _correction(space, here[place], shares[:, chosen[place]], min(LOOSE, max(TIGHT, tolerance)))
+        solved = min(LOOSE, max(TIGHT, tolerance))
+        size, new = _correction(space, here[place], shares[:, chosen[place]], solved, negatives is not None)
         if size <= tolerance and len(found) < len(chosen):
             found.append(here[place])
             polished[place] = _polished(space, here[place], new)
@@ -357,15 +252,18 @@ def _chosen(values: Array, of_first: Array, count: int) -> npt.NDArray[np.intp]:
     return np.union1d(near, np.flatnonzero(known & (values < 0.0)))  # values are in rising order
 
 
-def _correction(space: Space, value: float, shares: Array, tolerance: float) -> tuple[float, PETSc.Vec]:
-    """Return K^-1 times the residual of a mode of the space, to a tolerance and without the mode's own part, and its length."""
+def _correction(space: Space, value: float, shares: Array, tolerance: float, exact: bool) -> tuple[float, PETSc.Vec]:
+    """Return K^-1 times the residual of a mode of the space, to a tolerance and without the mode's own part, and its length.
+
+    With the exact K^-1 what lies in the space is rounding, which near a critical point is large: it is left out.
+    """
     pencil = space.pencil
     residual, new = pencil.M.createVecLeft(), pencil.M.createVecRight()
     residual.maxpy([float(share) for share in shares], space.Kx)
     residual.maxpy([float(-value * share) for share in shares], space.Mx)
     pencil.solve(residual, new, tolerance)
-    x, image = space.combined(shares, space.x), space.combined(shares, space.Mx)
-    new.axpy(-new.dot(image), x)
+    inside = np.asarray(new.mDot(space.Mx))
+    new.maxpy([float(-share) for share in (inside if exact else inside @ shares * shares)], space.x)
     pencil.M.mult(new, residual)
     return max(new.dot(residual), 0.0) ** 0.5, new
 
@@ -376,18 +274,14 @@ def _correction(space: Space, value: float, shares: Array, tolerance: float) -> 
 
 BLOCK = 4
 """Modes of the last factorised point, used to find the lowest eigenvalue of an unfactorised one."""
-MOST_CORRECTIONS, CLOSE = 6, 1e-3
-"""Maximum corrections of that mode, and the maximum relative change of the eigenvalue by the last one, predicted
-and actual: its error is then about a tenth. If K has changed so much that the lagged inverse underestimates the
-change, or if these corrections do not suffice, the point is factorised."""
+CORRECTED, MOST_CORRECTIONS = 1e-3, 6
+"""Residual tolerance of that eigenvalue, and the maximum corrections of its mode by the lagged inverse. If they do not
+suffice, the point is factorised."""
 EIGENVALUE = 1e-10
-"""Relative tolerance of the refined back-substitutions with a single-precision factorisation, for the lowest eigenvalue
-where K was factorised. Corrections of its mode elsewhere are not refined, because they are only search directions."""
-ROUGH, REFINED = 1e-3, 3e-5
-"""Residual tolerances: first in single precision, then after corrections of the mode; the eigenvalue's error
-is about the square of the second."""
-MOST_REFINEMENTS = 30
-"""Maximum number of such corrections; beyond it, Lanczos' method uses refined back-substitutions from the start."""
+"""Relative tolerance of back-substitutions that are refined with a single-precision factorisation. Others are not, because
+they are only search directions."""
+REFINED = 3e-5
+"""Residual tolerance of the lowest eigenvalue where K was factorised; the eigenvalue's error is about the square."""
 LOWEST, OTHERS, LOCATED = 3e-4, 5e-2, 1e-5
 """Residual tolerances of modes: the lowest along a path, those kept to start the next search,
 and all at a bifurcation."""
@@ -448,7 +342,7 @@ def spectrum_of(solver: Solver, M: PETSc.Mat) -> Spectrum:
 
 
 class Factorised(Spectrum):
-    """Eigenvalues by Lanczos' method on K^-1 M, and K's inertia."""
+    """Eigenvalues by the factorised K and its inertia."""
 
     def __init__(self, solver: Solver, M: PETSc.Mat):
         super().__init__(solver, M)
@@ -459,110 +353,47 @@ class Factorised(Spectrum):
     def negative_eigenvalues(self) -> int:
         return self.solver.bordered.negative_eigenvalues() - self.constraints
 
-    def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
+    def _search(self, tolerances: Sequence[float], refined: bool) -> Modes:
+        """Return the modes of the factorised K, by back-substitutions that are refined or not."""
         bordered, negatives = self.solver.bordered, self.negative_eigenvalues
 
-        def solve(b: PETSc.Vec, x: PETSc.Vec) -> None:
-            bordered.solve(b, x, EIGENVALUE)
-
-        if bordered.inverse.rounded:
-            with contextlib.suppress(NoConvergence):
-                return self._refined(negatives)
-        return lowest(solve, self.M, self.seed, negatives, BLOCK)
-
-    def _refined(self, negatives: int) -> tuple[float, list[PETSc.Vec]]:
-        """Return `lowest` from a search in single precision, whose modes are then corrected by their residuals in double
-        precision.
-
-        A correction takes one back-substitution, where a refined one of Lanczos' method takes two or three.
-        """
-        bordered = self.solver.bordered
-
         def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
-            if bordered.constraint_columns:  # pressures that hold volumes are large relative to a small residual
+            if refined:
                 bordered.solve(b, x, EIGENVALUE)
             else:
                 bordered.solve_roughly(b, x)
 
-        _, start = lowest(bordered.solve_roughly, self.M, self.seed, negatives, BLOCK, ROUGH)
-        tolerances = [REFINED, *[math.inf] * (len(start) - 1)]
-        found = nearest(Pencil(bordered.K.mult, self.M, solve), start, tolerances, MOST_REFINEMENTS)
-        if found.negative != negatives:
-            raise NoConvergence("single precision converged to other modes")
-        # The others as first computed: corrections of the lowest change them only by single-precision rounding.
-        return float(found.values[0]), [found.vectors[0], *start[1:]]
+        image, lifted = self.M.createVecLeft(), self.M.createVecRight()
+        self.M.mult(self.seed, image)
+        solve(image, lifted, 0.0)
+        return nearest(Pencil(bordered.K.mult, self.M, solve), [lifted], tolerances, MOST_SOLVES, negatives)
+
+    def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
+        bordered, others = self.solver.bordered, [math.inf] * (BLOCK - 1)
+        found: Modes | None = None
+        # Pressures that hold volumes are large relative to a small residual.
+        if bordered.inverse.rounded and not bordered.constraint_columns:
+            with contextlib.suppress(NoConvergence):
+                found = self._search([REFINED, *others], refined=False)
+        found = found or self._search([REFINED, *others], refined=True)
+        return float(found.values[0]), found.vectors
 
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
-        """See `Spectrum.corrected`.
+        system, bordered = self.solver.system, self.solver.bordered
+        system.load(state)
 
-        Davidson's method: Rayleigh's quotient is made stationary over those modes and corrections of the lowest, each the
-        residual times the kept K^-1. Its error is quadratic in the mode's.
-        """
-        eq, M = self.solver.system, self.M
-        eq.load(state)
-        basis: list[PETSc.Vec] = []
-        products: list[PETSc.Vec] = []
-        images: list[PETSc.Vec] = []
-        new, before, close, value = list(modes), np.empty(0), False, math.inf
-        A = C = np.empty((0, 0))
-        for left in reversed(range(MOST_CORRECTIONS + 1)):
-            for x in new:
-                Kx, Mx = M.createVecLeft(), M.createVecLeft()
-                eq.tangent_product(x.array_r, Kx.array_w)
-                M.mult(x, Mx)
-                basis, products, images = [*basis, x], [*products, Kx], [*images, Mx]
-                A, C = grown(A, Kx.mDot(basis)), grown(C, Mx.mDot(basis))
-            values, vectors = generalised(A, C)
-            # The same mode as before: a subspace of a saddle point has stationary values that are not eigenvalues.
-            likeness = np.abs(before @ C[: len(before)] @ vectors) if len(before) else -values
-            chosen = int(np.argmax(likeness))
-            moved, value, before = abs(value - float(values[chosen])), float(values[chosen]), vectors[:, chosen]
-            if close and moved <= CLOSE * abs(value):
-                return value
-            if not left:
-                break
-            shares = [float(share) for share in before]
-            residual, correction = M.createVecLeft(), M.createVecRight()
-            residual.maxpy(shares, products)
-            residual.maxpy([-value * share for share in shares], images)
-            self.solver.bordered.solve_roughly(residual, correction)
-            # First-order work of the residual: the length of a correction is not a good measure for stiff motions.
-            change = correction.dot(residual)
-            M.mult(correction, residual)
-            size = max(correction.dot(residual), 0.0) ** 0.5
-            if not math.isfinite(size) or size == 0.0:
-                break
-            correction.scale(1 / size)
-            close = abs(change) <= CLOSE * abs(value)
-            new = [correction]
-        raise NoConvergence("the lowest mode changes too much without a new factorisation")
+        def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
+            system.tangent_product(x.array_r, y.array_w)
+
+        def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
+            bordered.solve_roughly(b, x)
+
+        tolerances = [CORRECTED, *[math.inf] * (len(modes) - 1)]
+        return float(nearest(Pencil(product, self.M, solve), modes, tolerances, MOST_CORRECTIONS).values[0])
 
     def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
-        from petsc4py import PETSc
-        from slepc4py import SLEPc
-
-        eq = self.solver.system
-        solver = SLEPc.EPS().create(eq.comm)
-        # The largest eigenvalues of K^-1 M in the inner product of M. K^-1 M maps p-parts to displacements only,
-        # so the constraint's infinite eigenvalues are zeros here, far from those wanted.
-        solver.setOperators(ShiftInvert.matrix(self.solver.bordered.solve, self.M))
-        solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
-        solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
-        solver.setDimensions(count, max(2 * count + 8, 16))
-        solver.setTolerances(1e-10, 200)
-        solver.setInitialSpace([self.seed])
-        try:
-            solver.solve()
-        except (PETSc.Error, SystemError) as error:  # SLEPc raises either
-            raise NoConvergence("the modes of the tangent did not converge") from error
-        found = []
-        for i in range(solver.getConverged()):
-            vector = eq.K.createVecRight()
-            found.append((1 / solver.getEigenpair(i, vector).real, vector))
-        solver.destroy()
-        if not found:
-            raise NoConvergence("the modes of the tangent did not converge")
-        return found
+        found = self._search([LOCATED] * count, refined=True)
+        return list(zip(map(float, found.values), found.vectors, strict=True))
 
 
 class Iterated(Spectrum):

@@ -381,6 +381,11 @@ class OutputField(Output):
     colours: Colours | None = None
 
     @property
+    def rest(self) -> float:
+        """Its value at rest, SI; 0 of one without colours."""
+        return self.colours.rest / self.colours.factor if self.colours else 0.0
+
+    @property
     def largest(self) -> Extreme | None:
         """The column of its largest value, if it has one."""
         return next((one for one in self.extremes if not (one.least or one.peak)), None)
@@ -655,7 +660,7 @@ class Fields:
             max_stretch_at=self._place_of(values.stretches[..., -1], extremes["largest_stretch"][1]),
             extremes=extremes,
             peaks={
-                field.name: volume_peak(eq.comm, found, eq.point_volumes())[0]
+                field.name: volume_peak(eq.comm, found, eq.point_volumes(), field.rest)[0]
                 for field, found in sampled.items()
                 if any(one.peak for one in field.extremes)
             },

@@ -7,7 +7,7 @@ import dataclasses
 import functools
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,8 +23,9 @@ from softmodels.common.calls import checked, read_only
 from softmodels.common.processes import one_at_a_time
 from softmodels.materials.laws import Material
 from softmodels.mechanics.compiling import CompilingError, compiling
-from softmodels.mechanics.component import Component, ComponentError
+from softmodels.mechanics.component import Component
 from softmodels.mechanics.mpi import is_root, on_root, start
+from softmodels.path.points import DeadForce, LoadDisplacement, Pressure
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, RunError
 
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.system import State
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
+    from softmodels.path.schedule import StageEnd
     from softmodels.runs.fields import Figures
 
 
@@ -97,7 +99,7 @@ class Model:
         MeshingError, MeshFileError: The device cannot be meshed.
 
     Attributes:
-        case: The device with all around it; its load is not looked at.
+        case: The device with all around it; of its load only what is part of the preload matters.
         body, system, solver, fields: Its mesh, its equations, what solves them, and the fields of its states.
     """
 
@@ -207,7 +209,7 @@ class Model:
         from softmodels.path.continuation import trace
         from softmodels.path.points import PathEnd
 
-        unit = self.system.stress_unit if quantity == "pressure" else self.system.volume_unit
+        unit = self.unit_of(quantity)
         try:
             for point in trace(self.continuation(quantity, case.control), [goal / unit for goal in case.goals]):
                 yield Equilibrium(self, point.state, point)
@@ -224,25 +226,73 @@ class Model:
 
         return Continuation(self.solver, DIRECT[quantity], control, start=self.hanging())
 
-    def hanging(self) -> State | None:
-        """The state in which the device hangs under its dead loads, all of which are kept; None without any.
+    # -- preload ------------------------------------------------------------------------------------------------------
+
+    def hanging(self, report: Callable[[str], None] = lambda text: None) -> State | None:
+        """The state in which the device hangs under its preload, from which the path to requested values starts; None without
+        dead loads.
+
+        Args:
+            report: Takes sentences on what is going on.
 
         Raises:
-            ComponentError: There is none.
+            RunError: There is none.
         """
-        from softmodels.path.schedule import HangingEnd, hang, inflate_from
+        from softmodels.path.schedule import inflate_from, load_from
 
-        dead = self.system.dead
+        hung, driven = self.preload(report), self.case.driven
+        if hung is None:
+            return None
+        if driven is None:
+            return inflate_from(self.solver, hung)
+        return load_from(self.solver, hung, len(self.case.actuator.ratios) + self.driven_load)
+
+    def preload(self, report: Callable[[str], None] = lambda text: None) -> StageEnd | None:
+        """The state under all loads that act before the first requested value, its drivers not coupled; see `hanging`.
+
+        Raises:
+            RunError: There is none.
+        """
+        from softmodels.path.schedule import HangingEnd, hang
+
+        case, system, dead = self.case, self.system, self.system.dead
         if not dead.loads:
             return None
-        cavities = np.zeros(len(self.case.actuator.ratios))
+        changed = {series.target for series in case.program}
+        changed |= {case.driven.of(case.components).key} if case.driven else set()
+        kept = [0.0 if load.key in changed else amount for load, amount in zip(dead.loads, dead.amounts, strict=True)]
+        ratios = np.array(case.actuator.ratios)
+        magnitudes = np.concatenate([np.zeros(len(ratios)), np.array(kept) / dead.units])
+        targets = [("its dead loads", magnitudes)]
+        if case.driven is not None and case.driven.at_pressure_cm:
+            inflated = magnitudes.copy()
+            inflated[: len(ratios)] = case.driven.at_pressure_cm * case.cm / system.stress_unit * ratios
+            targets.append((f"{case.driven.at_pressure_cm:g} cm", inflated))
+        if words := [what for what, amounts in targets if amounts.any()]:
+            report(f"applying {', then '.join(words)}")
         try:
-            hung = hang(self.solver, [("its dead loads", np.concatenate([cavities, dead.amounts / dead.units]))])
+            hung = hang(self.solver, targets, report)
         except HangingEnd as end:
-            raise ComponentError(
-                f"the device has no equilibrium under {end.what} ({end}): converged up to {end.share:.3g} of the full load"
-            ) from end
-        return inflate_from(self.solver, hung)
+            raise RunError(end.sentence, NO_EQUILIBRIUM if end.physical else FAILED) from end
+        dead.origins = hung.driven
+        return hung
+
+    @property
+    def driven_load(self) -> int:
+        """Place among the dead loads of the one whose values are requested."""
+        assert self.case.driven is not None
+        return self.system.dead.index(self.case.driven.of(self.case.components).key)
+
+    def unit_of(self, quantity: str) -> float:
+        """SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight."""
+        system, driven = self.system, self.case.driven
+        if quantity == Pressure.name:
+            return system.stress_unit
+        if driven is not None and quantity in (DeadForce.name, LoadDisplacement.name):
+            place = self.driven_load
+            unit = (system.dead.moved_units if driven.asked.held else system.dead.units)[place]
+            return float(unit / (system.dead.amounts[place] if driven.key == "share" else 1.0))
+        return system.volume_unit
 
     # -- modes --------------------------------------------------------------------------------------------------------
 

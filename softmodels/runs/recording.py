@@ -8,7 +8,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from softmodels.case.case import Case
 from softmodels.common.errors import Spoken, reason
@@ -28,18 +28,23 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-def gather(case: Case, results: Results, ended: Ended) -> None:
-    """Bring all steps into one file and write ``summary.json``; on rank 0. `OSError` if there is no room: the steps stay."""
+Summary = dict[str, Any]
+"""What ``summary.json`` holds."""
+
+
+def gather(case: Case, results: Results, ended: Ended) -> Summary:
+    """Bring all steps into one file, and write and return the summary; on rank 0. `OSError` if there is no room."""
     results.finish()
     words = state_labels(case)
-    text = {
+    summary = {
         "status": ended.status, "message": ended.message, "steps": len(results.stored), "last": results.rows[-1].cells,
         "events": events(results.rows, words), "stretch_at_break": stretch_at_break(case.material),
         "notes": notes_of(case, results.rows, results.sources(case)),
         "stability": stability_text(results.rows, case.actuator, words, branch_rows(results)),
     }  # fmt: skip
     results.own.claim(["summary.json"])
-    write_text(results.folder / "summary.json", json.dumps(text, indent=2) + "\n")
+    write_text(results.folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    return summary
 
 
 def branch_rows(results: Results) -> list[Row]:
@@ -59,8 +64,9 @@ class Observer:
     def begun(self, results: Results) -> None:
         """The folder holds the first state of this run."""
 
-    def closed(self, results: Results | None, ended: Ended) -> None:
-        """The run has ended and its folder is complete, and still locked; None where no folder could be taken."""
+    def closed(self, results: Results | None, ended: Ended, summary: Summary) -> None:
+        """The run has ended and its folder is complete, and still locked; None where no folder could be taken. The summary is
+        empty where there are no states, or it could not be written."""
 
 
 @contextlib.contextmanager
@@ -119,16 +125,16 @@ def solved_into(
 
 def _complete(case: Case, results: Results | None, ended: Ended, observer: Observer) -> tuple[str, bool]:
     """Gather the states of a run that has ended, on rank 0; return why only that failed, else "", and whether it is loaded."""
-    failure = ""
+    failure, summary = "", Summary()
     if results is not None and results.stored and ended.status != BAD_INPUT:
         try:
-            gather(case, results, ended)
+            summary = gather(case, results, ended)
             results.own.forget_unwritten()
         except (OSError, OwnFolderError) as error:
             if ended.status == DONE:
                 failure = f"the steps could not be gathered in one file ({reason(error)})"
                 ended = Ended.by(UnwrittenError(failure := f"{failure}; make room and run again with --resume"))
-    observer.closed(results, ended)
+    observer.closed(results, ended, summary)
     return failure, results is not None and is_loaded(results.rows)
 
 

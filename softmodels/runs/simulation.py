@@ -14,10 +14,8 @@ from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
 from softmodels.materials.stability import weakness
-from softmodels.mechanics import c_library
 from softmodels.mechanics.compiling import cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
-from softmodels.path.points import DeadForce, LoadDisplacement, Pressure
 from softmodels.runs.columns import Solved, row_of
 from softmodels.runs.formats import Restart, restart_of
 from softmodels.runs.model import Model, body_of
@@ -38,7 +36,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.system import State
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import PathQuantity, Point
-    from softmodels.path.schedule import HangingEnd, StageEnd
+    from softmodels.path.schedule import StageEnd
     from softmodels.runs.band import Band
     from softmodels.runs.fields import Fields
 
@@ -109,130 +107,6 @@ class Begun:
 FROM_REST = Begun()
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The preload of a case: the state under all loads that act before the first requested value.
-
-
-class Beginning:
-    """The preloaded state from which the path of a case starts.
-
-    Args:
-        case: The case.
-        solver: Its device, at rest; the coupling of its drivers is changed.
-        report: Takes sentences on what is going on.
-    """
-
-    def __init__(self, case: Case, solver: Solver, report: Callable[[str], None]):
-        self.case, self.solver, self.report = case, solver, report
-        self._hung: StageEnd | None = None
-
-    def hung(self) -> StageEnd | None:
-        """Return the preloaded state, computed once; None if the device has no dead loads.
-
-        Raises:
-            RunError: There is no such state on the way.
-        """
-        if self._hung is None and self.solver.system.dead.loads:
-            self._hung = self._found()
-        return self._hung
-
-    def state(self) -> State | None:
-        """Return the state from which the path to the requested values starts, with its drivers coupled; None for the
-        undeformed one.
-
-        Raises:
-            RunError: There is no such state on the way.
-        """
-        hung, driven, system = self.hung(), self.case.driven, self.solver.system
-        if hung is None:
-            return None
-        from softmodels.path.schedule import inflate_from, load_from
-
-        if driven is None:
-            return inflate_from(self.solver, hung)
-        place = len(system.body.actuator.ratios) + system.dead.index(driven.of(self.case.components).key)
-        return load_from(self.solver, hung, place)
-
-    def check_volumes(self, start: State | None) -> None:
-        """Reject requested volumes below the one that the cavity has under the preload.
-
-        Args:
-            start: Where the path begins, the drivers coupled for it; None for the undeformed state.
-
-        Raises:
-            RunError: There is one.
-        """
-        if start is None or not self.case.volumes_ml:
-            return
-        system = self.solver.system
-        taken = (start.V - system.rest().V) * system.volume_unit * 1e6
-        system.load(start)
-        if passed := [value for value in self.case.volumes_ml if 0.0 < value < taken]:
-            raise RunError(
-                f"{passed[0]:g} ml are not on this path: the preload has already added "
-                f"{taken:.4g} ml to the undeformed cavity; request more than that, or 0 for the preloaded state",
-                NO_EQUILIBRIUM,
-            )
-
-    def unit_of(self, quantity: str) -> float:
-        """Return SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight."""
-        system, driven = self.solver.system, self.case.driven
-        if quantity == Pressure.name:
-            return system.stress_unit
-        if driven is not None and quantity in (DeadForce.name, LoadDisplacement.name):
-            place = system.dead.index(driven.of(self.case.components).key)
-            unit = (system.dead.moved_units if driven.asked.held else system.dead.units)[place]
-            return float(unit / (system.dead.amounts[place] if driven.key == "share" else 1.0))
-        return system.volume_unit
-
-    def _found(self) -> StageEnd:
-        from softmodels.path.schedule import HangingEnd, hang
-
-        case, system = self.case, self.solver.system
-        kept = self._kept()
-        targets = [("its dead loads", kept)]
-        if case.driven is not None and case.driven.at_pressure_cm:
-            inflated = kept.copy()
-            ratios = np.array(system.body.actuator.ratios)
-            inflated[: len(ratios)] = case.driven.at_pressure_cm * case.cm / system.stress_unit * ratios
-            targets.append((f"{case.driven.at_pressure_cm:g} cm", inflated))
-        if words := [what for what, magnitudes in targets if magnitudes.any()]:
-            self.report(f"applying {', then '.join(words)}")
-        try:
-            found = hang(self.solver, targets, self.report)
-        except HangingEnd as end:
-            raise RunError(_explained(end), NO_EQUILIBRIUM if end.physical else FAILED) from end
-        system.dead.origins = found.driven
-        return found
-
-    def _kept(self) -> Array:
-        """Return the magnitudes of all drivers that act before anything is requested, dimensionless, shape (k,): of the
-        dead loads those that neither the request nor a program changes."""
-        case, dead = self.case, self.solver.system.dead
-        changed = {series.target for series in case.program}
-        changed |= {case.driven.of(case.components).key} if case.driven else set()
-        kept = [0.0 if load.key in changed else amount for load, amount in zip(dead.loads, dead.amounts, strict=True)]
-        return np.concatenate([np.zeros(len(self.solver.system.body.actuator.ratios)), np.array(kept) / dead.units])
-
-
-def _explained(end: HangingEnd) -> str:
-    """Return why the preload has no equilibrium, as a sentence."""
-    if end.limit is not None:
-        return (
-            f"the device has no equilibrium under {end.what} (the preload): limit point at {end.share:.3g} "
-            f"of the full load or slightly below; reduce the load, or use a stiffer silicone or thicker walls"
-        )
-    if end.cause:
-        return (
-            f"the device has no equilibrium under {end.what} (the preload): at {end.share:.3g} of the full load "
-            f"{end.cause.clause}. {end.cause.advice}"
-        )
-    return (
-        f"{end.what[0].upper()}{end.what[1:]} could be applied only up to {end.share:.3g} of the full load ({end}); "
-        f"reduce the load, or refine the mesh (--cell-size)"
-    )
-
-
 COARSE = 0.01
 """Relative error of the meshed cavity's volume above which the user is warned."""
 FEWEST_STEPS = 12
@@ -253,13 +127,13 @@ class Simulation:
 
     Attributes:
         body, solver, fields: The device, once it is prepared.
-        beginning: Where its path begins, likewise.
+        model: These together, likewise; its path begins where it hangs under its preload.
     """
 
     body: Body
     solver: Solver
     fields: Fields
-    beginning: Beginning
+    model: Model
 
     def __init__(
         self, case: Case, comm: MPI.Comm, listener: Listener | None = None, stopped: Callable[[], bool] = bool
@@ -278,8 +152,6 @@ class Simulation:
         """
         device = self.case.actuator
         self.listener.say(meshing.mesh_label(device))
-        if device.dimension == 3 and is_root(self.comm):
-            c_library.begin("moduli")
         try:
             on_root(self.comm, lambda: device.write(file, self.stopped))
         except MeshingStopped:
@@ -297,11 +169,10 @@ class Simulation:
         on_root(self.comm, lambda: wait_for_cache(cache(), say, self.stopped))
         self._stop_if_asked()
         self.body = body_of(case.actuator, file, self.comm)
-        model = Model.of(case, self.body)
-        self.solver, self.fields = model.solver, model.fields
+        self.model = Model.of(case, self.body)
+        self.solver, self.fields = self.model.solver, self.model.fields
         with compiling():
             self._band = self._make_band()
-        self.beginning = Beginning(case, self.solver, say)
 
     def _make_band(self) -> Band | None:
         from softmodels.runs.band import Band
@@ -358,8 +229,8 @@ class Simulation:
         last = begun.rows[-1] if begun.rows else None
         goals = self._goals()
         self._path = path = self._continuation(goals[-1])
-        path.start, path.recall = self.beginning.state(), begun.recall
-        self.beginning.check_volumes(path.start)
+        path.start, path.recall = self.model.hanging(self.listener.say), begun.recall
+        self._check_volumes(path.start)
         if begun.rows and not case.load_unload:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
         if case.load_unload:
@@ -382,9 +253,30 @@ class Simulation:
         except NoConvergence as failure:
             raise RunError(explain_failure(case, failure, last, _own_words())) from failure
 
+    def _check_volumes(self, start: State | None) -> None:
+        """Reject requested volumes below the one that the cavity has under the preload.
+
+        Args:
+            start: Where the path begins, the drivers coupled for it; None for the undeformed state.
+
+        Raises:
+            RunError: There is one.
+        """
+        if start is None or not self.case.volumes_ml:
+            return
+        system = self.solver.system
+        taken = (start.V - system.rest().V) * system.volume_unit * 1e6
+        system.load(start)
+        if passed := [value for value in self.case.volumes_ml if 0.0 < value < taken]:
+            raise RunError(
+                f"{passed[0]:g} ml are not on this path: the preload has already added "
+                f"{taken:.4g} ml to the undeformed cavity; request more than that, or 0 for the preloaded state",
+                NO_EQUILIBRIUM,
+            )
+
     def _goals(self) -> list[float]:
         """Return the requested values, dimensionless."""
-        scale = self.beginning.unit_of(self.case.quantity)
+        scale = self.model.unit_of(self.case.quantity)
         return [goal / scale for goal in self.case.goals]
 
     def quantity(self, name: str) -> PathQuantity:
@@ -413,7 +305,8 @@ class Simulation:
         case, rows = self.case, list(begun.rows)
         come = float(begun.stop.number) if begun.stop else 0.0
         try:
-            hung, say = self.beginning.hung(), self.listener.say
+            say = self.listener.say
+            hung = self.model.preload(say)
             begun.recall()
             for come, point in follow(self.solver, case.program, case.cm, case.control, say, begun.stop, hung):
                 step = self.step_of(point, len(rows), come)
@@ -442,7 +335,7 @@ class Simulation:
 
         assert self._path is not None
         start = self._bifurcations[0]
-        value = self._path.value(start.state) * self.beginning.unit_of(self.case.quantity) / self.case.load.scale
+        value = self._path.value(start.state) * self.model.unit_of(self.case.quantity) / self.case.load.scale
         self.listener.say(f"following the branch from {value:.4g} {self.case.unit}")
         try:
             for number, point in enumerate(follow(self._path, start, farthest=max(self._goals()))):

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.materials.laws import Material
-from softmodels.materials.strain import HomogeneousStrain
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, in_space
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.mpi import largest, total
@@ -27,8 +26,7 @@ if TYPE_CHECKING:
 # ----------------------------------------------------------------------------------------------------------------------
 # Stresses and stretches of deformation gradients.
 #
-# Stresses of an isotropic law need only the principal stretches and the law's own energy in numpy, differentiated
-# by a complex step (exact to rounding).
+# Stresses of an isotropic law need only the principal stretches; see `Material.derivative`.
 
 
 def principal_stretches(F: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -38,14 +36,10 @@ def principal_stretches(F: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 def shape_stresses(material: Material, stretches: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Return the principal Cauchy stresses in Pa of the law's shape part, lambda_i dW/dlambda_i / J; shapes (..., 3)."""
-    h = 1e-30
-    J = stretches.prod(axis=-1)
-    result = np.empty_like(stretches)
-    for i in range(3):
-        moved = [stretches[..., k] + (1j * h if k == i else 0.0) for k in range(3)]
-        slope = np.imag(material.shape(HomogeneousStrain((moved[0], moved[1], moved[2])), material)) / h
-        result[..., i] = stretches[..., i] * slope / J
-    return result
+    sides = np.moveaxis(stretches, -1, 0)
+    with np.errstate(invalid="ignore"):  # an energy beyond locking chains
+        slopes = [material.derivative([*sides], [*axis]).slope for axis in np.eye(3)]
+    return stretches * np.stack(slopes, axis=-1) / stretches.prod(axis=-1, keepdims=True)
 
 
 def von_mises(stresses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -266,7 +260,7 @@ def _linear_fit(points: npt.NDArray[np.float64], places: npt.NDArray[np.float64]
 #     min over q of  q + 1/(share V) int max(v - q, 0) dV,
 #
 # whose derivative by the field is taken at fixed q. The kink of max(x, 0) is rounded within `ROUNDED` of q, which raises the
-# peak by less than that share, so that the derivative is continuous.
+# peak by less than that share, so that the derivative is continuous. A stretch is measured from 1, so that it is 1 at rest.
 
 
 SHARE = 0.005
@@ -284,21 +278,23 @@ def excess(x: Array) -> tuple[Array, Array]:
     return np.where(x > ROUNDED, x, ROUNDED * inner**2), inner
 
 
-def volume_peak(comm: MPI.Comm, values: Array, volumes: Array) -> tuple[float, float]:
+def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0) -> tuple[float, float]:
     """Return the peak of a field, and its threshold q.
 
     Args:
         comm: MPI communicator; called on all ranks.
-        values: The field at this rank's integration points, none of them negative.
+        values: The field at this rank's integration points.
         volumes: Volumes of the points, of the same shape.
+        rest: The field's value at rest, above which it is measured: q is rounded relative to what is above.
 
     Returns:
-        Peak and q, equal on all ranks; 0 and 0 of a field that vanishes.
+        Peak and q, equal on all ranks; ``rest`` twice of a field that is nowhere above.
     """
+    values = values - rest
     top = largest(comm, float(values.max()) if values.size else 0.0)
     whole = SHARE * total(comm, float(volumes.sum()))
     if top <= 0.0:
-        return 0.0, 0.0
+        return rest, rest
 
     def slope(q: float) -> float:
         x = values / q - 1.0
@@ -312,4 +308,4 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array) -> tuple[float, f
         q = 0.5 * (low + high)
         low, high = (low, q) if slope(q) > 0.0 else (q, high)
     above, _ = excess(values / q - 1.0)
-    return q * (1.0 + total(comm, float((volumes * above).sum())) / whole), q
+    return rest + q * (1.0 + total(comm, float((volumes * above).sum())) / whole), rest + q

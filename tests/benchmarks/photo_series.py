@@ -17,14 +17,14 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from measurement.series import witness
-from measurement.series.measuring import (
+from measurement.series.copies import (
     cut_out,
     is_copy,
     likeness,
     prepared,
 )
 from measurement.series.photo_list import Column, PhotoListError, read_photos
+from measurement.series.witness import Run
 from measurement.synthetic import photographer
 from measurement.synthetic.photographer import Scene, dome, photograph
 from tests.support.photographs.courses import COURSES, DAMAGES, damaged, run
@@ -38,7 +38,7 @@ def rows(count: int) -> None:
         for seed in range(count):
             rng = np.random.default_rng([seed, number])
             good = run(course, rng, _length(rng, seed))
-            found = sum(doubt is not None for doubt in witness.doubts(good.outlines()))
+            found = len(Run(dict(enumerate(good.outlines()))).contradictions)
             flagged, total, runs = flagged + found, total + len(good.heights), runs + bool(found)
         print(f"  {course:32s} {flagged:4d} of {total:5d}      {runs:3d} of {count}")
     print(f"\n{'one wrong row, or two':34s} caught        named   others blamed")
@@ -48,13 +48,13 @@ def rows(count: int) -> None:
             for seed in range(count):
                 rng = np.random.default_rng([seed, number, 77])
                 bad = damaged(kind, run(course, rng, _length(rng, seed)), rng)
-                doubts = witness.doubts(bad.outlines())
-                hit = [doubts[k] or "" for k in bad.at if doubts[k]]
+                doubts = Run(dict(enumerate(bad.outlines()))).contradictions
+                hit = [doubts[k] for k in bad.at if k in doubts]
                 caught += bool(hit)
                 named += any(
                     word in why for why in hit for word in ("swapped", "ten times", "a tenth", "at zero pressure")
                 )
-                blamed += sum(doubt is not None for k, doubt in enumerate(doubts) if k not in bad.at)
+                blamed += len(doubts.keys() - set(bad.at))
         total = count * len(COURSES)
         print(f"  {kind:32s} {caught:4d} of {total:4d}  {named:4d}    {blamed:4d}")
 

@@ -17,10 +17,9 @@ import numpy as np
 
 from measurement.camera.camera import Camera
 from measurement.camera.pictures import read_photograph
-from measurement.edge.tracing import trace, trace_image
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
-from measurement.series.photo import outline_of, zero_of
+from measurement.series.photo import outline_of, trace, trace_image, zero_of
 from measurement.synthetic.photographer import Scene, dome, dome_height, photograph, save, truth_of
 
 SCENE = Scene(
@@ -42,13 +41,13 @@ def main() -> None:
     setup = Setup(camera, found.plane(camera), grid_pitch=SCENE.grid_pitch)
     truth = truth_of(SCENE)
     origin = np.rint(truth.to_metres(setup.to_pixels([[0.0, 0.0]])) / SCENE.grid_pitch)[0] * SCENE.grid_pitch
-    zero = zero_of(trace_image(photograph(SCENE, dome(0.0, RADIUS, floor=FLOOR), 2)[0], setup), setup)
+    zero = zero_of(trace_image(photograph(SCENE, dome(0.0, RADIUS, floor=FLOOR), 2)[0], setup))
     with tempfile.TemporaryDirectory() as folder:
         file = save(Path(folder) / "IMG_0001.JPG", photograph(SCENE, dome(HEIGHT, RADIUS, floor=FLOOR), 3)[0])
         whole, reading, tracing = [], [], []
         for _ in range(ROUNDS):
             started = time.perf_counter()
-            outline = outline_of(trace(file, setup, likely=zero.tone), setup, zero, 1000.0, 10.0, file.name)
+            outline = outline_of(trace(file, setup, likely=zero.tone), zero, 1000.0, 10.0, file.name)
             whole.append(time.perf_counter() - started)
             started = time.perf_counter()
             read_photograph(file)

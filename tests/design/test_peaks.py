@@ -31,6 +31,7 @@ def test_the_mean_of_the_largest_values(comm):
     assert found == pytest.approx(1.0 - SHARE / 2, abs=3e-4) and q == pytest.approx(1.0 - SHARE, abs=3e-4)
     assert volume_peak(comm, np.full(10, 1.7), np.ones(10))[0] == pytest.approx(1.7, rel=3e-3)
     assert volume_peak(comm, np.zeros(10), np.ones(10)) == (0.0, 0.0)
+    assert volume_peak(comm, np.ones(10), np.ones(10), rest=1.0) == (1.0, 1.0)
 
 
 def test_coarse_and_fine_meshes_agree(comm, figure):
@@ -56,6 +57,7 @@ def test_the_path_has_the_same_peak(comm):
     here = DesignModel(tube, ("wall",), quantities, comm).evaluate(np.array([tube.actuator.wall]))
     stretch, stress = (here.values[asked.key] for asked in quantities)
     assert run.path["peak_stretch"][-1] == pytest.approx(stretch, rel=1e-6)
+    assert run.path["peak_stretch"][0] == 1.0 and run.path["peak_von_mises_kPa"][0] == 0.0
     assert 1e3 * run.path["peak_von_mises_kPa"][-1] == pytest.approx(stress, rel=1e-6)
     assert run.path["max_stretch"][-1] > 1.02 * stretch
     assert any(f"largest point value is {run.path['max_stretch'][-1]:.4g} on this mesh" in note for note in here.notes)

@@ -145,15 +145,6 @@ def test_a_cavity_that_sits_too_high_leaves_the_top_where_it_is():
     assert made.membrane_top.height(radii) == pytest.approx(disk.membrane_top.height(radii), rel=1e-14)
 
 
-def test_the_motion_with_the_membrane_follows_the_top():
-    disk = HollowDisk(section="axisymmetric", profile=(1.3, 0.6, 1.0))
-    thicker = HollowDisk(section="axisymmetric", profile=(1.3, 0.6, 1.0), membrane=0.0061)
-    radii = np.linspace(0.0, disk.outer_radius, 30)
-    top = np.column_stack([radii, 0 * radii, disk.membrane_top.height(radii)])
-    moved = top + (thicker.membrane - disk.membrane) * disk.velocity("membrane", top)
-    assert moved[:, 2] == pytest.approx(thicker.membrane_top.height(radii), rel=1e-14)
-
-
 def test_profiles_are_read_from_tables():
     disk = HollowDisk(profile=(1.3, 0.6, 1))
     assert to_table(disk)["profile"] == [1.3, 0.6, 1.0] and from_table(to_table(disk)) == disk

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from measurement.camera.camera import Camera
-from measurement.edge.tracing import trace_image
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
-from measurement.series.photo import outline_of, zero_of
+from measurement.series.photo import outline_of, trace_image, zero_of
 from measurement.synthetic.photographer import Scene, dome, dome_height, photograph, truth_of
 
 SEEDS = range(20)
@@ -50,8 +49,8 @@ def measured(seed):
     flat = photograph(scene, dome(0.0, RADIUS, floor=floor), 3 * seed + 1)[0]
     raised = photograph(scene, dome(height, RADIUS, floor=floor), 3 * seed + 2)[0]
     traced = trace_image(raised, setup)
-    zero = zero_of(trace_image(flat, setup, likely=traced.tone), setup)
-    outline = outline_of(traced, setup, zero, 1000.0, 10.0, f"seed {seed}")
+    zero = zero_of(trace_image(flat, setup, likely=traced.tone))
+    outline = outline_of(traced, zero, 1000.0, 10.0, f"seed {seed}")
     # The grid that was found counts from a crossing of its own.
     origin = truth.to_metres(setup.to_pixels([[0.0, 0.0]]))[0]
     crossing = np.rint(origin / scene.grid_pitch) * scene.grid_pitch

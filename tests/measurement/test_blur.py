@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from measurement.edge.edge import Edge, check_blur
+from measurement.edge.edge import Edge
+from measurement.series.checks import Drop
 
 SCALE = 30e-6
 
@@ -15,7 +18,8 @@ def edge(width, count=600):
     turn = np.linspace(np.pi, 0.0, count)
     normal = np.column_stack([np.cos(turn), -np.sin(turn)])
     noise = np.exp(0.03 * np.random.default_rng(1).standard_normal(count))
-    return Edge(500.0 * normal, normal, np.full(count, 0.02), width(turn) * noise, np.full(count, 0.8), 0.0)
+    edge = Edge(500.0 * normal, normal, np.full(count, 0.02), width(turn) * noise, np.full(count, 0.8), 0.0)
+    return SimpleNamespace(traced=SimpleNamespace(edge=edge, scale=SCALE))
 
 
 @pytest.mark.parametrize(
@@ -27,10 +31,10 @@ def edge(width, count=600):
     ],
 )
 def test_a_width_that_changes_slowly_is_trusted(width):
-    assert check_blur(edge(width), SCALE) is None
+    assert Drop().doubt(edge(width)) is None
 
 
 @pytest.mark.parametrize("at", [0.5, 1.0, 1.6])
 def test_a_drop_before_a_part_of_the_edge_is_not(at):
-    doubt = check_blur(edge(lambda turn: np.where(np.abs(turn - at) < 0.12, 4.0, 3.0)), SCALE)
-    assert doubt is not None and "more blurred" in doubt
+    doubt = Drop().doubt(edge(lambda turn: np.where(np.abs(turn - at) < 0.12, 4.0, 3.0)))
+    assert doubt is not None and "more blurred" in doubt.verdict

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from measurement.edge.edge import Edge, smoothed
-from measurement.outline.checks import check_ripples, highest_ripple
+from measurement.outline.shape import highest_ripple
+from measurement.outline.zero import ZeroLine
+from measurement.series.checks import Membrane
 
 RADIUS, SPACING, NOISE = 900.0, 3.0, 0.06
 
@@ -72,10 +76,18 @@ def outline(bump=0.0, length=6e-3, seed=0):
     return np.column_stack([x, z + bump * (np.abs(x) < 0.5 * length)])
 
 
+def check_ripples(placed):
+    flat = ZeroLine.through(np.array([[0.0, 0.0], [1.0, 0.0]]))
+    error = np.full(len(placed), 2e-6)
+    return Membrane().doubt(
+        SimpleNamespace(raw=placed, ripple=highest_ripple(placed), placed=placed, error=error, zero=flat)
+    )
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_step_of_a_fibre_is_no_membrane_and_a_dome_is_one(seed):
     assert check_ripples(outline(seed=seed)) is None
-    assert "narrower than a membrane can bend" in check_ripples(outline(60e-6, seed=seed))
+    assert "narrower than a membrane can bend" in str(check_ripples(outline(60e-6, seed=seed)))
     place, height, _ = highest_ripple(outline(60e-6, seed=seed)[::-1])
     assert abs(abs(outline()[::-1][place, 0]) - 3e-3) < 0.5e-3
     assert abs(height) > 12e-6

@@ -14,7 +14,7 @@ from PIL import Image
 
 from measurement.__main__ import main
 from measurement.outline.outline import Outline
-from measurement.series.measuring import (
+from measurement.series.copies import (
     COPIED,
     copies,
     cut_out,
@@ -82,7 +82,7 @@ def outline(height, pressure, source="test"):
 
 def judged(pictures, heights, pressures):
     outlines = [outline(h, p, f"{k}.jpg") for k, (h, p) in enumerate(zip(heights, pressures, strict=True))]
-    return copies(outlines, [cut_out(picture) for picture in pictures])
+    return copies(dict(enumerate(outlines)), {k: cut_out(picture) for k, picture in enumerate(pictures)})
 
 
 @pytest.mark.parametrize("bench", BENCHES)

@@ -10,11 +10,10 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.special import ndtr
 
 from measurement.camera.camera import Camera
-from measurement.edge.tracing import trace_image
 from measurement.screen.grid import find_grid
 from measurement.screen.look import LineShape
 from measurement.screen.setup import Setup
-from measurement.series.photo import outline_of, zero_of
+from measurement.series.photo import outline_of, trace_image, zero_of
 from measurement.synthetic.photographer import lens_of, photograph, truth_of
 from tests.support.photographs.bench import Bench
 from tests.support.photographs.verdict import across
@@ -77,8 +76,8 @@ def test_grid_lines_do_not_move_an_edge_that_is_out_of_focus(blur):
     setup = Setup(camera, plane, grid_pitch=scene.grid_pitch)
     blurred = dataclasses.replace(scene, blur=blur)
     raised = trace_image(photograph(blurred, bench.polygon(height), 2)[0], setup)
-    zero = zero_of(trace_image(photograph(scene, bench.polygon(0.0), 3)[0], setup, likely=raised.tone), setup)
-    rest = across(bench, truth, setup, outline_of(raised, setup, zero, 1e3, 5.0, "blurred"), height)
+    zero = zero_of(trace_image(photograph(scene, bench.polygon(0.0), 3)[0], setup, likely=raised.tone))
+    rest = across(bench, truth, setup, outline_of(raised, zero, 1e3, 5.0, "blurred"), height)
     # 37 um where the ink is only divided out; 16 and 7 um where what it draws is taken for the shape.
     assert np.abs(rest).max() < 14e-6
     assert np.sqrt(np.mean(rest**2)) < 5e-6

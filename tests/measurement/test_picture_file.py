@@ -16,9 +16,8 @@ from measurement.__main__ import main
 from measurement.camera import pictures
 from measurement.camera.lens import read_exif
 from measurement.camera.pictures import PictureError, read_pixels
-from measurement.edge.tracing import trace
 from measurement.screen.setup import Setup
-from measurement.series.photo import find_zero, outline_of
+from measurement.series.photo import find_zero, outline_of, trace
 from measurement.synthetic import photographer
 from measurement.synthetic.photographer import Scene, chessboard, dome, photograph, save
 
@@ -207,7 +206,7 @@ def bench(tmp_path_factory):
 def test_outlines_do_not_depend_on_the_kind_of_file(bench, tmp_path, kind):
     setup, zero, picture = bench
     traced = trace(written(tmp_path / f"a.{kind}", picture, kind), setup, likely=zero.tone)
-    found = outline_of(traced, setup, zero, 1000.0, 10.0, kind)
+    found = outline_of(traced, zero, 1000.0, 10.0, kind)
     assert found.trusted, found.reasons
     assert found.height == pytest.approx(HEIGHT, abs=15e-6)
 

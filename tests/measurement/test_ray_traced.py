@@ -10,9 +10,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from measurement.edge.tracing import trace_image
 from measurement.outline.outline import Outline
-from measurement.series.photo import zero_of
+from measurement.series.photo import trace_image, zero_of
 from tests.support.photographs import traced_runs as runs
 
 
@@ -52,7 +51,7 @@ def test_a_round_body_that_leans_is_not_trusted():
     case = dataclasses.replace(case, bench=bench)
     setup = runs.setup_of(case, runs.rays.photograph(bench, case.sensor, None, 1))
     flat = runs.rays.photograph(bench, case.sensor, dataclasses.replace(case.body, height=0.0), 2)
-    zero = zero_of(trace_image(flat, setup, case.sensor.tone), setup)
+    zero = zero_of(trace_image(flat, setup, case.sensor.tone))
     true = 9.5e-3 * np.tan(np.radians(0.6))
     assert any("bows up" in doubt and "level the body" in doubt for doubt in zero.doubts)
     assert zero.level_error == pytest.approx(true, rel=0.25)

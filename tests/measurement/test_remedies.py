@@ -11,7 +11,7 @@ import measurement
 
 ROOT = Path(measurement.__file__).parent
 REMEDIES = (
-    "photograph", "give ", "setup --", "level ", "clear away", "leave one", "expose", "focus", "bring", "darken", "calibrate",
+    "photograph", "give ", "setup --", "level ", "clear away", "leave one", "expos", "focus", "bring", "darken", "calibrate",
     "show more", "aim ", "switch", "move the camera",
 )  # fmt: skip
 
@@ -20,19 +20,29 @@ def refusals():
     """File, line and literal text of every refusal that is written out where it is raised."""
     for file in sorted(ROOT.rglob("*.py")):
         for node in ast.walk(ast.parse(file.read_text())):
-            if not (isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)):
+            if not isinstance(node, ast.Call):
                 continue
-            if getattr(node.exc.func, "id", "") != "Unmeasurable":
+            name = getattr(node.func, "id", "")
+            if name != "Unmeasurable" and not (
+                name == "Doubt" and any(word.arg == "rejects" for word in node.keywords)
+            ):
                 continue
+            # A check's remedy is the second argument of its doubt.
+            parts = [node] if name == "Unmeasurable" else node.args[1:] or node.args
             text = "".join(
                 part.value
-                for part in ast.walk(node.exc)
+                for one in parts
+                for part in ast.walk(one)
                 if isinstance(part, ast.Constant) and isinstance(part.value, str)
             )
             if text:
                 yield pytest.param(text, id=f"{file.relative_to(ROOT)}:{node.lineno}")
 
 
-@pytest.mark.parametrize("text", refusals())
+def test_refusals_are_found():
+    assert len(list(refusals())) > 30
+
+
+@pytest.mark.parametrize("text", list(refusals()))
 def test_a_refusal_names_its_remedy(text):
     assert any(remedy in text for remedy in REMEDIES), text

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from measurement.outline.checks import check_ripples, unsure
+from measurement.outline.shape import highest_ripple
+from measurement.outline.zero import ZeroLine
+from measurement.series.checks import Membrane, unsure_of
 
 
 def edge(bump=0.0, place=2e-3, noise=1.5e-6, seed=0):
@@ -14,6 +18,18 @@ def edge(bump=0.0, place=2e-3, noise=1.5e-6, seed=0):
     rise = 4e-3 * np.clip(1.0 - (x / 10e-3) ** 2, 0.0, None) ** 3
     thing = bump * np.exp(-0.5 * ((x - place) / 0.25e-3) ** 2)
     return np.column_stack([x, rise + thing + np.random.default_rng(seed).normal(0.0, noise, len(x))])
+
+
+def check_ripples(placed):
+    flat = ZeroLine.through(np.array([[0.0, 0.0], [1.0, 0.0]]))
+    error = np.full(len(placed), 2e-6)
+    return Membrane().doubt(
+        SimpleNamespace(raw=placed, ripple=highest_ripple(placed), placed=placed, error=error, zero=flat)
+    )
+
+
+def unsure(placed):
+    return unsure_of(highest_ripple(placed))
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -35,5 +51,10 @@ def test_a_low_bump_is_trusted_and_widens_the_stated_error(bump, place):
 @pytest.mark.parametrize(("bump", "name"), [(80e-6, "bump of"), (-80e-6, "hollow of")])
 def test_a_high_one_is_doubted(bump, name):
     doubt = check_ripples(edge(bump))
-    assert name in doubt
+    assert name in str(doubt)
     assert unsure(edge(bump)) > 20e-6
+
+
+def test_a_flat_surface_a_little_below_the_zero_plane_is_no_second_thing():
+    x = np.linspace(-14e-3, 14e-3, 561)
+    assert check_ripples(np.column_stack([x, np.full(561, -20e-6)])) is None

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from measurement.camera.camera import Camera
-from measurement.outline.checks import scaling_doubts, with_known_body
 from measurement.outline.outline import Outline
-from measurement.outline.zero import Sides, ZeroLine, sides_of
+from measurement.outline.zero import Sides, ZeroLine, sides_of, with_known_body
 from measurement.screen.plane import Plane
 from measurement.screen.setup import Setup, SetupError
+from measurement.series.checks import Evidence, Scaling
+from measurement.series.witness import Run
 
 HEIGHTS = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]) * 1e-3
 RIGHT = ZeroLine.through(np.array([[0.0, 0.0], [1.0, 0.0]]))
@@ -42,6 +43,12 @@ def run(larger, heights=HEIGHTS):
         Outline(x, height * (1 - (x / 1e-2) ** 2), np.full(41, 1e-6), 1e5 * height, 1.0, f"{height}", scale=1.0 + by)
         for height, by in zip(heights, np.broadcast_to(larger, len(heights)), strict=True)
     ]
+
+
+def scaling_doubts(outlines):
+    run = Run(dict(enumerate(outlines)))
+    found = [Scaling().doubt(Evidence(run=run, number=k)) for k in range(len(outlines))]
+    return [doubt and str(doubt) for doubt in found]
 
 
 def test_a_body_that_stood_still_is_trusted_and_so_is_one_whose_sides_give_way():

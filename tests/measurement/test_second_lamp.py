@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from measurement.camera.pictures import Unmeasurable
-from measurement.edge.edge import Edge, check_steps
+from measurement.edge.edge import Edge
 from measurement.edge.shadow import ShadowColour
+from measurement.series.checks import OneLamp
 
 COLOUR = ShadowColour(np.full(3, 0.1), np.full(3, 0.8), np.eye(3) * 1e-4)
 WHOLE = 1.0 / float(COLOUR.direction @ COLOUR.lit)
@@ -16,22 +18,23 @@ WHOLE = 1.0 / float(COLOUR.direction @ COLOUR.lit)
 def edge(part, seed=0):
     noise = np.random.default_rng(seed).normal(0.0, 0.01, len(part))
     one = np.ones(len(part))
-    return Edge(np.zeros((len(part), 2)), np.zeros((len(part), 2)), one, one, WHOLE * (part + noise), 0.0)
+    edge = Edge(np.zeros((len(part), 2)), np.zeros((len(part), 2)), one, one, WHOLE * (part + noise), 0.0)
+    return SimpleNamespace(traced=SimpleNamespace(edge=edge, coarse=SimpleNamespace(colour=COLOUR)))
 
 
 def test_one_lamp_and_some_dust_are_no_second_lamp():
     part = np.ones(400)
     part[100:104] = 0.6
-    assert check_steps(edge(part), COLOUR) == ()
-    assert check_steps(edge(np.linspace(0.98, 1.02, 400)), COLOUR) == ()
+    assert OneLamp().doubt(edge(part)) is None
+    assert OneLamp().doubt(edge(np.linspace(0.98, 1.02, 400))) is None
 
 
 @pytest.mark.parametrize("share", [0.15, 0.3])
 def test_a_flank_that_a_second_lamp_reaches_is_doubted(share):
     part = np.where(np.arange(400) < 150, 1.0 - share, 1.0)
-    assert "a second lamp" in check_steps(edge(part), COLOUR)[0]
+    assert "a second lamp" in OneLamp().doubt(edge(part)).verdict
 
 
 def test_an_edge_of_half_a_lamp_is_refused():
-    with pytest.raises(Unmeasurable, match="second lamp"):
-        check_steps(edge(np.full(400, 0.5)), COLOUR)
+    doubt = OneLamp().doubt(edge(np.full(400, 0.5)))
+    assert doubt.rejects and "second lamp" in doubt.verdict

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from measurement.outline.checks import displacement, settling_doubts
 from measurement.outline.outline import Outline
+from measurement.outline.shape import Displacement
 from measurement.outline.zero import Sides, ZeroLine
+from measurement.series.checks import Evidence, Moved, Settling
+from measurement.series.witness import Run
 
 HEIGHTS = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 9.0]) * 1e-3
 X = np.linspace(-0.02, 0.02, 201)
@@ -20,6 +24,12 @@ def own(height):
 
 def outline(height, sunk):
     return Outline(X, height * (1 - (X / 0.02) ** 2) ** 3, np.full(len(X), 1e-6), 1e3, 1.0, "test", sunk=sunk)
+
+
+def settling_doubts(outlines):
+    run = Run(dict(enumerate(outlines)))
+    found = [Settling().doubt(Evidence(run=run, number=k)) for k in range(len(outlines))]
+    return [doubt and str(doubt) for doubt in found]
 
 
 def run(heights=HEIGHTS, moved=0.0, at=None, moved_at=0.0):
@@ -81,7 +91,8 @@ def test_a_body_whose_sides_sink_by_different_depths_was_tilted(degrees, seen):
     sides = Sides(-3e-3, 2.0 * half, 0.0, 1e-6) if seen else None
     zero = ZeroLine(np.zeros(2), np.array([1.0, 0.0]), extent=(-half, half), sides=sides)
     placed = np.column_stack([x, turned])[keep]
-    sunk, off, doubt = displacement(placed, upwards[keep], np.full(keep.sum(), 2e-6), zero)
-    assert sunk > 0.8e-3
-    assert off == pytest.approx(abs(np.tan(np.radians(degrees))) * 13e-3 * seen, rel=0.08, abs=1e-9)
+    found = Displacement.of(placed, upwards[keep], np.full(keep.sum(), 2e-6), zero)
+    assert found.sunk > 0.8e-3
+    assert found.error == pytest.approx(abs(np.tan(np.radians(degrees))) * 13e-3 * seen, rel=0.08, abs=1e-9)
+    doubt = Moved().doubt(SimpleNamespace(above=np.ones(400), standing=True, displaced=found))
     assert (doubt is not None) == (degrees == 0.6)

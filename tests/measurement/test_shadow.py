@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
 from measurement.camera.pictures import Unmeasurable
-from measurement.edge.shadow import check_exposure, chi_square_limit, find_shadow, learn_colour, robust_covariance
+from measurement.edge.shadow import chi_square_limit, find_shadow, learn_colour, robust_covariance
+from measurement.series.checks import Exposure
 
 DARK, LIT = np.array([0.08, 0.09, 0.11]), np.array([0.7, 0.68, 0.6])
 NOISE = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, 1.0], [0.0, 1.0, 5.0]]) * 1e-5
@@ -78,9 +81,12 @@ def test_pictures_without_one_shadow():
         learn_colour(samples(0.8 * LIT), samples(LIT))
 
 
+def exposure(light):
+    return Exposure().doubt(SimpleNamespace(traced=SimpleNamespace(small=light)))
+
+
 def test_exposure():
-    check_exposure(picture(hill()))
-    with pytest.raises(Unmeasurable, match="underexposed"):
-        check_exposure(0.01 * picture(hill()))
-    with pytest.raises(Unmeasurable, match="overexposed"):
-        check_exposure(np.clip(2.0 * picture(hill()), 0.0, 1.0))
+    assert exposure(picture(hill())) is None
+    for light, reason in ((0.01 * picture(hill()), "underexposed"), (2.0 * picture(hill()), "overexposed")):
+        doubt = exposure(np.clip(light, 0.0, 1.0))
+        assert doubt.rejects and reason in doubt.verdict

@@ -13,8 +13,8 @@ from measurement.camera.pictures import TONES, Unmeasurable, read_photograph
 from measurement.edge.edge import coarse_contour, refine_edge
 from measurement.edge.profiles import Shading
 from measurement.edge.shadow import find_shadow
-from measurement.edge.tracing import trace_image
 from measurement.screen.setup import Setup
+from measurement.series.photo import trace_image
 
 ROI = (147, 10, 677, 480)
 """Beside the drops the photographs show the rim of their vessel."""

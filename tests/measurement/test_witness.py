@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from measurement.series.overview import draw_heights
-from measurement.series.witness import Course, course_of, doubts
+from measurement.series.witness import Course, Run, course_of
 from tests.support.photographs.courses import COURSES, DAMAGES, Rows, damaged, run
 
 STEPS = np.linspace(0.0, 1.0, 9)
@@ -29,7 +29,7 @@ def softening(count=9):
 
 
 def told(made):
-    return {k: doubt for k, doubt in enumerate(doubts(made.outlines())) if doubt is not None}
+    return Run(dict(enumerate(made.outlines()))).contradictions
 
 
 @pytest.mark.parametrize("kind", COURSES)
@@ -119,7 +119,7 @@ def test_a_run_that_does_not_rise_or_is_short_tells_nothing():
     assert told(rows([0.0, 300.0, 700.0, 1000.0, 1500.0], [0.0, 4e-6, -3e-6, 8e-6, 2e-6])) == {}
     assert told(rows([0.0, 500.0, 700.0], [0.0, 2e-3, 1e-3])) == {}
     assert course_of(rows([0.0, 500.0], [0.0, 2e-3]).outlines()) is None
-    assert doubts([]) == []
+    assert Run().contradictions == {}
 
 
 def test_the_course_states_its_own_uncertainty():
@@ -140,10 +140,9 @@ def test_the_picture_shows_the_course_and_names_the_stranger(tmp_path):
     made = softening()
     made.heights[5] += 1e-3
     outlines = made.outlines()
-    odd = [
-        dataclasses.replace(outline, source="cost $5_a.jpg", trusted=False, reasons=(doubt,)) if doubt else outline
-        for outline, doubt in zip(outlines, doubts(outlines), strict=True)
-    ]
+    odd = list(outlines)
+    for k, doubt in told(made).items():
+        odd[k] = dataclasses.replace(outlines[k], source="cost $5_a.jpg", trusted=False, reasons=(doubt,))
     draw_heights(tmp_path / "with.png", odd)
     draw_heights(tmp_path / "few.png", odd[:2])
     with Image.open(tmp_path / "with.png") as picture:

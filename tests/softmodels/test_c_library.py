@@ -1,4 +1,4 @@
-"""The C code that multiplies with second derivatives, compiled aside of the run that needs it."""
+"""The C code that multiplies with second derivatives, compiled on first use."""
 
 from __future__ import annotations
 
@@ -9,21 +9,16 @@ from softmodels.mechanics.compiling import CompilingError, compiling
 
 
 @pytest.fixture
-def empty(comm, tmp_path, monkeypatch):
-    """An empty cache, and no process at work."""
+def empty(tmp_path, monkeypatch):
+    """An empty cache."""
     monkeypatch.setattr(c_library, "cache", lambda: tmp_path / "cache")
-    monkeypatch.setattr(c_library, "cores", lambda: 2)
-    monkeypatch.setattr(c_library, "_aside", {})
     return tmp_path / "cache"
 
 
-def test_it_is_compiled_aside_and_once(comm, empty, monkeypatch):
-    c_library.begin("moduli")
-    c_library.begin("moduli")
-    assert len(c_library._aside) == 1
-    monkeypatch.setattr(c_library, "_compile", lambda *given: pytest.fail("it was compiled twice"))
+def test_it_is_compiled_once(comm, empty, monkeypatch):
     c = c_library.library(comm, "moduli")
-    assert c_library._aside["moduli"].returncode == 0
+    monkeypatch.setattr("cffi.FFI.compile", lambda *given, **named: pytest.fail("it was compiled twice"))
+    assert c_library.library(comm, "moduli") is c
     values, weights = c.ffi.new("double[]", [3.0] * 8), c.ffi.new("double[]", [0.5] * 8)
     moduli = c.ffi.new("double[]", 8)
     c.lib.moduli_take(8, 1, 1, values, weights, moduli)
@@ -31,16 +26,7 @@ def test_it_is_compiled_aside_and_once(comm, empty, monkeypatch):
     assert [file.suffix for file in empty.iterdir()] == [".so"]
 
 
-def test_on_one_core_the_run_compiles_by_itself(comm, empty, monkeypatch):
-    monkeypatch.setattr(c_library, "cores", lambda: 1)
-    c_library.begin("moduli")
-    assert not c_library._aside
-    assert c_library.library(comm, "moduli").lib
-
-
-def test_what_goes_wrong_aside_is_reported_by_the_run(comm, empty, monkeypatch):
+def test_a_cache_that_cannot_be_used_is_reported(comm, empty):
     empty.write_text("a file where the cache should be")
-    c_library.begin("moduli")
     with pytest.raises(CompilingError, match="XDG_CACHE_HOME"), compiling():
         c_library.library(comm, "moduli")
-    assert c_library._aside["moduli"].returncode != 0

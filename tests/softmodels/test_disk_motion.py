@@ -18,8 +18,8 @@ DISKS = {
 
 @pytest.fixture(scope="module", params=DISKS.values(), ids=DISKS.keys())
 def motion(request, comm, tmp_path_factory):
-    from softmodels.design.body import MeshMotion
     from softmodels.mechanics.body import Body
+    from softmodels.mechanics.motion import MeshMotion
 
     disk = request.param
     path = disk.write(tmp_path_factory.mktemp("motion") / "disk.msh")

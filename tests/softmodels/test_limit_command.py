@@ -18,7 +18,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.cli.limit_command import LimitArguments
 from softmodels.common.schema import about
-from softmodels.components.loads import Gravity, Mass
+from softmodels.components.loads import Force, Gravity, Mass
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.materials.silicones import SILICONES, density_of
 from softmodels.materials.specimens import sphere_pressure
@@ -107,6 +107,18 @@ def test_tolerances_scatter_the_limit_under_a_weight(tmp_path, comm):
             find_limit(case_of(device, components), [LAW], comm)[0].pressure / 95.1243 for components in (heavy, ())
         )
         assert limit == pytest.approx(with_it, rel=1e-4) and abs(with_it / without - 1) > 1e-3
+
+
+def test_a_device_that_cannot_carry_its_preload_ends_as_a_run_of_it(tmp_path):
+    """The same sentence and the same exit status."""
+    case = case_of(dataclasses.replace(THIN, cell_size=0.004), (Force("top", "-z", 5.0),))
+    (tmp_path / "case.toml").write_text(case.to_toml())
+    done = [
+        runs.run("-m", "softmodels", command, tmp_path / "case.toml", "--output", tmp_path / command)
+        for command in ("limit", "run")
+    ]
+    assert [one.status for one in done] == [3, 3]
+    assert all("no equilibrium under its dead loads (the preload): at 0.2" in one.err for one in done)
 
 
 def test_a_limit_is_found_with_the_solver_of_its_case(comm, monkeypatch):

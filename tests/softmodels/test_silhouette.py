@@ -73,8 +73,7 @@ def test_outlines_of_a_device_that_is_curved_at_rest_are_refused(device):
         OutlineResiduals(made, [])
     source = HeightResiduals(made, [Height("one", 5e3, 1.2e-3), Height("two", 9e3, 2.1e-3)])
     (first, second) = (
-        made.curve(state, made.lengths).nodes[0, 0, 1]
-        for state in made.states({"shear_modulus": 30e3}, source.pressures, "pressure")
+        made.curve(state).nodes[0, 0, 1] for state in made.states({"shear_modulus": 30e3}, source.pressures, "pressure")
     )
     assert 1e-3 < first < second
 
@@ -85,7 +84,7 @@ def test_a_slice_shows_what_the_section_shows(device):
     for disk in (SECTION, WEDGE):
         made = device(disk)
         (state,) = made.states({"shear_modulus": 30e3}, [ADDED])
-        curves.append(made.curve(state, made.lengths))
+        curves.append(made.curve(state))
     rise = curves[0].nodes[0, 0, 1]
     assert rise > 0.8e-3
     points = curves[1].nodes[:, 0]
@@ -101,7 +100,7 @@ def test_it_moves_as_the_derivatives_say(device):
 
     def nodes(added, membrane):
         (state,) = made.states({**values, "membrane": membrane}, [added])
-        return made.curve(state, made.set_parameters({**values, "membrane": membrane})).nodes
+        return made.curve(state).nodes
 
     (state,) = made.states(values, [ADDED])
     slopes = made.slopes(state, ["membrane"])

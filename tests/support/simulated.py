@@ -56,13 +56,13 @@ def simulated_outlines(
         CannotEvaluate: The device has no such state.
     """
     states = model.states(values, requested, quantity)
-    lengths = model.set_parameters(values)
+    model.set_parameters(values)
     pressures = np.array([model.pressure(state) for state in states])
     readings = readings_of(pressures, camera.bench)
     scale, zero, centre = (camera.bench.get(name, 0.0) for name in ("scale", "zero", "centre"))
     outlines = []
     for number, (state, reading) in enumerate(zip(states, readings, strict=True), 1):
-        places, normals = half_outline(shadow_of(model.curve(state, lengths)).curve, camera.spacing)
+        places, normals = half_outline(shadow_of(model.curve(state)).curve, camera.spacing)
         places, normals = (np.vstack([half[:0:-1] * [-1.0, 1.0], half]) for half in (places, normals))
         if rng is not None:
             noise = camera.error * correlated(len(places), camera.run, rng)

@@ -17,7 +17,7 @@ from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path import stability
-from softmodels.path.stability import lowest
+from softmodels.path.stability import Pencil, nearest
 from tests.support import bodies
 
 DENSE = "lowest eigenvalue by LAPACK, dense matrices"
@@ -155,20 +155,24 @@ def test_what_is_not_found_is_not_a_number(ballooned, monkeypatch):
     equations, points = ballooned
     watched = stability.Stability.of(equations)
     equations.factorise(points[-1].state)
-    monkeypatch.setattr("softmodels.path.stability.MOST_STEPS", 3)
+    monkeypatch.setattr("softmodels.path.stability.MOST_SOLVES", 3)
     assert math.isnan(watched.lowest())
     # Nor is one taken where the matrix has fewer negative eigenvalues than it is said to have, or more.
     monkeypatch.undo()
+    start = [equations.system.K.createVecRight()]
+    equations.bordered.solve(watched.sense, start[0])
     for negatives in (1, 3):
         with pytest.raises(NoConvergence):
-            lowest(equations.bordered.solve, watched.M, watched.seed, negatives)
+            nearest(
+                Pencil(equations.bordered.K.mult, watched.M, equations.bordered.solve), start, [1e-7], 50, negatives
+            )
 
 
 def test_a_nan_has_the_next_point_factorised(ballooned, monkeypatch):
     equations, points = ballooned
     watched = stability.Stability.of(equations)
     monkeypatch.setattr(stability, "ALWAYS", 0)
-    monkeypatch.setattr("softmodels.path.stability.lowest", lambda *words: (_ for _ in ()).throw(NoConvergence("")))
+    monkeypatch.setattr("softmodels.path.stability.nearest", lambda *words: (_ for _ in ()).throw(NoConvergence("")))
     equations.factorise(points[-1].state)
     assert math.isnan(watched.signature(exact=True).lowest)
     assert watched.wants(types.SimpleNamespace(w=points[-1].state.w, P=points[-1].state.P))

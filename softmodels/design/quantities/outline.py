@@ -20,8 +20,6 @@ from softmodels.design.quantities.base import (
 from softmodels.fitting.outlines.shapes import correlation, read_outlines, rising
 from softmodels.fitting.outlines.silhouette import (
     Silhouette,
-    edge_nodes,
-    outer_edges,
     shadow_of,
 )
 from softmodels.mechanics.body import BodyError
@@ -37,14 +35,8 @@ if TYPE_CHECKING:
 # The outline of a device whose mesh follows its design.
 
 
-STRAIGHT = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
-"""An edge's two ends and middle from its two nodes, where the mesh has straight edges."""
-
-
 class MovedSilhouette(Silhouette):
-    """The outer curve of a device under design, see `Silhouette`; heights count from its undeformed apex.
-
-    Of a half slab it is the edge of its top in the mirror plane, from the clamped base to the tip.
+    """The outer curve of a device under design, with the transpose of its derivative.
 
     Args:
         design: The device, its mesh as it was made.
@@ -60,34 +52,9 @@ class MovedSilhouette(Silhouette):
         super().__init__(design.system)
         self.design, actuator = design, design.system.body.actuator
         self.round = actuator.dimension == 2 or len(actuator.cut_planes) > 1
-        self._blocks = edge_nodes(self.system, design.motion.space, outer_edges(self.system.body))
-        self._mix = np.eye(3) if self._blocks.shape[1] == 3 else STRAIGHT
         axes = np.array([self._along, actuator.lift])
         self._axes = axes if actuator.dimension == 3 else axes[:, [0, 2]]
         """From the mesh's components to those of the outline's plane, shape (2, d)."""
-
-    def follow(self) -> None:
-        """Update the nodes from the current mesh."""
-        self.points = self._on_chain(self.design.motion.now(self._blocks))
-        self.top = self.points[0, 0]
-
-    def _on_chain(self, x: Array) -> Array:
-        """Return the dimensionless vectors of the mesh at the edges' own nodes, (m, 2 or 3, d), as device vectors of the chain,
-        in m."""
-        local = np.einsum("sk,mkd->msd", self._mix, x) * self.system.length_unit
-        if local.shape[-1] == 2:
-            local = np.stack([local[..., 0], np.zeros(local.shape[:-1]), local[..., 1]], axis=-1)
-        return self._arranged(everywhere(self.system.comm, local))
-
-    def moved(self, w: Array, X: Array) -> Array:
-        """Return the derivative of the curve's nodes in m, shape (n, 3, 2).
-
-        Args:
-            w: Derivative of the state's dof values, with ghosts.
-            X: That of the mesh's dimensionless nodes, shape (nodes of `MeshMotion.space`, d), with ghosts.
-        """
-        rest = self._on_chain(X[self._blocks])
-        return self._in_plane(self._displacement(w) + rest - rest[0, 0])
 
     def transposed(self, covector: Array) -> tuple[Array, Array]:
         """Return the transpose of `moved`: from a covector on the curve's nodes, shape (n, 3, 2), the same on all ranks.
@@ -160,7 +127,6 @@ class OutlineMeasure(TargetMeasure):
     def _closest(self, state: State) -> tuple[Closest, npt.NDArray[np.int64], Array]:
         """Return the closest points, and for each the piece of the curve that it is on with the weights of that piece's
         nodes."""
-        self.silhouette.follow()
         curve: QuadraticCurve = self.silhouette.curve(state)
         if not self.silhouette.round:
             found = curve.closest(self.points)

@@ -50,28 +50,31 @@ class PeakMeasure(FormMeasure):
 
     Args:
         design: The meshed device.
-        field: UFL expression of the field, not negative, differentiable where it counts.
+        field: UFL expression of the field, differentiable where it counts.
         values_of: Its values at the integration points, from the principal stretches there.
         counted_in_stress: Whether the field is in shear moduli.
+        rest: Its value at rest.
     """
 
-    def __init__(self, design: DesignedBody, field: Expr, values_of: ValuesOf, counted_in_stress: bool):
+    def __init__(
+        self, design: DesignedBody, field: Expr, values_of: ValuesOf, counted_in_stress: bool, rest: float = 0.0
+    ):
         import ufl
         from dolfinx import fem
 
         body = design.system.body
         self._q = fem.Constant(body.mesh, 1.0)
-        x = field / self._q - 1.0
+        x = (field - rest) / self._q - 1.0
         rounded = ufl.conditional(ufl.gt(x, ROUNDED), x, (x + ROUNDED) ** 2 / (4 * ROUNDED))
         excess = ufl.conditional(ufl.gt(x, -ROUNDED), rounded, 0.0)
         forms = [density * body.hoop * body.measures()[0] for density in (excess, fem.Constant(body.mesh, 1.0))]
         super().__init__(design, forms, self._peak, counted_in_stress=counted_in_stress)
-        self._values_of, self._top = values_of, 0.0
+        self._values_of, self._rest, self._top = values_of, rest, rest
 
     def _peak(self, values: Array) -> tuple[float, Array]:
         q, (above, volume) = float(self._q.value), values
         share = above / (SHARE * volume)
-        return q * (1.0 + share), q / (SHARE * volume) * np.array([1.0, -above / volume])
+        return self._rest + q * (1.0 + share), q / (SHARE * volume) * np.array([1.0, -above / volume])
 
     def value(self, state: State | None) -> float:
         self._settle()
@@ -85,8 +88,8 @@ class PeakMeasure(FormMeasure):
         """Compute q from the loaded state."""
         design, system = self.design, self.design.system
         values = self._values_of(design, principal_stretches(design.gradients()))
-        _, q = volume_peak(system.comm, values, system.point_volumes())
-        self._q.value = q or 1.0
+        _, q = volume_peak(system.comm, values, system.point_volumes(), self._rest)
+        self._q.value = q - self._rest or 1.0
         self._top = largest(system.comm, float(values.max()) if values.size else 0.0)
 
     def note(self, value: float) -> str:
@@ -131,7 +134,9 @@ class PeakStretch(DesignQuantity):
     def measure(self, design: DesignedBody) -> Measure:
         import ufl
 
-        return PeakMeasure(design, ufl.sqrt(eigenvalues(design.strain.C)[0]), _Stretch(), counted_in_stress=False)
+        return PeakMeasure(
+            design, ufl.sqrt(eigenvalues(design.strain.C)[0]), _Stretch(), counted_in_stress=False, rest=1.0
+        )
 
 
 @register_quantity

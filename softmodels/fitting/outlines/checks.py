@@ -265,7 +265,7 @@ def series_of(
         OutlineFitError: The device cannot rise as high as was measured.
     """
     plain = plain_path(model, heights, pressures)
-    lengths = model.set_parameters(plain.values)
+    model.set_parameters(plain.values)
     rows = [
         HeightRow(
             source=source,
@@ -279,7 +279,7 @@ def series_of(
         )
         for i, source in enumerate(sources)
     ]
-    return rows, [model.curve(state, lengths) for state in plain.states]
+    return rows, [model.curve(state) for state in plain.states]
 
 
 def series_of_shapes(model: DeviceModel, shapes: Sequence[Shape]) -> list[HeightRow]:

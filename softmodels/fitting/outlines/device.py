@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError, MeshingError
+from geometries.actuator import changed
 from measurement.outline.zero import STRAIGHT
 from softmodels.case.case import Case
 from softmodels.common.arrays import Array
@@ -33,7 +34,6 @@ from softmodels.fitting.outlines.silhouette import Silhouette, crest, edge_heigh
 from softmodels.fitting.problem import CannotEvaluate, FitError, LawChoice
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import SILICONE_DENSITY
-from softmodels.mechanics.body import Reshaping
 from softmodels.mechanics.component import ALONG, Component, ComponentError
 from softmodels.mechanics.controls import (
     Control,
@@ -42,6 +42,7 @@ from softmodels.mechanics.controls import (
     volume_control,
 )
 from softmodels.mechanics.dead_loads import LoadPart
+from softmodels.mechanics.motion import MeshMotion
 from softmodels.mechanics.mpi import on_root
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import Rate, Sensitivity
@@ -148,25 +149,23 @@ class Hanging:
             dead = self.system.dead
             self.system.coupling = Coupling.proportional(self.system.body.actuator.ratios, dead.amounts / dead.units)
 
-    def state(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> State:
-        """Return the state at zero pressure; the system has these parameters and lengths.
+    def state(self, values: Mapping[str, float]) -> State:
+        """Return the state at zero pressure; the system has these parameters.
 
         Raises:
             CannotEvaluate: No equilibrium under the dead loads.
         """
-        return self._found(values, lengths).state
+        return self._found(values).state
 
-    def level(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> float:
+    def level(self, values: Mapping[str, float]) -> float:
         """Return the height in m above the undeformed apex that heights count from; see `state`."""
         if not self.loaded or self.height_datum == "undeformed":
             return 0.0
-        curve = self._found(values, lengths).curve
+        curve = self._found(values).curve
         piece, weights = self._place(curve)
         return float(weights @ curve.nodes[piece, :, 1])
 
-    def level_rates(
-        self, values: Mapping[str, float], lengths: Mapping[str, float], names: Sequence[str]
-    ) -> dict[str, float]:
+    def level_rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
         """Return the derivatives of the level by parameters; see `state`.
 
         Raises:
@@ -174,7 +173,7 @@ class Hanging:
         """
         if not self.loaded:
             return dict.fromkeys(names, 0.0)
-        hung = self._found(values, lengths)
+        hung = self._found(values)
         if left := [name for name in names if name not in hung.rates]:
             try:
                 hung.rates.update(self.sensitivity.rates(hung.state, pressure_control(0.0), left)[1])
@@ -184,10 +183,10 @@ class Hanging:
             return dict.fromkeys(names, 0.0)
         # The highest place moves along the curve without a first-order change of height.
         piece, weights = self._place(hung.curve)
-        moved = {name: self.silhouette.rate(hung.rates[name].w, name if name in lengths else "") for name in names}
+        moved = {name: self.silhouette.moved(hung.rates[name].w, hung.rates[name].X) for name in names}
         return {name: float(weights @ rate[piece, :, 1]) for name, rate in moved.items()}
 
-    def check(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> None:
+    def check(self, values: Mapping[str, float]) -> None:
         """Reject heights from a shadow that is not straight at zero pressure, because the zero plane is then undefined.
 
         Raises:
@@ -196,7 +195,7 @@ class Hanging:
         """
         if not self.loaded or self.height_datum != "shadow":
             return
-        places, edge = edge_heights(self._found(values, lengths).curve)
+        places, edge = edge_heights(self._found(values).curve)
         bend = float(np.ptp(edge[places[:, 0] < MIDDLE * self.silhouette.width]))
         if bend > STRAIGHT:
             raise OutlineFitError(
@@ -205,13 +204,13 @@ class Hanging:
                 "zero plane is that of the undeformed top, --height-datum apex if heights are rises of the apex"
             )
 
-    def told(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> str:
+    def told(self, values: Mapping[str, float]) -> str:
         """Return a sentence on the loads and the zero of heights; without loads on a missing weight;
         see `state`."""
         if not self.loaded:
             apex = "" if self.silhouette.flat else "the undeformed top is not flat; heights count from its apex"
             return "; ".join(filter(None, (apex, self._weightless())))
-        dead, level = self.system.dead, self.level(values, lengths)
+        dead, level = self.system.dead, self.level(values)
         loads = ", ".join(f"{one.where} ({n:.3g} N)" for one, n in zip(dead.loads, dead.amounts, strict=True))
         side = "below" if level < 0.0 else "above"
         away = f"{abs(level) * 1e3:.3g} mm {side} the undeformed top" if level else "level with the undeformed top"
@@ -239,10 +238,10 @@ class Hanging:
         piece, s = crest(curve) if self.height_datum == "shadow" else (0, -1.0)
         return piece, shapes(s)
 
-    def _found(self, values: Mapping[str, float], lengths: Mapping[str, float]) -> _Hung:
+    def _found(self, values: Mapping[str, float]) -> _Hung:
         if self._now is None or self._now.values != dict(values):
             state = self._nearby(values) or self._followed()
-            self._now = _Hung(dict(values), state, self.silhouette.curve(state, lengths), {})
+            self._now = _Hung(dict(values), state, self.silhouette.curve(state), {})
         return self._now
 
     def _nearby(self, values: Mapping[str, float]) -> State | None:
@@ -261,10 +260,7 @@ class Hanging:
             return inflate_from(self.solver, hang(self.solver, [("its loads", amounts)]))
         except HangingEnd as end:
             self.couple()
-            raise CannotEvaluate(
-                f"the device has no equilibrium under {end.what}; converged up to {end.share:.3g} of the "
-                f"full load: {end}"
-            ) from None
+            raise CannotEvaluate(end.sentence) from None
 
 
 SAME = 1e-9
@@ -318,9 +314,14 @@ class DeviceModel:
     def __init__(self, solver: Solver, choice: LawChoice, height_datum: str = "", modulus: float = MODULUS):
         self.solver, self.system, self.choice = solver, solver.system, choice
         self.silhouette = Silhouette(solver.system)
-        self.reshaping = Reshaping(solver.system.body, solver.system.body.actuator.variable)
-        self.lengths = self.reshaping.nominal
-        self.sensitivity = Sensitivity(solver, self.reshaping)
+        actuator = self.system.body.actuator
+        self.lengths = {name: float(getattr(actuator, name)) for name in actuator.variable}
+        if self.lengths and self.system.assembled.slack:
+            raise ComponentError(
+                "derivatives by lengths do not support self-contact ([walls]); fix the lengths, or leave out the walls"
+            )
+        self.motion = MeshMotion(self.system.body) if self.lengths else None
+        self.sensitivity = Sensitivity(solver, self.motion)
         self.hanging, self.modulus = Hanging(self.silhouette, self.sensitivity, height_datum), modulus
         self.names = (*choice.names, "poisson", *self.lengths)
         self.rest_volume = solver.system.rest().V
@@ -339,8 +340,8 @@ class DeviceModel:
         """Whether the device has dead loads."""
         return self.hanging.loaded
 
-    def set_parameters(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Set the device's material and lengths; return the lengths.
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        """Set the device's material and lengths.
 
         Raises:
             CannotEvaluate: There is no such material or device.
@@ -351,12 +352,15 @@ class DeviceModel:
             raise CannotEvaluate(str(error)) from None
         self.hanging.couple()
         lengths = {name: values.get(name, nominal) for name, nominal in self.lengths.items()}
-        if lengths and min(lengths.values()) <= 0.0:
-            raise CannotEvaluate(f"a length of {min(lengths.values()):g} m gives an invalid device")
-        self.reshaping.move(lengths)
+        if self.motion is not None:
+            try:
+                device = changed(self.motion.base, lengths)
+                if device != self.motion.device:
+                    self.motion.move(device)
+            except GeometryError as error:
+                raise CannotEvaluate(f"these lengths give an invalid device: {error}") from None
         own = {"poisson": self.system.material.poisson, **{name: values[name] for name in self.choice.names}}
         self._present = {**own, **lengths}
-        return lengths
 
     def path(self, quantity: str) -> Continuation:
         """Return the path of the current parameters from the preloaded state, not started yet.
@@ -364,22 +368,18 @@ class DeviceModel:
         Raises:
             CannotEvaluate: No equilibrium under the dead loads.
         """
-        start = self.hanging.state(self._present, self._lengths) if self.loaded else None
+        start = self.hanging.state(self._present) if self.loaded else None
         self.paths += 1
         return Continuation(self.solver, DIRECT[quantity], start=start)
 
     def height(self, state: State) -> float:
         """Return the height of the apex above the zero plane at a state of the current parameters, in m."""
-        return float(self.curve(state, self._lengths).nodes[0, 0, 1])
+        return float(self.curve(state).nodes[0, 0, 1])
 
     def told(self, values: Mapping[str, float]) -> str:
         """Return a sentence on the dead loads and the zero of heights, or on a missing weight; or ""."""
-        lengths = self.set_parameters(values)
-        return self.hanging.told(self._present, lengths)
-
-    @property
-    def _lengths(self) -> dict[str, float]:
-        return {name: self._present[name] for name in self.lengths}
+        self.set_parameters(values)
+        return self.hanging.told(self._present)
 
     def states(
         self, values: Mapping[str, float], requested: Sequence[float] | Array, quantity: str = "volume"
@@ -452,10 +452,10 @@ class DeviceModel:
         self.paths += 1
         return found
 
-    def curve(self, state: State, lengths: Mapping[str, float]) -> QuadraticCurve:
+    def curve(self, state: State) -> QuadraticCurve:
         """Return the outer curve of a state of the present parameters above the zero plane, in m."""
-        curve = self.silhouette.curve(state, lengths)
-        level = self.hanging.level(self._present, self._lengths)
+        curve = self.silhouette.curve(state)
+        level = self.hanging.level(self._present)
         return QuadraticCurve(curve.nodes - [0.0, level]) if level else curve
 
     def pressure(self, state: State) -> float:
@@ -470,7 +470,7 @@ class DeviceModel:
             CannotEvaluate: The linear solver failed.
         """
         eq = self.system
-        levels = self.hanging.level_rates(self._present, self._lengths, names)
+        levels = self.hanging.level_rates(self._present, names)
         control: Control = volume_control(state.V) if quantity == "volume" else pressure_control(state.P)
         unit = eq.volume_unit if quantity == "volume" else eq.stress_unit
         try:
@@ -479,12 +479,9 @@ class DeviceModel:
             raise CannotEvaluate(f"a state has no derivatives: {failure}") from None
         answers = self._asked.answers if self._asked and any(state is one for one in self._asked.states) else {}
         answers[id(state)] = Rate(along.w / unit, along.P * eq.stress_unit / unit, along.V), rates, eq.stress_unit
-        outline = {
-            name: self.silhouette.rate(rate.w, name if name in self.lengths else "") - [0.0, levels[name]]
-            for name, rate in rates.items()
-        }
+        outline = {name: self.silhouette.moved(rate.w, rate.X) - [0.0, levels[name]] for name, rate in rates.items()}
         pressures = {name: rate.P for name, rate in rates.items()}
-        return ModelSlopes(pressures, outline, along.P * eq.stress_unit / unit, self.silhouette.rate(along.w) / unit)
+        return ModelSlopes(pressures, outline, along.P * eq.stress_unit / unit, self.silhouette.moved(along.w) / unit)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -135,12 +135,12 @@ class OutlineResiduals:
         if self._known is None or self._known[0] != key:
             own = self.own(values)
             states = self.model.states(own, [own[name] for name in self._own_volumes])
-            lengths = self.model.set_parameters(own)
+            self.model.set_parameters(own)
             made = [
                 MatchedPhotograph(
                     shape,
                     state,
-                    self.model.curve(state, lengths),
+                    self.model.curve(state),
                     self.model.pressure(state),
                     own,
                     self.most,
@@ -505,8 +505,8 @@ def volumes_of(model: DeviceModel, values: dict[str, float], heights: Array) -> 
     from scipy.interpolate import PchipInterpolator
 
     eq, rest = model.system, model.rest_volume
-    lengths = model.set_parameters(values)
-    model.hanging.check(values, lengths)
+    model.set_parameters(values)
+    model.hanging.check(values)
     goals = rest * np.concatenate([np.linspace(0.05, 1.0, 12), np.geomspace(1.2, 0.95 * LARGEST_GROWTH, 30)])
     rises, volumes = list[float](), list[float]()
     highest = float(heights.max())
@@ -673,8 +673,8 @@ class HeightResiduals:
             CannotEvaluate: One of the pressures has no state on the first branch.
         """
         states = self.model.states(values, self.pressures, "pressure")
-        lengths = self.model.set_parameters(values)
-        tops = np.array([self.model.curve(state, lengths).nodes[0, 0, 1] for state in states])
+        self.model.set_parameters(values)
+        tops = np.array([self.model.curve(state).nodes[0, 0, 1] for state in states])
         residuals = 1e3 * (tops - self.measured)
         labels = [self.label] * len(residuals)
         if not derivatives:

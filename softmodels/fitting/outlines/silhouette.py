@@ -8,7 +8,7 @@ gathered to all ranks, so that all further computation is plain numpy and identi
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.mechanics.body import Body, BodyError
+from softmodels.mechanics.motion import coordinates
 from softmodels.mechanics.mpi import everywhere
 from softmodels.mechanics.system import State, System
 from softmodels.runs.grid import (
@@ -41,35 +42,56 @@ OUTER = "outer"
 """Role of the facets that are neither held nor loaded; faces for sheets have their own roles."""
 
 
+STRAIGHT = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
+"""An edge's two ends and middle from its two nodes, where the mesh has straight edges."""
+
+
 class Silhouette:
     """The outer curve of a device in the plane of x (distance from its axis) and z (height above its undeformed apex).
 
-    The curve runs from the axis outwards and down the side wall; the solid is on its right.
+    The curve runs from the axis outwards and down the side wall; the solid is on its right. Of a half slab it is the edge of
+    its top in the mirror plane, from the clamped base to the tip.
 
     Args:
-        system: The device, its mesh not moved yet.
+        system: The device.
 
     Raises:
         BodyError: The mesh has no such curve.
 
     Attributes:
-        points: Undeformed nodes in device coordinates, m, shape (n, 3, 3).
+        points: Undeformed nodes in device coordinates, m, shape (n, 3, 3), where the mesh was when `follow` was called last.
+        top: The first of them, from which heights count.
     """
 
     def __init__(self, system: System):
         self.system = eq = system
         body, actuator = eq.body, eq.body.actuator
-        grid = Grid(eq)
-        skew, _ = displacement_maps(eq, grid)
-        nodes = edge_nodes(eq, grid.space, outer_edges(body))
-        here = grid.space.tabulate_dof_coordinates() * eq.length_unit
-        places = actuator.device_points(here)[nodes]
-        self._dofs = skew[nodes]
-        gathered = everywhere(eq.comm, places)
+        edges, grid = outer_edges(body), Grid(eq)
+        self._blocks = edge_nodes(eq, coordinates(body.mesh)[0], edges)
+        self._mix = np.eye(3) if self._blocks.shape[1] == 3 else STRAIGHT
+        self._space, self._nodes = grid.space, edge_nodes(eq, grid.space, edges)
+        self._dofs = displacement_maps(eq, grid)[0][self._nodes]
         self._along = _sideways(actuator)
-        self._order, self._turned = _chain(gathered, np.asarray(actuator.lift), self._along, eq.length_unit)
-        self.points = self._arranged(gathered)
+        places = self._everywhere(self._here())
+        self._order, self._turned = _chain(places, np.asarray(actuator.lift), self._along, eq.length_unit)
+        self.follow()
+
+    def follow(self) -> None:
+        """Update the nodes from the current mesh."""
+        self.points = self._arranged(self._everywhere(self._here()))
         self.top = self.points[0, 0]
+
+    def _here(self) -> Array:
+        """Return the dimensionless places of the edges' ends and middles on the current mesh, shape (m, 3, d)."""
+        return self._space.tabulate_dof_coordinates()[self._nodes][..., : self.system.body.mesh.geometry.dim]
+
+    def _everywhere(self, x: Array) -> Array:
+        """Return dimensionless vectors of the mesh at the edges' ends and middles, shape (m, 3, d), as those of the edges
+        of all ranks in the device, m."""
+        local = x * self.system.length_unit
+        if local.shape[-1] == 2:
+            local = np.stack([local[..., 0], np.zeros(local.shape[:-1]), local[..., 1]], axis=-1)
+        return everywhere(self.system.comm, local)
 
     def _arranged(self, values: Array) -> Array:
         """Return the values of all ranks' edges, shape (m, 3, ...), as those of the chain."""
@@ -87,28 +109,24 @@ class Silhouette:
             u = np.stack([u[..., 0], np.zeros(u.shape[:-1]), u[..., 1]], axis=-1)
         return self._arranged(u)
 
-    def curve(self, state: State, lengths: Mapping[str, float] | None = None) -> QuadraticCurve:
-        """Return the deformed curve in m; ``lengths`` are those the mesh has been moved to (`Reshaping.move`)."""
-        actuator = self.system.body.actuator
-        places = self.points - self.top
-        for name, value in (lengths or {}).items():
-            places = places + (value - getattr(actuator, name)) * self._motion(name)
-        return QuadraticCurve(self._in_plane(places + self._displacement(state.w)))
+    def curve(self, state: State) -> QuadraticCurve:
+        """Return the deformed curve on the current mesh in m."""
+        self.follow()
+        return QuadraticCurve(self._in_plane(self.points - self.top + self._displacement(state.w)))
 
-    def rate(self, w: Array, length: str = "") -> Array:
-        """Return the derivative of the curve's nodes, shape (n, 3, 2).
+    def moved(self, w: Array, X: Array | None = None) -> Array:
+        """Return the derivative of the curve's nodes in m, shape (n, 3, 2).
 
         Args:
-            w: Derivative of the state's dof values, as `softmodels.mechanics.sensitivity.Rate.w`.
-            length: The length of the device by which it is, if it is one: heights count from the top, which moves.
+            w: Derivative of the state's dof values, with ghosts.
+            X: That of the mesh's dimensionless nodes, shape (nodes of `MeshMotion.space`, d), with ghosts; None where they
+                stay. Heights count from the undeformed apex, which moves.
         """
         moved = self._displacement(w)
-        return self._in_plane(moved + self._motion(length) if length else moved)
-
-    def _motion(self, name: str) -> Array:
-        actuator = self.system.body.actuator
-        moved = actuator.velocity(name, self.points.reshape(-1, 3)).reshape(self.points.shape)
-        return moved - actuator.velocity(name, self.top[None])
+        if X is not None:
+            rest = self._arranged(self._everywhere(np.einsum("sk,mkd->msd", self._mix, X[self._blocks])))
+            moved = moved + rest - rest[0, 0]
+        return self._in_plane(moved)
 
     @property
     def width(self) -> float:

@@ -246,22 +246,22 @@ def rates(equations, added: float) -> list[float]:
     import numpy as np
 
     from softmodels.fitting.outlines.silhouette import Silhouette
-    from softmodels.mechanics.body import Reshaping
     from softmodels.mechanics.controls import volume_control
+    from softmodels.mechanics.motion import MeshMotion
     from softmodels.mechanics.sensitivity import Sensitivity
     from softmodels.path.continuation import Continuation, trace
     from softmodels.path.points import AddedVolume
 
-    moving = Reshaping(equations.system.body, ("membrane",))
+    moving = MeshMotion(equations.system.body)
     sensitivity, silhouette = Sensitivity(equations, moving), Silhouette(equations.system)
-    moving.move({"membrane": 1.02 * moving.nominal["membrane"]})
+    moving.move(dataclasses.replace(moving.base, membrane=1.02 * moving.base.membrane))
     state = list(trace(Continuation(equations, AddedVolume()), [added]))[-1].state
     _, found = sensitivity.rates(state, volume_control(state.V), ("shear_modulus", "poisson", "membrane"))
-    curve = silhouette.curve(state, {"membrane": 1.02 * moving.nominal["membrane"]})
+    curve = silhouette.curve(state)
     size = equations.system.length_unit
     closest = curve.closest(size * np.array([[0.1, 0.3], [0.5, 0.2], [0.9, 0.1]]))
-    moved = closest.moved(silhouette.rate(found["membrane"].w, "membrane"))
-    moving.move({})
+    moved = closest.moved(silhouette.moved(found["membrane"].w, found["membrane"].X))
+    moving.move(moving.base)
     return [*(rate.P for rate in found.values()), *closest.distance.tolist(), *moved.tolist()]
 
 

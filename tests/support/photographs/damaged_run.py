@@ -16,14 +16,12 @@ from numpy.typing import NDArray
 
 from measurement.camera.camera import Camera
 from measurement.camera.pictures import Unmeasurable
-from measurement.edge.tracing import trace_image
-from measurement.outline.checks import with_known_body
 from measurement.outline.outline import Outline
-from measurement.outline.zero import ZeroLine
+from measurement.outline.zero import ZeroLine, with_known_body
 from measurement.screen.grid import GridError, find_grid
 from measurement.screen.setup import Setup, SetupError
 from measurement.series.measuring import Result, judged
-from measurement.series.photo import Refusal, outline_of, zero_of
+from measurement.series.photo import Refusal, outline_of, trace_image, zero_of
 from measurement.series.photo_list import Photograph
 from measurement.synthetic.photographer import column, lens_of, photograph, truth_of
 from tests.support.photographs.bench import PA_PER_CM, Bench
@@ -139,18 +137,18 @@ class Run:
         return picture if change.stored is None else change.stored(picture)
 
     def _zero(self, pictures: list[Pixels], setup: Setup) -> ZeroLine:
-        line = zero_of(trace_image(pictures[0], setup), setup)
+        line = zero_of(trace_image(pictures[0], setup))
         if not line.doubts:
             return line
         # As `measuring.zero_line` does: a surface along a grid line does not tell how the camera stores light.
         tone = trace_image(pictures[-1], setup).tone
-        return zero_of(trace_image(pictures[0], setup, tone), setup)
+        return zero_of(trace_image(pictures[0], setup, tone))
 
     def _outcome(self, picture: Pixels, setup: Setup, zero: ZeroLine, number: int) -> Outline | Refusal:
         photo = self._photo(number)
         try:
             traced = trace_image(picture, setup, likely=zero.tone)
-            return outline_of(traced, setup, zero, photo.pressure, photo.pressure_error, photo.file.name)
+            return outline_of(traced, zero, photo.pressure, photo.pressure_error, photo.file.name)
         except Unmeasurable as error:
             return Refusal(str(error), photo.file)
 

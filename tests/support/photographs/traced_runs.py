@@ -14,13 +14,12 @@ import numpy as np
 
 from measurement.camera.camera import Camera
 from measurement.camera.pictures import Unmeasurable
-from measurement.edge.tracing import AUTO, trace_image
-from measurement.outline.checks import with_known_body
 from measurement.outline.outline import Outline
+from measurement.outline.zero import with_known_body
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
 from measurement.series.measuring import Result, judged
-from measurement.series.photo import Refusal, outline_of, zero_of
+from measurement.series.photo import AUTO, Refusal, outline_of, trace_image, zero_of
 from measurement.series.photo_list import Photograph
 from tests.support.photographs import ray_tracer as rays
 
@@ -95,11 +94,12 @@ def measured(case: Case, pictures: list[np.ndarray], setup: Setup | None = None,
         flat = trace_image(pictures[1], setup, tone)
         if flat.doubts:  # as `measuring.zero_line` does
             flat = trace_image(pictures[1], setup, trace_image(raised[-1], setup, tone).tone)
-        zero = zero_of(flat, setup)
+        zero = zero_of(flat)
         if zero.sides is not None:
             before, setup = setup, with_known_body(setup, zero, 2.0 * case.body.width)
-            points = flat.points * (before.magnification / setup.magnification)
-            zero = zero_of(dataclasses.replace(flat, points=points), setup)
+            flat.points = flat.points * (before.magnification / setup.magnification)
+            flat.setup = setup
+            zero = zero_of(flat)
     except Unmeasurable as error:
         return setup, [Refusal(f"zero: {error}", Path())] * len(raised)
     results = []
@@ -107,7 +107,7 @@ def measured(case: Case, pictures: list[np.ndarray], setup: Setup | None = None,
         photo = Photograph(Path(f"{k}"), 1000.0 * k, 5.0)
         try:
             traced = trace_image(picture, setup, tone, likely=zero.tone)
-            outcome = outline_of(traced, setup, zero, photo.pressure, photo.pressure_error, photo.file.name)
+            outcome = outline_of(traced, zero, photo.pressure, photo.pressure_error, photo.file.name)
         except Unmeasurable as error:
             outcome = Refusal(str(error), photo.file)
         results.append(Result(photo, outcome, f"{k}"))

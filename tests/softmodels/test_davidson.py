@@ -1,24 +1,12 @@
-"""Small symmetric eigenproblems, against SciPy's."""
+"""Davidson's method with a rough inverse."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-import scipy
 
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.path.stability import Pencil, generalised, lowest, nearest
-
-
-@pytest.mark.parametrize("size", [1, 2, 7])
-def test_a_pair_of_matrices_has_the_values_of_another_library(size):
-    chance = np.random.default_rng(size)
-    A, B = chance.normal(size=(2, size, size))
-    A, C = A + A.T, B @ B.T + np.eye(size)
-    values, vectors = generalised(A, C)
-    assert values == pytest.approx(scipy.linalg.eigh(A, C, eigvals_only=True), rel=1e-12, abs=1e-12)
-    assert np.allclose(A @ vectors, C @ vectors * values, atol=1e-12)
-    assert np.allclose(vectors.T @ C @ vectors, np.eye(size), atol=1e-12)
+from softmodels.path.stability import Pencil, nearest
 
 
 @pytest.fixture
@@ -52,12 +40,9 @@ def pencil(comm):
 @pytest.mark.parametrize("error", [1e-6, 1e-4, 1e-3])
 def test_corrections_by_a_rough_inverse_find_the_lowest_to_1e_9(pencil, error):
     inverse, K, M, start, Q, values = pencil
-    rough, found = lowest(inverse(error), M, start, 0, 2, 1e-3)
-    if error > 1e-5:
-        assert rough != pytest.approx(values[0], rel=1e-7)  # by itself it is not good enough
-    corrected = nearest(Pencil(K.mult, M, inverse(error)), found, [1e-5, np.inf], most=4)
-    assert corrected.values[0] == pytest.approx(values[0], rel=1e-9)
-    assert abs(corrected.vectors[0].array_r @ Q[:, 0]) == pytest.approx(1.0, rel=1e-9)
+    found = nearest(Pencil(K.mult, M, inverse(error)), [start], [1e-5, np.inf])
+    assert found.values[0] == pytest.approx(values[0], rel=1e-9)
+    assert abs(found.vectors[0].array_r @ Q[:, 0]) == pytest.approx(1.0, rel=1e-9)
 
 
 def test_what_is_no_mode_takes_more_corrections_than_it_is_given(pencil):
