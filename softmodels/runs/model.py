@@ -238,11 +238,11 @@ class Model:
         Raises:
             RunError: There is none.
         """
-        from softmodels.path.schedule import inflate_from, load_from
-
         hung, driven = self.preload(report), self.case.driven
         if hung is None:
             return None
+        from softmodels.path.schedule import inflate_from, load_from
+
         if driven is None:
             return inflate_from(self.solver, hung)
         return load_from(self.solver, hung, len(self.case.actuator.ratios) + self.driven_load)
@@ -253,11 +253,11 @@ class Model:
         Raises:
             RunError: There is none.
         """
-        from softmodels.path.schedule import HangingEnd, hang
-
         case, system, dead = self.case, self.system, self.system.dead
         if not dead.loads:
             return None
+        from softmodels.path.schedule import HangingEnd, hang
+
         changed = {series.target for series in case.program}
         changed |= {case.driven.of(case.components).key} if case.driven else set()
         kept = [0.0 if load.key in changed else amount for load, amount in zip(dead.loads, dead.amounts, strict=True)]

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-Summary = dict[str, Any]
-"""What ``summary.json`` holds."""
+Summary = dict[str, Any]  # what ``summary.json`` holds
 
 
 def gather(case: Case, results: Results, ended: Ended) -> Summary:

@@ -73,9 +73,8 @@ def check_values(case: Case, results: Results) -> None:
     reached = max((row[key] for row in results.rows), default=0.0)
     for value in case.values:
         if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(results, key, value):
-            fix = "resume with the run's own values, or run without --resume"
-            text = f"{results.folder} holds a run that passed {value:g} {unit} without stopping there; {fix}"
-            raise RunError(text, BAD_INPUT)
+            text = f"{results.folder} holds a run that passed {value:g} {unit} without stopping there"
+            raise RunError(f"{text}; resume with the run's own values, or run without --resume", BAD_INPUT)
 
 
 def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> StageEnd:
@@ -147,10 +146,6 @@ def stored_point(
 def stored_state(results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float) -> State:
     """A stored step's state."""
     return fields.state(results.fields(step, ("displacement", "p")) if is_root(comm) else None, P, V)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# The results folder of a run: choose it, check it, and start or resume the run, before anything is solved.
 
 
 @dataclasses.dataclass(frozen=True)
