@@ -40,9 +40,7 @@ PLACES = {
 """The modules of the library's own devices, which register them when they are loaded."""
 
 if TYPE_CHECKING:
-    from geometries.actuator import Actuator as Actuator
-    from geometries.actuator import CutPlane as CutPlane
-    from geometries.actuator import Hold as Hold
+    from geometries.actuator import Actuator as Actuator, CutPlane as CutPlane, Hold as Hold
     from geometries.balloon import Balloon as Balloon
     from geometries.beam import Beam as Beam
     from geometries.bellows import Bellows as Bellows
@@ -53,19 +51,12 @@ if TYPE_CHECKING:
     from geometries.imported.step import ImportedActuator as ImportedActuator
     from geometries.membrane import Membrane as Membrane
     from geometries.pneunet import PneuNet as PneuNet
-    from geometries.registry import ACTUATORS as ACTUATORS
-    from geometries.registry import register_device as register_device
+    from geometries.registry import ACTUATORS as ACTUATORS, register_device as register_device
     from geometries.seminar import SeminarActuator as SeminarActuator
     from softmodels.common.errors import (
         GeometryError as GeometryError,
-    )
-    from softmodels.common.errors import (
         MeshFileError as MeshFileError,
-    )
-    from softmodels.common.errors import (
         MeshingError as MeshingError,
-    )
-    from softmodels.common.errors import (
         MeshingStopped as MeshingStopped,
     )
 

@@ -20,45 +20,30 @@ from typing import TYPE_CHECKING
 from softmodels.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from measurement.camera.camera import Camera as Camera
-    from measurement.camera.camera import CameraError as CameraError
-    from measurement.outline.outline import Outline as Outline
-    from measurement.outline.outline import OutlineError as OutlineError
+    from measurement.camera.camera import Camera as Camera, CameraError as CameraError
+    from measurement.outline.outline import Outline as Outline, OutlineError as OutlineError
     from measurement.screen.calibration import calibrate as calibrate
     from measurement.screen.grid import GridError as GridError
     from measurement.screen.seen import setup_from_grid as setup_from_grid
-    from measurement.screen.setup import Setup as Setup
-    from measurement.screen.setup import SetupError as SetupError
-    from measurement.series.checks import Check as Check
-    from measurement.series.checks import Doubt as Doubt
-    from measurement.series.checks import Evidence as Evidence
-    from measurement.series.checks import register_check as register_check
+    from measurement.screen.setup import Setup as Setup, SetupError as SetupError
+    from measurement.series.checks import (
+        Check as Check,
+        Doubt as Doubt,
+        Evidence as Evidence,
+        register_check as register_check,
+    )
     from measurement.series.measuring import (
         Measurement as Measurement,
-    )
-    from measurement.series.measuring import (
         NoZero as NoZero,
-    )
-    from measurement.series.measuring import (
         Result as Result,
-    )
-    from measurement.series.measuring import (
         outlines as outlines,
     )
     from measurement.series.photo import Refusal as Refusal
     from measurement.series.photo_list import (
         Column as Column,
-    )
-    from measurement.series.photo_list import (
         ColumnError as ColumnError,
-    )
-    from measurement.series.photo_list import (
         Photograph as Photograph,
-    )
-    from measurement.series.photo_list import (
         PhotoListError as PhotoListError,
-    )
-    from measurement.series.photo_list import (
         read_photos as read_photos,
     )
 

@@ -20,87 +20,42 @@ from softmodels.common.lazy_names import lazy_names
 if TYPE_CHECKING:
     from geometries import (
         Balloon as Balloon,
-    )
-    from geometries import (
         Beam as Beam,
-    )
-    from geometries import (
         Bellows as Bellows,
-    )
-    from geometries import (
         BendingBellows as BendingBellows,
-    )
-    from geometries import (
         Cylinder as Cylinder,
-    )
-    from geometries import (
         GeometryError as GeometryError,
-    )
-    from geometries import (
         HollowDisk as HollowDisk,
-    )
-    from geometries import (
         ImportedActuator as ImportedActuator,
-    )
-    from geometries import (
         ImportedMesh as ImportedMesh,
-    )
-    from geometries import (
         Membrane as Membrane,
-    )
-    from geometries import (
         MeshFileError as MeshFileError,
-    )
-    from geometries import (
         MeshingError as MeshingError,
-    )
-    from geometries import (
         PneuNet as PneuNet,
-    )
-    from geometries import (
         SeminarActuator as SeminarActuator,
     )
     from softmodels.api.calls import (
         export as export,
-    )
-    from softmodels.api.calls import (
         inflate as inflate,
-    )
-    from softmodels.api.calls import (
         limit as limit,
-    )
-    from softmodels.api.calls import (
         load as load,
-    )
-    from softmodels.api.calls import (
         run as run,
     )
-    from softmodels.api.run import Run as Run
-    from softmodels.api.run import SolvedState as SolvedState
+    from softmodels.api.run import Run as Run, SolvedState as SolvedState
     from softmodels.case.case import Case as Case
     from softmodels.case.entries import CaseError as CaseError
     from softmodels.case.materials import Region as Region
     from softmodels.casting.files import mould as mould
     from softmodels.casting.settings import MouldError as MouldError
-    from softmodels.common.calls import ArgumentError as ArgumentError
-    from softmodels.common.calls import ImplausibleWarning as ImplausibleWarning
-    from softmodels.common.folders import InUseError as InUseError
-    from softmodels.common.folders import OwnFolderError as OwnFolderError
+    from softmodels.common.calls import ArgumentError as ArgumentError, ImplausibleWarning as ImplausibleWarning
+    from softmodels.common.folders import InUseError as InUseError, OwnFolderError as OwnFolderError
     from softmodels.components.clamps import Clamp as Clamp
-    from softmodels.components.contact import Obstacle as Obstacle
-    from softmodels.components.contact import RigidShape as RigidShape
-    from softmodels.components.fibres import Fabric as Fabric
-    from softmodels.components.fibres import Fibres as Fibres
+    from softmodels.components.contact import Obstacle as Obstacle, RigidShape as RigidShape
+    from softmodels.components.fibres import Fabric as Fabric, Fibres as Fibres
     from softmodels.components.loads import (
         Force as Force,
-    )
-    from softmodels.components.loads import (
         Gravity as Gravity,
-    )
-    from softmodels.components.loads import (
         Mass as Mass,
-    )
-    from softmodels.components.loads import (
         Moment as Moment,
     )
     from softmodels.components.rigid import Rigid as Rigid
@@ -108,47 +63,27 @@ if TYPE_CHECKING:
     from softmodels.components.walls import Walls as Walls
     from softmodels.design.loads import DesignError as DesignError
     from softmodels.design.optimise import optimise as optimise
-    from softmodels.design.problem import DesignProblem as DesignProblem
-    from softmodels.design.problem import Keep as Keep
-    from softmodels.fitting.curves.curve import TensileCurve as TensileCurve
-    from softmodels.fitting.curves.curve import TensileError as TensileError
+    from softmodels.design.problem import DesignProblem as DesignProblem, Keep as Keep
+    from softmodels.fitting.curves.curve import TensileCurve as TensileCurve, TensileError as TensileError
     from softmodels.fitting.curves.fit import fit_curves as fit_curves
-    from softmodels.fitting.outlines.fit import fit as fit
-    from softmodels.fitting.outlines.fit import fit_heights as fit_heights
-    from softmodels.fitting.problem import FitError as FitError
-    from softmodels.fitting.problem import FitOptions as FitOptions
-    from softmodels.fitting.scoring import Score as Score
-    from softmodels.fitting.scoring import score as score
+    from softmodels.fitting.outlines.fit import fit as fit, fit_heights as fit_heights
+    from softmodels.fitting.problem import FitError as FitError, FitOptions as FitOptions
+    from softmodels.fitting.scoring import Score as Score, score as score
     from softmodels.materials.laws import (
         Gent as Gent,
-    )
-    from softmodels.materials.laws import (
         Material as Material,
-    )
-    from softmodels.materials.laws import (
         MaterialError as MaterialError,
-    )
-    from softmodels.materials.laws import (
         MooneyRivlin as MooneyRivlin,
-    )
-    from softmodels.materials.laws import (
         NeoHookean as NeoHookean,
-    )
-    from softmodels.materials.laws import (
         Ogden as Ogden,
-    )
-    from softmodels.materials.laws import (
         Yeoh as Yeoh,
     )
     from softmodels.materials.silicones import silicone as silicone
     from softmodels.mechanics.component import ComponentError as ComponentError
     from softmodels.mechanics.mpi import StartError as StartError
-    from softmodels.path.supply import SupplyError as SupplyError
-    from softmodels.path.supply import Syringe as Syringe
+    from softmodels.path.supply import SupplyError as SupplyError, Syringe as Syringe
     from softmodels.runs.limits import Limit as Limit
-    from softmodels.runs.model import Equilibrium as Equilibrium
-    from softmodels.runs.model import Mode as Mode
-    from softmodels.runs.model import Model as Model
+    from softmodels.runs.model import Equilibrium as Equilibrium, Mode as Mode, Model as Model
     from softmodels.runs.outcomes import RunError as RunError
     from softmodels.runs.store import ResultsError as ResultsError
 

@@ -21,7 +21,9 @@ from geometries.apart import apart
 from geometries.imported.part import (
     AXES,
     BONDED,
+    FORMATS,
     TILT,
+    UNITS,
     ImportedPart,
     Reading,
     cavity_role,
@@ -44,8 +46,6 @@ from softmodels.common.schema import choice_field, length_field
 # only; the solid between them is meshed by Gmsh, in a separate process.
 
 
-FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl"}
-"""Endings of the files that are read, and meshio's names for them."""
 FARTHEST = 1e3
 """Distance in m of a corner of a surface from the origin, above which its file is damaged or in another unit."""
 FLAT = 1e-9
@@ -524,9 +524,6 @@ def _size(mesh: Tetrahedra, piece: Ints) -> float:
     return float(np.linalg.norm(np.ptp(mesh.corners[piece].reshape(-1, 3), axis=0)))
 
 
-UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
-
-
 @register_device
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedMesh(ImportedPart):
@@ -622,4 +619,4 @@ def _read(part: ImportedMesh, digest: str) -> tuple[Tetrahedra, Reading]:
     return mesh, Reading(normals, gauge(part, mesh, roles), mesh.volume, volumes)
 
 
-__all__ = ["FORMATS", "UNITS", "ImportedMesh"]
+__all__ = ["ImportedMesh"]

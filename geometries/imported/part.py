@@ -28,6 +28,10 @@ from softmodels.common.errors import GeometryError, whole_path
 from softmodels.common.files import GEOMETRY, file_digest, read_file
 from softmodels.common.schema import choice_field, list_field, text_field
 
+FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl"}
+"""Endings of the files that are read, and meshio's names for them."""
+UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
+"""Of files that do not store the unit of their lengths, in m."""
 BONDED = "bonded"
 """Role of the faces that a sheet can be bonded to."""
 

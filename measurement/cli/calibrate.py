@@ -18,8 +18,7 @@ from measurement.cli.shared import (
     stop,
     write_text,
 )
-from measurement.screen.calibration import STEPS, Calibration
-from measurement.screen.calibration import calibrate as calibrated
+from measurement.screen.calibration import STEPS, Calibration, calibrate as calibrated
 from measurement.screen.setup import SetupError
 from softmodels.common.commands import FAILED
 from softmodels.common.folders import OwnFolderError

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NoReturn
 
-from measurement.screen.setup import SetupError
-from measurement.screen.setup import magnification as factor_of
+from measurement.screen.setup import SetupError, magnification as factor_of
 from softmodels.common.commands import (
     FAILED,
     UNUSABLE,

@@ -130,11 +130,6 @@ class Outline:
         usual = float(np.median(self.error[self._top]))
         return max(usual, float(self.error[self.apex])) if self.bridged[self._top].any() else usual
 
-    @property
-    def whole_error(self) -> float:
-        """Standard error of `height` with what all heights of a run share: the scale's and the level's."""
-        return math.hypot(self.height_error, self.scale_error * self.height, self.level_error)
-
     def measured(self) -> Outline:
         """Return the outline without the points that were not measured; itself if there are none."""
         if not self.bridged.any():

@@ -206,7 +206,7 @@ class Check(abc.ABC):
         """Return what speaks against the photograph; None if nothing does."""
 
 
-CHECKS: Registry[Check] = Registry("check", lambda check: check.__name__)
+CHECKS: Registry[type[Check]] = Registry("check", lambda check: check.__name__)
 """Every check by its name, in the order in which they are asked."""
 register_check = CHECKS.register
 

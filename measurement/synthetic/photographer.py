@@ -17,8 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import ExifTags
-from PIL import Image as Files
+from PIL import ExifTags, Image as Files
 from scipy.interpolate import RectBivariateSpline
 from scipy.spatial import cKDTree
 from scipy.special import erf, ndtr
@@ -573,9 +572,6 @@ HEIGHTS = np.arange(10) * 1e-3
 RADIUS, FLOOR = 0.0145, -0.0067
 """Radius of the disk and Z of its undeformed surface in m: no grid line lies along it."""
 
-PA_PER_CM = 95.1
-"""Pressure in Pa of a centimetre of the column's water."""
-
 
 def column(height: float) -> float:
     """Return the height in cm of the demo's water column for a rise in m: stiff at first, then softer, as a membrane is."""
@@ -596,7 +592,7 @@ def make_photographs(folder: Path) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Boards that the photographer sees instead of the screen.
+# A chessboard that the photographer sees instead of the screen.
 
 
 Picture = NDArray[np.uint8]
@@ -649,18 +645,3 @@ def chessboard(scene: Scene, squares: tuple[int, int], side: float, blur: float)
         inside = inside * 0.5 * (erf(at / width) - erf((at - squares[axis]) / width))
     light = 220.0 - inside * 90.0 * (1.0 + waves[0] * waves[1])
     return np.asarray(light.reshape(scene.height, scene.width))
-
-
-@_board
-def charuco(scene: Scene, squares: tuple[int, int], side: float, blur: float) -> Light:
-    """Return a photograph (h, w, 3) of a ChArUco board about (0, 0)."""
-    fine = 120
-    markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-    sheet = cv2.aruco.CharucoBoard(squares, 1.0, 0.75, markers).generateImage((squares[0] * fine, squares[1] * fine))
-    sheet = cv2.copyMakeBorder(
-        cv2.GaussianBlur(sheet, (0, 0), 1.5), fine, fine, fine, fine, cv2.BORDER_CONSTANT, value=[255]
-    )
-    place = truth_of(scene).to_screen(_pixels(scene)) / side * [1, -1] + np.array(squares) / 2 + 1
-    at = (place * fine - 0.5).reshape(scene.height, scene.width, 2).astype(np.float32)
-    light = cv2.remap(sheet, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) * 0.75 + 20.0
-    return np.asarray(cv2.GaussianBlur(light, (0, 0), blur))

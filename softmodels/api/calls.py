@@ -46,23 +46,13 @@ from softmodels.path.time_steps import TOLERANCE
 from softmodels.runs.columns import state_labels
 from softmodels.runs.limits import Limit, check_hold, find_limit
 from softmodels.runs.model import temporary_folder
-from softmodels.runs.notes import sentences
+from softmodels.runs.notes import no_branch, sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, RunError, UnwrittenError
 from softmodels.runs.progress import Progress
-from softmodels.runs.recording import (
-    is_loaded,
-    no_branch,
-    solve_sources,
-    solved_into,
-)
+from softmodels.runs.recording import is_loaded, solved_into
 from softmodels.runs.resume import ResultsPlace
 from softmodels.runs.row import Row
-from softmodels.runs.simulation import (
-    Listener,
-    PathEnded,
-    Silent,
-    Simulation,
-)
+from softmodels.runs.simulation import Listener, PathEnded, Silent, Simulation, solve_sources
 
 if TYPE_CHECKING:
     from mpi4py import MPI

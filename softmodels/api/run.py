@@ -724,4 +724,4 @@ class Run:
         """Write this branch into the folder of its run."""
         aside = begin_branch(home, self.case)
         write_states(self._source, aside)
-        gather(self.case, aside)
+        gather(self.case, aside, Ended())

@@ -16,11 +16,9 @@ from collections.abc import (
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
-from geometries import Actuator
-from geometries import registry as geometry_table
-from geometries.imported.mesh import FORMATS
-from softmodels.case import materials
-from softmodels.case import requests as gauge_tables
+from geometries import Actuator, registry as geometry_table
+from geometries.imported.part import FORMATS
+from softmodels.case import materials, requests as gauge_tables
 from softmodels.case.components import (
     Parts,
     PartsEntry,
@@ -84,10 +82,11 @@ from softmodels.materials.laws import SOFTEST, Material
 from softmodels.materials.silicones import material_of
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.component import Component
+from softmodels.mechanics.dead_loads import requestable
 from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.solver import METHODS
 from softmodels.path import program as programs
-from softmodels.path.program import LOAD_KEYS, TIME_KEY, Program, Series, timed
+from softmodels.path.program import TIME_KEY, Program, Series, timed
 from softmodels.path.supply import AirSupply
 from softmodels.path.time_steps import TOLERANCE
 
@@ -135,7 +134,7 @@ class ProgramEntry(Entry[Program]):
     tables = ("load",)
 
     def known(self, key: str) -> bool:
-        return key.startswith("cavity") or key in LOAD_KEYS or key == TIME_KEY
+        return key.startswith("cavity") or key in requestable() or key == TIME_KEY
 
     def read(self, tables: Tables) -> Program | Missing:
         series = {key: value for key, value in table_of(tables, "load").items() if self.known(key)}

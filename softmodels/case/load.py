@@ -28,25 +28,21 @@ from softmodels.common.schema import (
 )
 from softmodels.common.units import UnitError, brief, pascal_per_cm, quantity
 from softmodels.mechanics.component import Component
-from softmodels.mechanics.dead_loads import LoadPart
+from softmodels.mechanics.dead_loads import LoadPart, RequestedValue, requestable
 from softmodels.path import program as programs
 from softmodels.path.points import DeadForce, LoadDisplacement
-from softmodels.path.program import EVERY_KEY, LOAD_KEYS, TIME_KEY, Program, Series
+from softmodels.path.program import TIME_KEY, Program, Series
 from softmodels.path.supply import AirSupply
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Requests on a dead load: forces, moments, shares of the weight, or the conjugate travels and rotations.
 
 
-ASKED = {
-    "force_N": "forces in N on a face (--force), instead of pressures: 0:10 or 0,2,5",
-    "travel_mm": "travel of the face along the force in mm, instead of forces",
-    "moment_Nmm": "moments in N mm on a face (--moment), instead of pressures",
-    "turn_deg": "rotation of the face of the moment in degrees, instead of moments",
-    "share": "shares of the weight (--gravity), instead of pressures: 0:1",
-}
-"""Requestable quantities of a dead load, with the help of their options."""
-WORDS = {"force_N": "forces", "travel_mm": "travels", "moment_Nmm": "moments", "turn_deg": "turns", "share": "shares"}
+def asked_of_loads() -> dict[str, RequestedValue]:
+    """Return the requestable quantities of dead loads, by key."""
+    return {key: asked for keys in requestable().values() for key, asked in keys.items()}
+
+
 OPTIONS = {"share": "weight_share"}
 """Names of the options that differ from the key."""
 
@@ -57,7 +53,7 @@ class LoadRequest:
     """Requested values of one dead load, all others constant.
 
     Attributes:
-        key: One of `ASKED`.
+        key: One of `asked_of_loads`.
         values: In the key's unit, rising.
         on: Name of the load, where the device has several of the kind.
         at_pressure_cm: Pressure in cm of the column that is applied before and kept.
@@ -69,14 +65,14 @@ class LoadRequest:
     at_pressure_cm: float = 0.0
 
     @property
-    def table(self) -> str:
-        """The table of the loads it can refer to."""
-        return next(table for table, keys in LOAD_KEYS.items() if self.key in keys)
+    def asked(self) -> RequestedValue:
+        """The requested quantity."""
+        return asked_of_loads()[self.key]
 
     @property
-    def held(self) -> bool:
-        """Whether travels are requested instead of forces."""
-        return EVERY_KEY[self.key].held
+    def table(self) -> str:
+        """The table of the loads it can refer to."""
+        return next(table for table, keys in requestable().items() if self.key in keys)
 
     def of(self, components: tuple[Component, ...]) -> LoadPart:
         """Return the load.
@@ -90,7 +86,7 @@ class LoadRequest:
             return named[0]
         if not found:
             raise FieldError(
-                f"{WORDS[self.key]} are requested ({self.key}), but the device has no [{self.table}]; add one"
+                f"{self.asked.words} are requested ({self.key}), but the device has no [{self.table}]; add one"
                 f" (--{self.table})"
             )
         names = ", ".join(part.name or "without a name" for part in found)
@@ -102,7 +98,7 @@ class LoadRequest:
         """Return the column of ``path.csv`` with the requested values."""
         if self.key == "share":
             return load.share_column
-        return load.travel_column if self.held else load.column
+        return load.travel_column if self.asked.held else load.column
 
 
 class LoadRequestEntry(Entry[LoadRequest | None]):
@@ -112,11 +108,11 @@ class LoadRequestEntry(Entry[LoadRequest | None]):
     more = ("on", "at_pressure_cm")
 
     def known(self, key: str) -> bool:
-        return key in ASKED or key in self.more
+        return key in asked_of_loads() or key in self.more
 
     def read(self, tables: Tables) -> LoadRequest | Missing | None:
         table = table_of(tables, "load")
-        return self._made({key: table[key] for key in (*ASKED, *self.more) if key in table})
+        return self._made({key: table[key] for key in (*asked_of_loads(), *self.more) if key in table})
 
     def write(self, value: LoadRequest | None, text: Text) -> Written:
         if value is None:
@@ -126,21 +122,23 @@ class LoadRequestEntry(Entry[LoadRequest | None]):
         return {"load": {**written, **({"at_pressure_cm": value.at_pressure_cm} if value.at_pressure_cm else {})}}
 
     def options(self) -> Iterator[Option]:
-        for key, text in ASKED.items():
-            yield Option(OPTIONS.get(key, key), About(SeriesKind(), text), metavar="SERIES")
+        for key, asked in asked_of_loads().items():
+            yield Option(OPTIONS.get(key, key), About(SeriesKind(), asked.help), metavar="SERIES")
         yield Option("on", About(Words(), "name of the load they refer to, if a case has several"), metavar="NAME")
         text = "pressure in cm of water, applied first and then constant, for forces on an inflated device"
         yield Option("at_pressure_cm", About(Quantity(), text))
 
     def arguments(self, field: str) -> dict[str, str]:
-        return {OPTIONS.get(key, key): f"{field}={LoadRequest.__name__}(...)" for key in (*ASKED, *self.more)}
+        return {
+            OPTIONS.get(key, key): f"{field}={LoadRequest.__name__}(...)" for key in (*asked_of_loads(), *self.more)
+        }
 
     def take(self, options: MutableMapping[str, object]) -> LoadRequest | Missing | None:
-        given = {key: options.pop(OPTIONS.get(key, key), None) for key in (*ASKED, *self.more)}
+        given = {key: options.pop(OPTIONS.get(key, key), None) for key in (*asked_of_loads(), *self.more)}
         return self._made({key: value for key, value in given.items() if value is not None})
 
     def _made(self, given: dict[str, object]) -> LoadRequest | Missing | None:
-        asked = [key for key in ASKED if key in given]
+        asked = [key for key in asked_of_loads() if key in given]
         if not asked:
             if given:
                 raise FieldError(f'{next(iter(given))} needs requested forces, such as force_N = "0:10" (--force-N)')
@@ -204,9 +202,9 @@ class Load:
         if self.program:
             return STEP
         if self.driven is not None:
-            name = LoadDisplacement.name if self.driven.held else DeadForce.name
+            name = LoadDisplacement.name if self.driven.asked.held else DeadForce.name
             column = self.driven.column(self.driven.of(self.components))
-            return Requested(name, WORDS[self.driven.key], EVERY_KEY[self.driven.key].unit, column)
+            return Requested(name, self.driven.asked.words, self.driven.asked.unit, column)
         return PRESSURE if self.pressures_cm else VOLUME if self.volumes_ml else STROKE
 
     @property
@@ -230,7 +228,7 @@ class Load:
     def scale(self) -> float:
         """SI units in one of the requested values'; 1 of a program."""
         if self.driven:
-            return EVERY_KEY[self.driven.key].scale
+            return self.driven.asked.scale
         return 1.0 if self.program else self.cm if self.pressures_cm else 1e-6
 
     @property
@@ -269,7 +267,7 @@ class Load:
             self._check_program(actuator)
         if self.driven is not None:
             self._check_driven(self.driven, actuator)
-        if self.load_unload and not (self.pressures_cm or (self.driven and not self.driven.held)):
+        if self.load_unload and not (self.pressures_cm or (self.driven and not self.driven.asked.held)):
             raise CaseError(
                 "--load-unload needs a pressure or a force to raise and lower; add --pressure-cm or --force-N"
             )
@@ -324,7 +322,7 @@ class Load:
             self.program
             or self.supply is not None
             or self.load_unload
-            or (self.driven is not None and self.driven.held)
+            or (self.driven is not None and self.driven.asked.held)
         ):
             raise CaseError(
                 "bands are available only for requested pressures, volumes, forces or shares of the weight; "
@@ -359,7 +357,7 @@ class Load:
             raise CaseError(f"at_pressure_cm: {type(actuator).__name__} has no cavity for a pressure; leave it out")
         if load.kept:
             raise CaseError(
-                f"{load.where} has a constant amount, but {WORDS[driven.key]} of it are requested; leave one of them out"
+                f"{load.where} has a constant amount, but {driven.asked.words} of it are requested; leave one of them out"
             )
 
     def _check_program(self, actuator: Actuator) -> None:

@@ -53,7 +53,6 @@ from softmodels.materials.silicones import (
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.component import ComponentError, register_component
 from softmodels.mechanics.regions import RegionPart
-from softmodels.mechanics.sensitivity import known_parameters
 
 DEFAULT = NeoHookean(shear_modulus=30e3)
 CONVENTION = "convention"
@@ -312,6 +311,8 @@ class MaterialErrors:
             fitted = from_table(tables["material"])
         except MaterialError as error:
             raise MaterialError(f"{path}: {error}") from None
+        from softmodels.mechanics.sensitivity import known_parameters
+
         known = known_parameters(fitted)
         names, covariance, how = _whole(path, fitted) or _intervals(path, fit)
         kept = [k for k, name in enumerate(names) if name in known]  # a device's fit also has bench parameters
@@ -331,6 +332,8 @@ class MaterialErrors:
                 f"the errors ({self.how}) belong to another material than the case's; use the fitted "
                 "material there too: file = ... in [material], or --material"
             )
+        from softmodels.mechanics.sensitivity import known_parameters
+
         known = known_parameters(material)
         if unknown := [name for name in self.names if name not in known]:
             raise MaterialError(f"errors of {unknown[0]} are given, but {material.name} has no such parameter")

@@ -318,10 +318,6 @@ def _places(segments: Array) -> tuple[Array, Array]:
 # so that their marks vanish in the bond.
 
 
-OVER = 1.0
-"""Overlap in mm of a cutting tool."""
-
-
 @dataclasses.dataclass(frozen=True)
 class Hole:
     """An opening of a lid: a cone, wide outside, so that the sprue tears off at its neck.

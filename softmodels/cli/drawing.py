@@ -18,6 +18,7 @@ from softmodels.case.own_modules import VARIABLE, own_modules
 from softmodels.common.errors import reason
 from softmodels.common.processes import cores
 from softmodels.common.terminal import COLUMNS, columns, say
+from softmodels.runs.fields import OUTPUTS
 from softmodels.runs.store import Results
 
 
@@ -33,7 +34,7 @@ def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]
         OSError: No process can be started.
     """
     inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
-    inherited[VARIABLE] = own_modules(case)
+    inherited[VARIABLE] = own_modules(case, *OUTPUTS.values())
     pipe = subprocess.PIPE
     return subprocess.Popen(
         [*interpreter(), "-m", module, *words], env=inherited, stdin=pipe, stdout=pipe, stderr=pipe, text=True

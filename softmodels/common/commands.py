@@ -18,14 +18,16 @@ from collections.abc import (
     Mapping,
 )
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from softmodels.common.errors import meant
 from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
-from softmodels.common.output import ResultFolder
 from softmodels.common.terminal import say
+
+if TYPE_CHECKING:
+    from softmodels.common.output import ResultFolder
 
 # ----------------------------------------------------------------------------------------------------------------------
 # End commands cleanly when stopped or if the output fails: one sentence and a status, no traceback.
@@ -215,6 +217,8 @@ def open_folder(
     output: Path | None, default: Path, kind: str, options: Mapping[str, Any], files: Iterable[Path] = ()
 ) -> ResultFolder:
     """Return a `ResultFolder` that is let go of when the command ends, however it ends."""
+    from softmodels.common.output import ResultFolder
+
     folder = ResultFolder(output, default, kind, options, files)
     click.get_current_context().call_on_close(folder.leave)
     return folder

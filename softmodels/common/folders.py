@@ -16,11 +16,7 @@ import os
 import shutil
 import socket
 import time
-from collections.abc import (
-    Iterable,
-    Iterator,
-    Mapping,
-)
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,13 +41,11 @@ if TYPE_CHECKING:
 # ----------------------------------------------------------------------------------------------------------------------
 # A lock on a folder of results: one program at a time writes there, also where hosts share a file system.
 #
-# The system holds the lock and lets go of it when the process ends, however that happens. Its file has the process and the
-# host in its lines, for the sentence that another program is refused with. On file systems that know no locks the file alone
-# counts; of a process of this machine it is seen whether it has ended.
+# The system holds the lock until the process ends, however that happens; the file has the process and the host in its lines.
+# On file systems that know no locks the file alone counts; of a process of this machine it is seen whether it has ended.
 
 
-NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)
-"""What file systems without locks answer."""
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)  # answers of file systems without locks
 
 
 class InUseError(Spoken, RuntimeError):
@@ -59,11 +53,7 @@ class InUseError(Spoken, RuntimeError):
 
 
 class FolderLock:
-    """A lock that a file in the folder stands for.
-
-    Args:
-        file: The file; it is there while the lock is held. One that a killed process left behind is taken over.
-    """
+    """A lock that a file stands for while it is held; one that a killed process left behind is taken over."""
 
     def __init__(self, file: Path):
         self.file = file
@@ -74,23 +64,13 @@ class FolderLock:
         return self._lock is not None
 
     def take(self, wait: float = 0.0) -> None:
-        """Take the lock, or wait for it.
-
-        Args:
-            wait: Seconds to wait while another program holds it.
-
-        Raises:
-            InUseError: Another program holds it.
-            OSError: The file cannot be written.
-        """
+        """Take the lock; after ``wait`` seconds `InUseError` while another program holds it."""
         from filelock import FileLock, SoftFileLock, Timeout
 
         if self.held:
             return
-        # Through a link in a folder from elsewhere, any file of the user's would be written.
-        if self.file.is_symlink():
-            reason = f"its lock {self.file.name} is a link; remove that"
-            raise OSError(errno.ELOOP, reason, str(self.file))
+        if self.file.is_symlink():  # in a folder from elsewhere, it could lead to any file of the user's
+            raise OSError(errno.ELOOP, f"its lock {self.file.name} is a link; remove that", str(self.file))
         lock: BaseFileLock = FileLock(self.file, thread_local=False, fallback_to_soft=False)
         try:
             try:
@@ -126,10 +106,8 @@ class FolderLock:
             pid, host, *_ = read_text(self.file).splitlines()
             who = f"process {int(pid)} on {host}"
             since = f", since {time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(self.file.stat().st_mtime))}"
-        return (
-            f"{self.file.parent} is in use by {who}{since}; wait until it ends, or use another folder "
-            f"(--output). If that process no longer exists, remove {self.file}"
-        )
+        text = f"{self.file.parent} is in use by {who}{since}; wait until it ends, or use another folder (--output)"
+        return f"{text}. If that process no longer exists, remove {self.file}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -137,11 +115,7 @@ class FolderLock:
 
 
 RECORD = f"{HIDDEN}.json"
-FORMAT = 1
-"""Of the record."""
-
-Names = Mapping[str, list[str]]
-"""Names of files by the folder that they are in."""
+FORMAT = 1  # of the record
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,15 +129,14 @@ class Record:
         inside: Files that are the program's own inside those folders.
         incoming: New files, and those inside new folders, that are on their way into the folder; None where none are.
         incoming_about: What is to be recorded of them.
-        version: Version of the program that wrote it.
-        format: Of the record.
+        version, format: Of the program that wrote it, and of the record.
     """
 
-    kind: Any
+    kind: Any = None
     files: tuple[str, ...] = ()
     about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    inside: Names = dataclasses.field(default_factory=dict)
-    incoming: Names | None = None
+    inside: Mapping[str, list[str]] = dataclasses.field(default_factory=dict)
+    incoming: Mapping[str, list[str]] | None = None
     incoming_about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     version: str | None = None
     format: int = FORMAT
@@ -180,30 +153,15 @@ class Record:
             return None
         if not all(isinstance(found.get(name, kind()), kind) for name, kind in kinds.items()):
             return None
-        if not all(map(is_inside, found["files"])):
+        if not all(map(is_inside, [*found["files"], *found.get("incoming", ())])):
             return None
-        incoming = found.get("incoming")
-        return cls(
-            found.get("kind"),
-            tuple(found["files"]),
-            found["about"],
-            found.get("inside", {}),
-            None if incoming is None else {name: inner for name, inner in incoming.items() if is_inside(name)},
-            found.get("incoming_about", {}),
-            found.get("version"),
-            found.get("format", 0),
-        )
+        known = {field.name: found[field.name] for field in dataclasses.fields(cls) if field.name in found}
+        return cls(**{"format": 0, **known, "files": tuple(found["files"])})
 
     def write(self, path: Path) -> None:
         """Write it whole or not at all."""
-        table = {
-            "written_by": "softmodels", "version": version(), "format": FORMAT, "kind": self.kind,
-            "files": self.files, "about": dict(self.about),
-        }  # fmt: skip
-        if self.inside:
-            table["inside"] = self.inside
-        if self.incoming is not None:
-            table |= {"incoming": self.incoming, "incoming_about": dict(self.incoming_about)}
+        own = dataclasses.replace(self, version=version(), format=FORMAT)
+        table = {"written_by": "softmodels", **{name: value for name, value in vars(own).items() if value is not None}}
         replace_text(path, json.dumps(table, indent=1) + "\n")
 
     def of(self, files: Iterable[str]) -> Record:
@@ -213,7 +171,6 @@ class Record:
         return dataclasses.replace(self, files=names, inside=inside, incoming=None, incoming_about={})
 
     def inside_of(self, name: str) -> set[str]:
-        """Return the files that are recorded inside a folder of the program's own."""
         return set(self.inside.get(name, ()))
 
 
@@ -233,8 +190,7 @@ def remove_recorded(folder: Path, name: str, inside: Iterable[str] = ()) -> None
         remove_steps(path, inside)
 
 
-PATIENCE = 600.0
-"""Seconds to wait for a program that draws into a folder which is to be replaced."""
+PATIENCE = 600.0  # seconds to wait for a program that draws into a folder which is to be replaced
 
 
 class OwnFolderError(Spoken, RuntimeError):
@@ -256,8 +212,6 @@ class OwnFolder:
         self._record, self._prepared = self.path / f"{stem}.json", self.path / f"{stem}-new"
         self.lock = FolderLock(self._record.with_suffix(".lock"))
         self._made: list[Path] = []
-
-    # -- what is known of it ---------------------------------------------------------------------------------------
 
     @property
     def record(self) -> Record | None:
@@ -283,84 +237,49 @@ class OwnFolder:
         """Whether the folder is empty, without files of an earlier run."""
         try:
             return not any(counts(file) for file in self.path.iterdir())
-        except FileNotFoundError:
-            return True
-        except OSError:
-            return False
+        except OSError as error:
+            return isinstance(error, FileNotFoundError)
 
     def check(self) -> None:
-        """Reject a folder that is not this program's to write.
-
-        Raises:
-            OwnFolderError: It is something else, with what it is and what to do.
-        """
+        """Raise `OwnFolderError` for a folder that is not this program's to write, with what it is and what to do."""
         record = self.record
         if record is not None and record.kind == self.kind:
             if record.format > FORMAT:
-                raise OwnFolderError(
-                    f"{self.path} was written by a later version ({record.version}); update, or take another folder"
-                )
+                text = f"{self.path} was written by a later version ({record.version})"
+                raise OwnFolderError(f"{text}; update, or take another folder")
             return
         if record is not None:
-            raise OwnFolderError(
-                f"{self.path} holds another kind of results ({record.kind}), which is not replaced; use another "
-                "folder (--output)"
-            )
+            text = f"{self.path} holds another kind of results ({record.kind}), which is not replaced"
+            raise OwnFolderError(f"{text}; use another folder (--output)")
         if self._record.name == RECORD and not self.is_free:
-            raise OwnFolderError(self._foreign())
-
-    def _foreign(self) -> str:
-        try:
-            names = sorted(file.name for file in self.path.iterdir() if counts(file))
-        except OSError as error:
-            return f"the folder {self.path} cannot be written ({error.strerror})"
-        if self._record.exists():
-            return f"{self._record} cannot be read, so nothing in its folder is replaced; use another folder (--output)"
-        return (
-            f"{self.path} holds files not written by a run of this version ({some(names)}), so nothing "
-            f"in it is replaced; use an empty or new folder (--output), or move those files away"
-        )
+            try:
+                names = some(sorted(file.name for file in self.path.iterdir() if counts(file)))
+            except OSError as error:
+                raise OwnFolderError(f"the folder {self.path} cannot be written ({error.strerror})") from None
+            text = (
+                f"{self.path} holds files not written by a run of this version ({names}), so nothing in it is replaced"
+            )
+            raise OwnFolderError(f"{text}; use an empty or new folder (--output), or move those files away")
 
     def check_names(self, names: Iterable[str]) -> None:
-        """Reject names under which somebody else's files lie.
-
-        Raises:
-            OwnFolderError: One is there and not recorded, with what to do.
-        """
-        own = set(self.files)
-        taken = [name for name in names if name not in own and os.path.lexists(self.path / name)]
-        if taken:
-            raise OwnFolderError(
-                f"{self.path / taken[0]} exists and was not written by this program, so it is not replaced; move it "
-                "away, or use another folder (--output)"
-            )
+        """Raise `OwnFolderError` for a name under which somebody else's file lies."""
+        for name in sorted({*names} - {*self.files}):
+            if os.path.lexists(self.path / name):
+                raise _not_ours(self.path / name)
 
     def check_inputs(self, inputs: Iterable[Path]) -> None:
-        """Reject inputs that lie among the results which are to be replaced.
-
-        Raises:
-            OwnFolderError: One does.
-        """
-        for name in self.files:
-            for file in inputs:
-                if is_same(self.path / name, file):
-                    raise OwnFolderError(
-                        f"{file} is an input, and one of the results in {self.path} that would be replaced; use "
-                        "another folder (--output), or read a copy of it"
-                    )
-
-    # -- taking and leaving it -------------------------------------------------------------------------------------
+        """Raise `OwnFolderError` for an input that lies among the results which are to be replaced."""
+        for name, file in itertools.product(self.files, inputs):
+            if is_same(self.path / name, file):
+                text = f"{file} is an input, and one of the results in {self.path} that would be replaced"
+                raise OwnFolderError(f"{text}; use another folder (--output), or read a copy of it")
 
     def take(self, wait: float = 0.0) -> None:
         """Make the folder if need be, lock it, and mend what a killed process has left.
 
-        Args:
-            wait: Seconds to wait while another program holds it.
-
         Raises:
             OwnFolderError: It is not this program's.
-            InUseError: Another program writes there.
-            OSError: It cannot be written.
+            InUseError: Another program writes there, and still does after ``wait`` seconds.
         """
         if self.lock.held:
             return
@@ -389,19 +308,8 @@ class OwnFolder:
             with contextlib.suppress(OSError):  # there is something in it
                 folder.rmdir()
 
-    # -- writing ---------------------------------------------------------------------------------------------------
-
     def claim(self, names: Iterable[str], about: Mapping[str, Any] | None = None) -> None:
-        """Record files as the program's own, before they are written.
-
-        Args:
-            names: Relative; folders with a slash at the end.
-            about: More to record of the results; what was recorded under the same names is replaced.
-
-        Raises:
-            OwnFolderError: Somebody else's file lies under one of the names.
-            OSError: The record cannot be written.
-        """
+        """Record files as the program's own, before they are written, and more about the results; see `check_names`."""
         names, known = list(names), self._known
         self.check_names(names)
         self._write(known.of([*known.files, *names]), {**known.about, **(about or {})})
@@ -429,12 +337,7 @@ class OwnFolder:
         return self._prepared
 
     def bring_in(self, about: Mapping[str, Any]) -> None:
-        """Put what was prepared in the place of the earlier results, whose files go.
-
-        Raises:
-            OwnFolderError: Somebody else's file lies under one of the names.
-            OSError: A file cannot be moved; `mend` goes on from there.
-        """
+        """Put what was prepared in the place of the earlier results; see `check_names`. `mend` ends what is cut off."""
         known = self._known
         incoming = {
             file.name + "/" * file.is_dir(): sorted(inner.name for inner in file.iterdir()) if file.is_dir() else []
@@ -445,19 +348,12 @@ class OwnFolder:
         for name, inner in incoming.items():
             for file in inner:
                 if file not in known.inside_of(name) and (self.path / name / file).exists() and not is_step(file):
-                    raise OwnFolderError(
-                        f"{self.path / name / file} exists and was not written by this program, so it is not replaced; "
-                        "move it away, or use another folder (--output)"
-                    )
+                    raise _not_ours(self.path / name / file)
         # Both the earlier and the new names are the program's from here on.
         inside = {name: sorted({*inner, *known.inside_of(name)}) for name, inner in incoming.items() if inner}
-        begun = dataclasses.replace(
-            known.of([*known.files, *incoming]),
-            inside={**known.inside, **inside},
-            incoming=incoming,
-            incoming_about=about,
-        )
-        self._write(begun, known.about)
+        both = known.of([*known.files, *incoming])
+        on_the_way = {"inside": {**known.inside, **inside}, "incoming": incoming, "incoming_about": dict(about)}
+        self._write(dataclasses.replace(both, **on_the_way), known.about)  # type: ignore[arg-type]
         self.mend()
 
     def mend(self) -> None:
@@ -485,7 +381,12 @@ class OwnFolder:
         shutil.rmtree(self._prepared, ignore_errors=True)
 
     def _write(self, record: Record, about: Mapping[str, Any]) -> None:
-        dataclasses.replace(record, kind=self.kind, about=about).write(self._record)
+        dataclasses.replace(record, kind=self.kind, about=dict(about)).write(self._record)
+
+
+def _not_ours(file: Path) -> OwnFolderError:
+    text = f"{file} exists and was not written by this program, so it is not replaced"
+    return OwnFolderError(f"{text}; move it away, or use another folder (--output)")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -493,17 +394,7 @@ class OwnFolder:
 
 
 def take_default(base: Path, kind: str, inputs: Mapping[str, Any]) -> OwnFolder:
-    """Take the first of ``base``, ``base-2``, ``base-3`` ... that is free or holds results of the very same inputs.
-
-    Args:
-        base: The folder's name where nothing is in the way.
-        kind: What it is to hold.
-        inputs: What decides the results, as it was recorded under ``"inputs"``.
-
-    Raises:
-        InUseError: A program with the same inputs is under way.
-        OSError: It cannot be written.
-    """
+    """Take the first of ``base``, ``base-2``, ``base-3`` ... that is free or holds results of the same recorded ``inputs``."""
     for path in numbered(base):
         own = OwnFolder(path, kind)
         record = own.record

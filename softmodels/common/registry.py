@@ -1,7 +1,8 @@
-"""Classes by name, to which a user's own are added: laws, devices, components, supplies, quantities of designs, checks.
+"""What users add to by name: laws, devices, components, supplies, quantities of designs, outputs of runs, checks.
 
-Each registry has a class decorator, such as ``register_law = LAWS.register``. A class of the same module and name, as a
-notebook defines it anew, takes the place of the one before.
+Entries are classes, and objects of `softmodels.runs.fields.Output`. Each registry has a function that registers, such as
+``register_law = LAWS.register``; for classes it is a decorator. An entry of the same module and name, as a notebook defines
+it anew, takes the place of the one before.
 """
 
 from __future__ import annotations
@@ -13,49 +14,48 @@ from types import MappingProxyType
 from softmodels.common.calls import checked
 
 
-class Registry[T](MutableMapping[str, type[T]]):
-    """Classes of one kind by name.
+class Registry[T](MutableMapping[str, T]):
+    """Entries of one kind by name.
 
     Args:
         what: What they are, in a word, for messages.
-        name: A class's name in the registry.
+        name: An entry's name in the registry.
         places: Modules of the library's own by name; a module is imported, and registers its class, when it is looked up.
-        made_known: Called with each class that is registered.
+        made_known: Called with each entry that is registered.
     """
 
     def __init__(
         self,
         what: str,
-        name: Callable[[type[T]], str],
+        name: Callable[[T], str],
         places: Mapping[str, str] = MappingProxyType({}),
-        made_known: Callable[[type[T]], None] = lambda cls: None,
+        made_known: Callable[[T], None] = lambda entry: None,
     ) -> None:
         self._what, self._name, self._places, self._made_known = what, name, places, made_known
-        self.loaded: dict[str, type[T]] = {}
+        self.loaded: dict[str, T] = {}
 
-    def register[C](self, cls: type[C]) -> type[C]:
-        """Let case files and command lines find a class by its name; a class decorator.
+    def register[C](self, entry: C) -> C:
+        """Let case files, command lines and runs find an entry by its name; a decorator of a class.
 
         Raises:
-            ValueError: Another class has this name.
+            ValueError: Another one has this name.
         """
-        name = self._name(cls)  # type: ignore[arg-type]
-        place = (self._places.get(name, cls.__module__), name if name in self._places else cls.__qualname__)
-        if known := self.loaded.get(name):
-            place = (known.__module__, known.__qualname__)
-        if place != (cls.__module__, cls.__qualname__):
-            raise ValueError(f"there is a {self._what} of the name {name!r} already, in {place[0]}")
-        self.loaded[name] = checked(cls)  # type: ignore[assignment]
-        self._made_known(cls)  # type: ignore[arg-type]
-        return cls
+        name = self._name(entry)  # type: ignore[arg-type]
+        place = _place(entry, name)
+        known = _place(self.loaded[name], name) if name in self.loaded else (self._places.get(name, place[0]), place[1])
+        if place != known:
+            raise ValueError(f"the name {name!r} is taken by another {self._what}, in {known[0]}")
+        self.loaded[name] = checked(entry) if isinstance(entry, type) else entry  # type: ignore[assignment]
+        self._made_known(entry)  # type: ignore[arg-type]
+        return entry
 
-    def __getitem__(self, name: str) -> type[T]:
+    def __getitem__(self, name: str) -> T:
         if name not in self.loaded and name in self._places:
             importlib.import_module(self._places[name])
         return self.loaded[name]
 
-    def __setitem__(self, name: str, cls: type[T]) -> None:
-        self.loaded[name] = cls
+    def __setitem__(self, name: str, entry: T) -> None:
+        self.loaded[name] = entry
 
     def __delitem__(self, name: str) -> None:
         del self.loaded[name]
@@ -69,3 +69,8 @@ class Registry[T](MutableMapping[str, type[T]]):
 
     def __len__(self) -> int:
         return len(self._places.keys() | self.loaded.keys())
+
+
+def _place(entry: object, name: str) -> tuple[str, str]:
+    """Return the module of an entry, and the name that it has there."""
+    return entry.__module__, getattr(entry, "__qualname__", name)

@@ -27,6 +27,7 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
+from softmodels.common.registry import Registry
 from softmodels.common.schema import (
     Flag,
     Quantity,
@@ -491,25 +492,17 @@ MOST_EXPONENT = 1e4
 
 FibreLaw = Callable[[Expression, Expression, Expression], Expression]
 """Energy as a function of k, q and b; see the module docstring."""
-FIBRE_LAWS: dict[str, FibreLaw] = {}
+FIBRE_LAWS: Registry[FibreLaw] = Registry("fibre law", lambda law: law.__name__)
+"""By the name of the function."""
+register_fibre_law = FIBRE_LAWS.register
 
 
-def fibre_law(name: str) -> Callable[[FibreLaw], FibreLaw]:
-    """Register a fibre law by name; a decorator."""
-
-    def register(law: FibreLaw) -> FibreLaw:
-        FIBRE_LAWS[name] = law
-        return law
-
-    return register
-
-
-@fibre_law("standard")
+@register_fibre_law
 def standard(k: Expr, q: Expr, b: Expr) -> Expr:
     return k * q / 8
 
 
-@fibre_law("exponential")
+@register_fibre_law
 def exponential(k: Expr, q: Expr, b: Expr) -> Expr:
     import ufl
 

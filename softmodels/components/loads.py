@@ -36,6 +36,7 @@ from softmodels.mechanics.dead_loads import (
     DistributedLoad,
     HeavyPart,
     LoadPart,
+    RequestedValue,
     Weighed,
     check_finite,
     mean_place,
@@ -127,6 +128,11 @@ class Gravity(DirectedLoad):
         ),
     }
     columns: ClassVar = ("weight_N", "sag_mm", "sag_travel_mm")
+    asked: ClassVar[Mapping[str, RequestedValue]] = {
+        "share": RequestedValue(
+            "of the weight", words="shares", help="shares of the weight (--gravity), instead of pressures: 0:1"
+        )
+    }
     share_column: ClassVar[str] = "weight_share"
 
     def check(self) -> None:
@@ -217,6 +223,14 @@ class Force(FaceLoad):
     optional: ClassVar[bool] = True
     needs: ClassVar[str] = 'a force needs its face and its direction (face = "tip", direction = "-z")'
     columns: ClassVar = ("force_N", "moved_mm", "travel_mm")
+    asked: ClassVar[Mapping[str, RequestedValue]] = {
+        "force_N": RequestedValue(
+            "N", words="forces", help="forces in N on a face (--force), instead of pressures: 0:10 or 0,2,5"
+        ),
+        "travel_mm": RequestedValue(
+            "mm", True, 1e-3, "travels", "travel of the face along the force in mm, instead of forces"
+        ),
+    }
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         "force_N": ("force", "on the whole device, spread over its undeformed face"),
         r"force_(\w+)_N": ("force {0}", "on the whole device, spread over its undeformed face"),
@@ -260,6 +274,14 @@ class Moment(FaceLoad):
     direction_field: ClassVar[str] = "axis"
     needs: ClassVar[str] = 'a moment needs its face and its axis (face = "tip", axis = "y")'
     columns: ClassVar = ("moment_Nmm", "rotation_deg", "turn_deg")
+    asked: ClassVar[Mapping[str, RequestedValue]] = {
+        "moment_Nmm": RequestedValue(
+            "Nmm", False, 1e-3, "moments", "moments in N mm on a face (--moment), instead of pressures"
+        ),
+        "turn_deg": RequestedValue(
+            "deg", True, math.pi / 180, "turns", "rotation of the face of the moment in degrees, instead of moments"
+        ),
+    }
     figure_texts: ClassVar[Mapping[str, tuple[str, str]]] = {
         "moment_Nmm": ("moment", "of dead forces on the whole device that rise linearly over its undeformed face"),
         r"moment_(\w+)_Nmm": (

@@ -22,10 +22,8 @@ from softmodels.common.calls import (
     flag,
     place,
     several,
-    wrong,
-)
-from softmodels.common.calls import (
     whole as whole_number,
+    wrong,
 )
 from softmodels.common.processes import one_at_a_time
 from softmodels.design.folder import DesignFolder

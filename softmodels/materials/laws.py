@@ -341,7 +341,7 @@ def _field(law: type[Material], name: str) -> dataclasses.Field[Any]:
     return fields[name] if name in fields else fields[name.rstrip("0123456789")]
 
 
-LAWS: Registry[Material] = Registry("law", lambda law: law.name)
+LAWS: Registry[type[Material]] = Registry("law", lambda law: law.name)
 """Every law by the name that a command line or a case file uses."""
 register_law = LAWS.register
 

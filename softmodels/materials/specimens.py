@@ -19,7 +19,7 @@ from softmodels.materials.laws import Material
 from softmodels.materials.strain import Expression
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Closed-form solutions without a mesh: test specimens, balloons, thick-walled spheres and tubes of any law.
+# Closed-form solutions without a mesh: test specimens, balloons and thick-walled spheres of any law.
 #
 # The material is treated as incompressible for any Poisson's ratio, except by `respond`. Stresses come back in the unit of
 # the law's parameters (Pa); beyond the locking stretch of a law (Gent) they are nan.
@@ -130,15 +130,6 @@ def sphere_pressure(material: Material, inner: float, outer: float, inner_stretc
         inner_stretch: Inner radius over undeformed inner radius, any shape.
     """
     return _wall_pressure(material, inner, outer, inner_stretch, "equibiaxial", 3)
-
-
-def tube_pressure(material: Material, inner: float, outer: float, inner_stretch: npt.ArrayLike) -> Array:
-    """Return the pressure in Pa inside a thick-walled incompressible tube that keeps its length, none outside.
-
-    P = int W'(l) / (l^2 - 1) dl, W of planar tension (Ogden 1984, section 5.3.3 at axial stretch 1); see `sphere_pressure`,
-    whose arguments it takes.
-    """
-    return _wall_pressure(material, inner, outer, inner_stretch, "planar", 2)
 
 
 def _wall_pressure(

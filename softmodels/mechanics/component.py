@@ -361,7 +361,7 @@ def _key(kind: type[Component]) -> str:
     return f"{kind.table}." if kind.always_named else kind.table
 
 
-COMPONENTS: Registry[Component] = Registry("component", _key)
+COMPONENTS: Registry[type[Component]] = Registry("component", _key)
 """Every kind by its table; those that always have a name by ``table.``: ``[contact.ball]`` is none of ``[contact]``."""
 register_component = COMPONENTS.register
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import (
+    COMPONENTS,
     Component,
     ComponentError,
     Equations,
@@ -52,10 +53,30 @@ class Loaded(Equations, Protocol):
     def assemble(self, forms: list[fem.Form], held: bool = False) -> Array: ...
 
 
+@dataclasses.dataclass(frozen=True)
+class RequestedValue:
+    """A quantity that a load or a series may request.
+
+    Attributes:
+        unit: Of its values in case files and messages.
+        held: Whether it is what a driver works on, a volume or a travel, and not its magnitude.
+        scale: SI units in one of ``unit``.
+        words: Several of it.
+        help: Of its option.
+    """
+
+    unit: str
+    held: bool = False
+    scale: float = 1.0
+    words: str = ""
+    help: str = ""
+
+
 class LoadPart(Component):
     """A dead load.
 
     Attributes:
+        asked: What ``[load]`` and its options may request of it, by key.
         arm: Power of the device's size that makes its magnitude from shear moduli: 2 of a force in N, 3 of a moment in N m.
             What it works on has the power 3 - ``arm``: m, or rad.
         columns: Columns of ``path.csv``: its magnitude; what it works on, from the undeformed state; the same from where the
@@ -64,6 +85,7 @@ class LoadPart(Component):
         share_column: Column with the applied share of its magnitude; none if empty.
     """
 
+    asked: ClassVar[Mapping[str, RequestedValue]] = {}
     arm: ClassVar[int] = 2
     column_unit: ClassVar[float] = 1.0
     moved_column_unit: ClassVar[float] = 1e-3
@@ -312,6 +334,12 @@ class DeadLoads:
             if load.key == key:
                 return i
         raise KeyError(key)
+
+
+def requestable() -> dict[str, Mapping[str, RequestedValue]]:
+    """Return what may be requested of dead loads, by table."""
+    kinds = (kind for kind in COMPONENTS.values() if issubclass(kind, LoadPart))
+    return {kind.table: kind.asked for kind in kinds if kind.asked}
 
 
 def mean_place(on: DistributedLoad, role: str) -> Array:

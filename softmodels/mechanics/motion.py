@@ -45,8 +45,7 @@ class Extension:
 
     def __init__(self, body: Body, space: fem.FunctionSpace):
         import ufl
-        from dolfinx import fem
-        from dolfinx import mesh as meshes
+        from dolfinx import fem, mesh as meshes
         from petsc4py import PETSc
 
         self.body, self.space = body, space

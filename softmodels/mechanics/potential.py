@@ -56,7 +56,6 @@ class Potential:
         per_pascal: One pascal in shear moduli.
         bulk: Bulk modulus; its inverse if mixed: that may vanish, the bulk may not be infinite.
         regions: Where it is, then the regions in other materials; `stored` begins with an integral for each.
-        region_numbers: Number in ``regions`` of each local cell; None if there is only one.
         pressure_dofs: If mixed, the unknown p at the corners of each local cell, one for each region, shape
             (cells, corners, regions), -1 where a region does not reach.
         volumes, loads: Each cavity's volume, and its derivative by w.
@@ -87,7 +86,6 @@ class Potential:
         vector = basix.ufl.element("P", cell, 2, shape=(mesh.geometry.dim,))
         element = basix.ufl.mixed_element([vector, basix.ufl.element("P", cell, 1)]) if mixed else vector
         self.space = fem.functionspace(mesh, element)
-        self.region_numbers = regions.numbers
         if mixed and regions.numbers is not None:
             self.space, self.pressure_dofs = jumping(self.space, 1, regions.numbers)
         elif mixed:

@@ -19,7 +19,6 @@ from softmodels.mechanics.controls import (
     pressure_control,
 )
 from softmodels.mechanics.direct import Factorisation, entries_here
-from softmodels.mechanics.iterative import PER_UNKNOWN, Multigrid, RigidCycle
 from softmodels.mechanics.mpi import (
     GIGA,
     TooLargeError,
@@ -40,6 +39,8 @@ from softmodels.mechanics.system import State, System, spread
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
+
+    from softmodels.mechanics.iterative import Multigrid
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -88,6 +89,8 @@ class SolverMethod:
 
 def cycle_of(system: System) -> type[Multigrid]:
     """Return the kind of cycle that a system takes."""
+    from softmodels.mechanics.iterative import Multigrid, RigidCycle
+
     return RigidCycle if system.unknowns.moving else Multigrid
 
 
@@ -114,6 +117,8 @@ def select_solver(system: System, method: str) -> SolverMethod:
     fits = iterative[0] <= room
     if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
         return SolverMethod("iterative", iterative[1])
+    from softmodels.mechanics.iterative import PER_UNKNOWN
+
     usual, most = Factorisation.memory(system.K, spread(system.matter))
     beside = mass + 8 * PER_UNKNOWN * system.n  # GMRES and modes have as many vectors
     direct = needed(system.comm, beside + most)

@@ -44,8 +44,7 @@ from softmodels.mechanics.rigid import STILL, RigidMotion, RigidPart
 
 if TYPE_CHECKING:
     import ufl
-    from dolfinx import fem
-    from dolfinx import mesh as meshes
+    from dolfinx import fem, mesh as meshes
     from mpi4py import MPI
     from petsc4py import PETSc
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -22,42 +21,24 @@ from softmodels.common.units import (
     WATER_DENSITY,
     UnitError,
     brief,
+    numbers as as_numbers,
     pascal_per_cm,
     quantity,
 )
-from softmodels.common.units import (
-    numbers as as_numbers,
-)
+from softmodels.mechanics.dead_loads import RequestedValue, requestable
 
-
-@dataclasses.dataclass(frozen=True)
-class ProgramValue:
-    """A quantity that a series prescribes.
-
-    Attributes:
-        unit: Of its values in case files and messages.
-        held: Whether it is what a driver works on, a volume or a travel, and not its magnitude.
-        scale: SI units in one of ``unit``.
-    """
-
-    unit: str
-    held: bool = False
-    scale: float = 1.0
-
-
-KEYS = {"pressure_cm": ProgramValue("cm"), "volume_ml": ProgramValue("ml", True, 1e-6)}
+KEYS = {"pressure_cm": RequestedValue("cm"), "volume_ml": RequestedValue("ml", True, 1e-6)}
 """Quantities of a cavity, as in the case file."""
-LOAD_KEYS = {
-    "gravity": {"share": ProgramValue("of the weight")},
-    "force": {"force_N": ProgramValue("N"), "travel_mm": ProgramValue("mm", True, 1e-3)},
-    "moment": {"moment_Nmm": ProgramValue("Nmm", scale=1e-3), "turn_deg": ProgramValue("deg", True, math.pi / 180)},
-}
-"""Quantities of a dead load, by its table."""
 TIME, TIME_KEY = "time", "time_s"
 """Target and key of the series of times, which drives nothing."""
-EVERY_KEY = {key: given for keys in (KEYS, *LOAD_KEYS.values()) for key, given in keys.items()}
-EVERY_KEY[TIME_KEY] = ProgramValue("s")
+TIME_VALUE = RequestedValue("s")
 MOST_STEPS = 1000
+
+
+def every_key() -> dict[str, RequestedValue]:
+    """Return the quantities that series may prescribe, of cavities and of dead loads, and the time."""
+    known = {key: asked for keys in (KEYS, *requestable().values()) for key, asked in keys.items()}
+    return {**known, TIME_KEY: TIME_VALUE}
 
 
 class ProgramError(Spoken, ValueError):
@@ -70,7 +51,7 @@ class Series:
     """The values of a cavity or a dead load, step by step.
 
     Attributes:
-        key: One of `EVERY_KEY`.
+        key: One of `every_key`.
         values: Pressures in cm of water, added volumes in ml and so on, one for each step.
         target: The dead load, such as ``"force.tip"``; empty for a cavity, whose place among these counts; `TIME` for times.
     """
@@ -81,16 +62,16 @@ class Series:
 
     @property
     def unit(self) -> str:
-        return EVERY_KEY[self.key].unit
+        return every_key()[self.key].unit
 
     @property
     def is_volume(self) -> bool:
         """Whether volumes or travels are prescribed instead of pressures or forces."""
-        return EVERY_KEY[self.key].held
+        return every_key()[self.key].held
 
     @property
     def scale(self) -> float:
-        return EVERY_KEY[self.key].scale
+        return every_key()[self.key].scale
 
 
 Program = tuple[Series, ...]
@@ -104,22 +85,20 @@ def from_tables(tables: Mapping[str, object]) -> Program:
         ProgramError: Unknown entries, values that are no numbers, pressures below zero, series of unlike lengths, times that
             run backwards, or a step that changes nothing or both pressures and volumes.
     """
-    tables = dict(tables)
+    keys, tables = requestable(), dict(tables)
     times = tables.pop(TIME_KEY, None)
     if times is not None and not tables:
         raise ProgramError(f"{TIME_KEY} needs a series that changes in time, such as cavity1.pressure_cm = [0, 40, 0]")
-    cavities = [name for name in tables if name not in LOAD_KEYS]
+    cavities = [name for name in tables if name not in keys]
     names = [f"cavity{i + 1}" for i in range(len(cavities))]
     if sorted(cavities) != sorted(names):
         raise ProgramError(f"[load] has {', '.join(cavities)}; name the cavities {', '.join(names)}, each once")
-    loads = {target: table for kind in LOAD_KEYS if kind in tables for target, table in _of_loads(kind, tables[kind])}
+    loads = {target: table for kind in keys if kind in tables for target, table in _of_loads(kind, tables[kind])}
     given = {name: _series(name, tables[name], KEYS) for name in names}
     for target, table in loads.items():
-        given[target] = dataclasses.replace(_series(target, table, LOAD_KEYS[target.partition(".")[0]]), target=target)
+        given[target] = dataclasses.replace(_series(target, table, keys[target.partition(".")[0]]), target=target)
     if times is not None:
-        given[TIME] = dataclasses.replace(
-            _series(TIME, {TIME_KEY: times}, {TIME_KEY: EVERY_KEY[TIME_KEY]}), target=TIME
-        )
+        given[TIME] = dataclasses.replace(_series(TIME, {TIME_KEY: times}, {TIME_KEY: TIME_VALUE}), target=TIME)
     count = max(len(series.values) for series in given.values())
     if count > MOST_STEPS:
         raise ProgramError(f"the program has {count} steps; at most {MOST_STEPS} are allowed")
@@ -143,13 +122,12 @@ def from_tables(tables: Mapping[str, object]) -> Program:
 def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
     """Return the series of one kind of load by key: ``gravity = [...]``, ``force.force_N = [...]``, ``force.tip.force_N =
     [...]``."""
-    if kind == "gravity" and not isinstance(table, Mapping):
-        return [(kind, {"share": table})]
+    keys = requestable()[kind]
+    if len(keys) == 1 and not isinstance(table, Mapping):
+        return [(kind, dict.fromkeys(keys, table))]
     if not isinstance(table, Mapping):
-        raise ProgramError(
-            f"{kind} needs one of {' or '.join(LOAD_KEYS[kind])}, such as {kind}.tip.{next(iter(LOAD_KEYS[kind]))} = [0, 2]"
-        )
-    if any(key in LOAD_KEYS[kind] for key in table):
+        raise ProgramError(f"{kind} needs one of {' or '.join(keys)}, such as {kind}.tip.{next(iter(keys))} = [0, 2]")
+    if any(key in keys for key in table):
         return [(kind, table)]
     return [(f"{kind}.{name}", entries) for name, entries in table.items()]
 
@@ -164,7 +142,7 @@ def _in_cm(name: str, table: object) -> str:
     return f"; {text} are {height:.5g} cm of the usual column: {name}.pressure_cm = {height:.5g}" if height else ""
 
 
-def _series(name: str, table: object, keys: Mapping[str, ProgramValue]) -> Series:
+def _series(name: str, table: object, keys: Mapping[str, RequestedValue]) -> Series:
     if not isinstance(table, Mapping) or len(table) != 1 or (key := next(iter(table))) not in keys:
         raise ProgramError(
             f"{name} needs one of {' or '.join(keys)}, such as {name}.{next(iter(keys))} = [20, 40]{_in_cm(name, table)}"
@@ -265,7 +243,7 @@ def named(program: Program) -> dict[str, Series]:
 def step_text(program: Program, number: int) -> str:
     """Return the values of the cavities and loads at a step: ``"cavity1 60 cm, cavity2 2 ml added"``."""
     row = number - 1 + int(begins_at_rest(program))
-    added = {key: " added" if key in KEYS and given.held else "" for key, given in EVERY_KEY.items()}
+    added = {key: " added" if key in KEYS and given.held else "" for key, given in every_key().items()}
     return ", ".join(
         f"{name} {series.values[row]:g} {series.unit}{added[series.key]}" for name, series in named(program).items()
     )

@@ -112,7 +112,7 @@ def _name_options(supply: type[AirSupply]) -> None:
             errors.call(field.option.replace("_", "-"), name)
 
 
-SUPPLIES: Registry[AirSupply] = Registry("supply", lambda supply: supply.name, made_known=_name_options)
+SUPPLIES: Registry[type[AirSupply]] = Registry("supply", lambda supply: supply.name, made_known=_name_options)
 """Every supply by its name."""
 register_supply = SUPPLIES.register
 

@@ -19,8 +19,7 @@ from pathlib import Path
 from types import TracebackType
 
 import numpy as np
-from PIL import Image as Picture
-from PIL import ImageDraw, ImageFont
+from PIL import Image as Picture, ImageDraw, ImageFont
 
 from softmodels.case.entries import CaseError
 from softmodels.common.files import replace, write_bytes

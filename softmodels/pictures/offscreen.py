@@ -191,14 +191,14 @@ class ViewCamera:
         names = ("direction", "up", "focus", "scale", "size")
         return "; ".join(f"{name} {np.round(getattr(self, name), 9).tolist()}" for name in names)
 
-    def smaller(self, width: int) -> ViewCamera:
-        """Return the same view in fewer pixels."""
-        return dataclasses.replace(self, size=(width, 2 * round(width * self.size[1] / self.size[0] / 2)))
-
 
 def _triple(vector: Array) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in vector)
     return x, y, z
+
+
+AROUND, ALONG = 48, 16
+"""Facets around a shape, and from an end to its middle."""
 
 
 def surface(points: Array, triangles: Cells, normals: Array | None = None, values: Array | None = None) -> PolyData:
@@ -222,12 +222,9 @@ def lines(points: Array, pairs: Cells) -> PolyData:
 
 def ring(centre: Array, direction: Array, radius: float) -> PolyData:
     """Return a circle to draw around a place, seen from a direction; lengths in m."""
-    first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
-    first /= np.linalg.norm(first)
-    around = np.linspace(0.0, 2 * np.pi, 49)[:-1]
-    across = np.cross(direction / np.linalg.norm(direction), first)
-    points = centre + radius * (np.cos(around)[:, None] * first + np.sin(around)[:, None] * across)
-    return lines(points, np.column_stack([np.arange(48), np.roll(np.arange(48), -1)]))
+    import pyvista
+
+    return pyvista.Polygon(center=centre, radius=radius, normal=direction, n_sides=AROUND, fill=False)
 
 
 @functools.cache
@@ -305,10 +302,6 @@ def studio(camera: ViewCamera, draft: bool = False) -> Iterator[Shoot]:
 # Rigid shapes in pictures: surfaces in rendered ones, outlines in sections.
 
 
-AROUND, ALONG = 48, 16
-"""Facets around a shape, and from an end to its middle."""
-
-
 def profile(shape: RigidShape, reach: float) -> Array:
     """Return half the outline of a shape by its axis: distance along it and radius in m, shape (n, 2).
 
@@ -326,21 +319,17 @@ def profile(shape: RigidShape, reach: float) -> Array:
     return np.concatenate([end[::-1] * (-1, 1) - shift, end + shift])
 
 
-def shape_surface(shape: RigidShape, reach: float) -> tuple[Array, Cells]:
-    """Return the points in m, shape (n, 3), and triangles of a shape."""
+def shape_surface(shape: RigidShape, reach: float) -> PolyData:
+    """Return the surface of a shape, in m."""
     if shape.file:
-        return surface_of(shape)
+        return surface(*surface_of(shape))
     axis = shape.direction
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
-    angle = np.linspace(0.0, 2 * np.pi, AROUND + 1)[:-1]
-    spokes = np.outer(np.cos(angle), first) + np.outer(np.sin(angle), np.cross(axis, first))
-    line = profile(shape, reach)
-    points = np.asarray(shape.at) + line[:, 0, None, None] * axis + line[:, 1, None, None] * spokes
-    here = np.arange(AROUND) + AROUND * np.arange(len(line) - 1)[:, None]
-    side = np.roll(np.arange(AROUND), -1) + AROUND * np.arange(len(line) - 1)[:, None]
-    quads = np.stack([here, side, side + AROUND, here + AROUND], axis=-1).reshape(-1, 4)
-    return points.reshape(-1, 3), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    points = profile(shape, reach) @ [axis, first]
+    pairs = np.column_stack([np.arange(len(points) - 1), np.arange(1, len(points))])
+    swept = lines(points, pairs).extrude_rotate(resolution=AROUND, rotation_axis=tuple(axis), capping=False)
+    return swept.triangulate().clean(polys_to_lines=False).translate(shape.at)
 
 
 def shapes_of(states: States) -> list[RigidShape]:
@@ -367,8 +356,7 @@ def shape_layers(states: States, step: float) -> list[Layer]:
         drawn, reach = shape, 1.1 * float(np.abs((device - np.asarray(shape.at)) @ shape.direction).max())
         if shape.shape == "plane":
             drawn, reach = below(shape, device)
-        points, triangles = shape_surface(drawn, reach)
-        found.append((surface(points + way(states, shape, step), triangles), style))
+        found.append((shape_surface(drawn, reach).translate(way(states, shape, step)), style))
     return found
 
 

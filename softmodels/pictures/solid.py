@@ -78,11 +78,7 @@ if TYPE_CHECKING:
 # The cut is made in the material, so it deforms into a curved surface.
 
 
-SUBTETS = np.array(
-    [(0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3), (4, 5, 6, 8), (4, 6, 7, 8), (5, 9, 6, 8), (6, 9, 7, 8)]
-)
-"""A second-order tetrahedron as eight flat ones, in VTK's order of nodes."""
-TETRA = 10
+QUADRATIC_TETRA = 24
 ASIDE = 1e-4
 """Offset of a cut from vertices, relative to the device's size: invisible, but above rounding."""
 Plane = tuple[Array, Array]
@@ -159,7 +155,9 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
     # Images of the slice meet in their symmetry plane: one surface, so that no seam is shaded there.
     behind = shell.clean(tolerance=1e-7).clip(normal=normal, origin=place)
     style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
-    found: list[Layer] = [(_warped(behind), {**style, "split_sharp_edges": True, "feature_angle": SHARP})]
+    found: list[Layer] = [
+        (behind.warp_by_vector("displacement"), {**style, "split_sharp_edges": True, "feature_angle": SHARP})
+    ]
     pieces = []
     for image in skin.images:
         piece = _section(states.points, states.cells, u, values, image.T @ normal, image.T @ place)
@@ -169,7 +167,8 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
             pieces.append(piece)
     if pieces:
         together = pieces[0].append_polydata(*pieces[1:]) if len(pieces) > 1 else pieces[0]
-        face = _warped(together.clean(tolerance=1e-7, polys_to_lines=False, lines_to_points=False))
+        face = together.clean(tolerance=1e-7, polys_to_lines=False, lines_to_points=False)
+        face = face.warp_by_vector("displacement")
         found.append((face, {**style, "split_sharp_edges": False}))
         rim = face.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
         if rim.n_cells:
@@ -187,20 +186,11 @@ def _aside(vertices: Array, normal: Array, place: Array) -> Array:
     return place - ASIDE * size * normal if on_plane.any() else place
 
 
-def _warped(data: PolyData) -> PolyData:
-    data = data.copy()
-    data.points = data.points + data.point_data["displacement"]
-    return data
-
-
 def _section(points: Array, cells: Cells, u: Array, values: Array, normal: Array, place: Array) -> PolyData:
     """Return where a plane meets the solid."""
     import pyvista
 
-    height = (points - place) @ normal
-    near = cells[(height[cells].min(axis=1) <= 0) & (height[cells].max(axis=1) >= 0)]
-    small = near[:, SUBTETS].reshape(-1, 4)
-    grid = pyvista.UnstructuredGrid({TETRA: small}, points)
+    grid = pyvista.UnstructuredGrid({QUADRATIC_TETRA: cells}, points)
     grid.point_data["displacement"], grid.point_data["values"] = u, values
     return grid.slice(normal=normal, origin=place).extract_surface(algorithm="dataset_surface").clean()
 

@@ -28,7 +28,6 @@ from softmodels.common.files import replace
 from softmodels.materials.silicones import named, silicone_called, source_names
 from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.path.points import (
     AddedVolume,
     DeadForce,
@@ -65,6 +64,8 @@ class Band:
 
     def __init__(self, fields: Fields, errors: MaterialErrors, pascal_per_cm: float, kept: str = Pressure.name):
         self.fields, self.errors, self.cm, self.kept = fields, errors, pascal_per_cm, kept
+        from softmodels.mechanics.sensitivity import Sensitivity
+
         self._sensitivity = Sensitivity(fields.solver)
 
     def cells(self, point: Point) -> dict[str, float | None]:

@@ -1,7 +1,7 @@
 """The columns of ``path.csv``: name with unit, description, and computation, each in one place.
 
-Add a column by one more entry, also from other modules: ``COLUMNS.append(Column(...))``, by an output field
-(`OutputField.extremes`), or by a figure computed on all ranks (`Measure`).
+Add a column by `register_output`: a `PathColumn`, an output field (`OutputField.extremes`), or a figure computed on all ranks
+(`ForceMeasure`).
 """
 
 from __future__ import annotations
@@ -24,10 +24,13 @@ from softmodels.mechanics.component import COMPONENTS
 from softmodels.path.points import Supply
 from softmodels.path.program import time_at
 from softmodels.runs.fields import (
-    FIELDS,
-    MEASURES,
+    OUTPUTS,
     Extreme,
+    ForceMeasure,
+    Output,
     OutputField,
+    outputs,
+    register_output,
 )
 from softmodels.runs.row import (
     Cell,
@@ -85,18 +88,16 @@ class Solved:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class PathColumn:
-    """One column.
+class PathColumn(Output):
+    """One column; the end of its name is its unit, see `UNITS`.
 
     Attributes:
-        name: In the file; its end is the unit, see `UNITS`.
         title: Short name.
         text: What it is, a sentence without its stop.
         value: Its value, in its unit; None if it is not known.
         present: Whether a case has it.
     """
 
-    name: str
     title: str
     text: str
     value: Callable[[Solved], Cell]
@@ -110,7 +111,7 @@ class PathColumn:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Columns:
+class Columns(Output):
     """Several columns whose names depend on the device or the case.
 
     Attributes:
@@ -131,11 +132,10 @@ def row_of(solved: Solved) -> Row:
 
 
 def every_column() -> Iterator[PathColumn | Columns]:
-    """Yield all entries: `COLUMNS`, then those of the output fields."""
-    yield from COLUMNS
-    listed = {entry.name for entry in COLUMNS if isinstance(entry, PathColumn)}
-    for field in FIELDS:
-        yield from (column for column in _extremes(field.name) if column.name not in listed)
+    """Yield all that are registered, then the extremes of other output fields."""
+    yield from (output for output in OUTPUTS.values() if isinstance(output, PathColumn | Columns))
+    for field in outputs(OutputField):
+        yield from (column for column in _extremes(field.name) if column.name not in OUTPUTS)
 
 
 def term(column: str, device: Actuator | None = None, supply: str = "supply") -> ColumnText:
@@ -239,7 +239,10 @@ def _rise_term(column: str, device: Actuator | None) -> ColumnText | None:
 def _device_term(column: str, device: Actuator | None) -> ColumnText | None:
     if device is not None and column in device.figure_texts:
         return described(column, device.figure_texts[column])
-    texts = [*(measure.texts for measure in MEASURES), *(kind.figure_texts for kind in COMPONENTS.values())]
+    texts = [
+        *(measure.texts for measure in outputs(ForceMeasure)),
+        *(kind.figure_texts for kind in COMPONENTS.values()),
+    ]
     if exact := next((known[column] for known in texts if column in known), None):
         return described(column, exact)
     for pattern, (title, text) in (entry for known in texts for entry in known.items()):
@@ -281,7 +284,8 @@ def _band_term(column: str, device: Actuator | None) -> ColumnText | None:
 
 def _extremes(name: str) -> list[PathColumn]:
     """Return the columns of an output field's least and largest values."""
-    field = next(field for field in FIELDS if field.name == name)
+    field = OUTPUTS[name]
+    assert isinstance(field, OutputField)
     return [_extreme(field, one) for one in field.extremes]
 
 
@@ -321,14 +325,14 @@ def _gas(case: Case) -> bool:
     return case.supply is not None and case.supply.stores_energy
 
 
-DEVICE = Columns(lambda s: s.figures.device, _device_term)
-NAMED = Columns(lambda s: {}, _named_term)
+DEVICE = Columns("device", lambda s: s.figures.device, _device_term)
+NAMED = Columns("named", lambda s: {}, _named_term)
 """Named points and angles, whose values are among the device's."""
 
-BAND = Columns(lambda s: s.band, _band_term)
+BAND = Columns("band", lambda s: s.band, _band_term)
 """Last in the file."""
 
-COLUMNS: list[PathColumn | Columns] = [
+_COLUMNS: tuple[PathColumn | Columns, ...] = (
     PathColumn("step", "step", "number of the state along the path, from rest", lambda s: s.number),
     PathColumn("pressure_cm", "pressure",
            "of the air in the cavity, as the height of the water column that balances it", _height),
@@ -347,8 +351,8 @@ COLUMNS: list[PathColumn | Columns] = [
            lambda s: s.load_step, lambda case: bool(case.program)),
     PathColumn("time_s", "time", "since the load began", lambda s: time_at(s.case.program, s.load_step),
            lambda case: case.timed),
-    Columns(_cavity_cells, _cavity_term),
-    Columns(lambda s: {f"{name}_mm": rise * 1e3 for name, rise in s.figures.rises.items()}, _rise_term),
+    Columns("cavities", _cavity_cells, _cavity_term),
+    Columns("rises", lambda s: {f"{name}_mm": rise * 1e3 for name, rise in s.figures.rises.items()}, _rise_term),
     DEVICE,
     PathColumn("max_displacement_mm", "largest displacement", "longest displacement of any node",
            lambda s: s.figures.max_displacement * 1e3),
@@ -392,8 +396,9 @@ COLUMNS: list[PathColumn | Columns] = [
     PathColumn("control", "control", "control of the step: pressure, volume, a supply's line or the arc length",
            lambda s: s.point.line),
     BAND,
-]  # fmt: skip
-"""In the order of the file."""
+)  # fmt: skip
+for _column in _COLUMNS:
+    register_output(_column)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

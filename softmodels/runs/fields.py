@@ -18,6 +18,7 @@ from softmodels.case.requests import (
     followed_text,
 )
 from softmodels.common.arrays import Array
+from softmodels.common.registry import Registry
 from softmodels.components.rigid import symmetric_motions
 from softmodels.mechanics.body import in_section, in_space
 from softmodels.mechanics.compiling import JIT
@@ -71,14 +72,6 @@ class Figures:
     @property
     def max_stretch(self) -> float:
         return self.extremes["largest_stretch"][1]
-
-    @property
-    def J_min(self) -> float:
-        return self.extremes["J"][0]
-
-    @property
-    def J_max(self) -> float:
-        return self.extremes["J"][1]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -300,9 +293,32 @@ def _on_edge(a: Array, b: Array, wanted: Array) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The output fields of every step: files, columns and pictures are generated from this list.
-#
-# Add a field by one more entry, also from other modules: ``FIELDS.append(OutputField(...))`` before the run.
+# What a run writes of every state: files, columns and pictures are generated from this registry.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Output:
+    """A field, a column or a figure of every state, the library's own or a user's, added by `register_output`.
+
+    Attributes:
+        name: In the files.
+    """
+
+    name: str
+
+    def __post_init__(self) -> None:
+        function = next(value for value in vars(self).values() if callable(value))
+        object.__setattr__(self, "__module__", function.__module__)  # where another process finds it
+
+
+OUTPUTS: Registry[Output] = Registry("output", lambda output: output.name)
+"""In the order in which they are computed and stand in ``path.csv``."""
+register_output = OUTPUTS.register
+
+
+def outputs[Kind: Output](kind: type[Kind]) -> list[Kind]:
+    """Return the outputs of a kind, such as `OutputField`."""
+    return [output for output in OUTPUTS.values() if isinstance(output, kind)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -344,12 +360,11 @@ class Extreme:
     peak: bool = False
 
 
-@dataclasses.dataclass(frozen=True)
-class OutputField:
+@dataclasses.dataclass(frozen=True, eq=False)
+class OutputField(Output):
     """A field over the nodes, in HDF5, XDMF and VTKHDF.
 
     Attributes:
-        name: In the files.
         unit: SI; "" for a number.
         title: In words.
         nodal: Its values at owned nodes, shape (owned,), or (owned, 3) of a vector; asked on all ranks.
@@ -359,7 +374,6 @@ class OutputField:
         colours: How pictures show it; None if they do not.
     """
 
-    name: str
     unit: str
     title: str
     nodal: Callable[[StateValues], Array]
@@ -378,7 +392,7 @@ class OutputField:
         return next((one for one in self.extremes if not (one.least or one.peak)), None)
 
 
-FIELDS: list[OutputField] = [
+for _field in (
     OutputField("displacement", "m", "displacement", lambda at: at.displacement),
     OutputField("p", "Pa", "pressure-like unknown", lambda at: at.p),
     OutputField(
@@ -406,13 +420,13 @@ FIELDS: list[OutputField] = [
                  "cells' vertices", least=True),
          Extreme("J_max", "largest J", "of the same, over the cells' vertices")),
     ),
-]  # fmt: skip
-"""In the order in which they are computed."""
+):  # fmt: skip
+    register_output(_field)
 
 
 def coloured() -> dict[str, tuple[OutputField, Colours]]:
     """Return the fields that pictures show, by name."""
-    return {field.name: (field, field.colours) for field in FIELDS if field.colours is not None}
+    return {field.name: (field, field.colours) for field in outputs(OutputField) if field.colours is not None}
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -462,12 +476,10 @@ def _axes(vectors: Array) -> list[int]:
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Forces and stiffness of the whole device, computed on all ranks, with their columns.
-#
-# Add one as a `Measure` in `MEASURES`, also from other modules.
 
 
-@dataclasses.dataclass(frozen=True)
-class ForceMeasure:
+@dataclasses.dataclass(frozen=True, eq=False)
+class ForceMeasure(Output):
     """A figure of a state that needs all ranks.
 
     Attributes:
@@ -523,24 +535,24 @@ def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
     return {f"{actuator.pushed}_stiffness_N_per_m": unit / compliance if compliance else np.inf}  # held
 
 
-MEASURES: list[ForceMeasure] = [
-    ForceMeasure(part_figures, {}),  # their texts are in the classes of parts
-    ForceMeasure(dead_loads, {}),
-    ForceMeasure(rigid_parts, {}),
+for _measure in (
+    ForceMeasure("parts", part_figures, {}),  # their texts are in the classes of parts
+    ForceMeasure("dead loads", dead_loads, {}),
+    ForceMeasure("rigid parts", rigid_parts, {}),
     ForceMeasure(
-        blocked_force,
+        "blocked force", blocked_force,
         {"blocked_force_N": ("blocked force", "blocked force of the whole device along its lift")},
     ),
     ForceMeasure(
-        stiffness,
+        "stiffness", stiffness,
         {
             r"(\w+)_stiffness_N_per_m": (
                 "{0} stiffness", "force along the lift, spread over the {0}, per rise of it at this pressure",
             ),
         },
     ),
-]  # fmt: skip
-"""In the order of their columns."""
+):  # fmt: skip
+    register_output(_measure)
 
 
 class Fields:
@@ -593,9 +605,9 @@ class Fields:
         return self.grid.collect(self.sampling.displacement(w))
 
     def nodal(self, state: State) -> dict[str, Array] | None:
-        """Return all of `FIELDS` over the grid's nodes by name, SI units, shape (n,) or (n, 3), on rank 0; None elsewhere."""
+        """Return all `OutputField` over the grid's nodes by name, SI units, shape (n,) or (n, 3), on rank 0; None elsewhere."""
         values = self.values(state)
-        found = {field.name: self.grid.collect(field.nodal(values)) for field in FIELDS}
+        found = {field.name: self.grid.collect(field.nodal(values)) for field in outputs(OutputField)}
         whole = {name: field for name, field in found.items() if field is not None}
         return whole if len(whole) == len(found) else None
 
@@ -629,13 +641,14 @@ class Fields:
         moved = self.probes_moved(state.w)
         named = {name: self._moved(state, one) for name, one in self._followed.items()}
         places = {name: one.place for name, one in self._followed.items()}
-        extremes = {field.name: self._extremes(field.sampled(values)) for field in FIELDS if field.sampled is not None}
+        sampled = {field: field.sampled(values) for field in outputs(OutputField) if field.sampled is not None}
+        extremes = {field.name: self._extremes(found) for field, found in sampled.items()}
         added = (eq.volumes() - self._rest_volumes) * eq.volume_unit
         pressures = eq.pressures_at(state) * eq.stress_unit
         device = together(
             actuator.device_figures({name: _place(actuator.probes[name], moved[name]) for name in moved}),
             self._gauges.figures(places, named, actuator.lift, self._normals(state.w)),
-            *(measure.compute(self.sampling, state) for measure in MEASURES),
+            *(measure.compute(self.sampling, state) for measure in outputs(ForceMeasure)),
         )
         return Figures(
             pressure=state.P * eq.stress_unit if eq.drives_cavities else float(pressures.max(initial=0.0)),
@@ -648,9 +661,9 @@ class Fields:
             max_stretch_at=self._place_of(values.stretches[..., -1], extremes["largest_stretch"][1]),
             extremes=extremes,
             peaks={
-                field.name: volume_peak(eq.comm, field.sampled(values), eq.point_volumes(), field.rest)[0]
-                for field in FIELDS
-                if field.sampled is not None and any(one.peak for one in field.extremes)
+                field.name: volume_peak(eq.comm, found, eq.point_volumes(), field.rest)[0]
+                for field, found in sampled.items()
+                if any(one.peak for one in field.extremes)
             },
             stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
             dissipated_energy=eq.potential.dissipated * eq.stress_unit * eq.volume_unit,

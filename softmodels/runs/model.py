@@ -18,7 +18,6 @@ from softmodels.case.case import Case
 from softmodels.case.entries import (
     CaseError,
 )
-from softmodels.case.from_python import Values, in_unit
 from softmodels.common.arrays import Array
 from softmodels.common.calls import checked, read_only
 from softmodels.common.processes import one_at_a_time
@@ -33,6 +32,7 @@ from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, RunError
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from softmodels.case.from_python import Values
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.system import State
     from softmodels.path.continuation import Continuation
@@ -195,6 +195,8 @@ class Model:
             ArgumentError, CaseError: Invalid input.
             RunError: The path ends before the last requested value.
         """
+        from softmodels.case.from_python import in_unit
+
         if (pressures is None) == (volumes is None):
             raise CaseError("give the pressures or the added volumes that the path goes to, one of them")
         unit, values, what = ("cm", pressures, "pressure") if volumes is None else ("ml", volumes, "volume")
@@ -237,11 +239,11 @@ class Model:
         Raises:
             RunError: There is none.
         """
-        from softmodels.path.schedule import inflate_from, load_from
-
         hung, driven = self.preload(report), self.case.driven
         if hung is None:
             return None
+        from softmodels.path.schedule import inflate_from, load_from
+
         if driven is None:
             return inflate_from(self.solver, hung)
         return load_from(self.solver, hung, len(self.case.actuator.ratios) + self.driven_load)
@@ -252,11 +254,11 @@ class Model:
         Raises:
             RunError: There is none.
         """
-        from softmodels.path.schedule import HangingEnd, hang
-
         case, system, dead = self.case, self.system, self.system.dead
         if not dead.loads:
             return None
+        from softmodels.path.schedule import HangingEnd, hang
+
         changed = {series.target for series in case.program}
         changed |= {case.driven.of(case.components).key} if case.driven else set()
         kept = [0.0 if load.key in changed else amount for load, amount in zip(dead.loads, dead.amounts, strict=True)]
@@ -289,7 +291,7 @@ class Model:
             return system.stress_unit
         if driven is not None and quantity in (DeadForce.name, LoadDisplacement.name):
             place = self.driven_load
-            unit = (system.dead.moved_units if driven.held else system.dead.units)[place]
+            unit = (system.dead.moved_units if driven.asked.held else system.dead.units)[place]
             return float(unit / (system.dead.amounts[place] if driven.key == "share" else 1.0))
         return system.volume_unit
 

@@ -46,8 +46,9 @@ from softmodels.materials.stability import (
 )
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import PathFailure, names_in
+from softmodels.mechanics.dead_loads import requestable
 from softmodels.mechanics.mpi import petsc_reason
-from softmodels.path.program import LOAD_KEYS, drivers, step_text, time_at
+from softmodels.path.program import drivers, step_text, time_at
 from softmodels.path.time_steps import LostInTime
 from softmodels.runs.band import SourceRows, span_sentence
 from softmodels.runs.columns import StateLabels, loads_words, state_labels
@@ -579,7 +580,12 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
     if end.limit is None:
         return f"{asked} was not reached: {end}. {where}" + advice(
             case,
-            {"pressure_Pa": last.pressure, "max_stretch": last.max_stretch, "J_min": last.J_min, **last.device},
+            {
+                "pressure_Pa": last.pressure,
+                "max_stretch": last.max_stretch,
+                "J_min": last.extremes["J"][0],
+                **last.device,
+            },
             petsc,
         )
     at = fields.figures(end.limit.state)
@@ -659,7 +665,7 @@ def _not_met(asked: str, cause: PathFailure) -> str:
 
 def _or_its_travel(table: str) -> str:
     """Return the request that passes a load's limit point: its travel, if a case can request that."""
-    options = (f"--{key.replace('_', '-')}" for key, given in LOAD_KEYS[table].items() if given.held)
+    options = (f"--{key.replace('_', '-')}" for key, given in requestable()[table].items() if given.held)
     option = next(options, None)
     return f", or request its travel ({option}), which passes the limit" if option else ""
 
@@ -682,6 +688,16 @@ def explain_failure(case: Case, failure: Exception, last: Row | None, petsc: boo
     words = "leave out PETSc's options (what follows --), " if petsc else ""
     told = f"{words}refine the mesh (--cell-size), or use another --control"
     return f"the path could not be followed ({failure})" + (f"; {told}" if last is None else f". {advice(case, last)}")
+
+
+def no_branch(case: Case, rows: Sequence[Row]) -> str:
+    """Return why a run has no branch to follow."""
+    if any(row.get("bifurcation") for row in rows):
+        return "the bifurcation was passed before the run was resumed; run without --resume to follow the branch"
+    if text := unlocated(rows, state_labels(case)):
+        return text
+    hidden = unseen(case.actuator)
+    return f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -39,8 +39,7 @@ class Progress:
         if self.quiet or sys.stderr is None or width is None:
             return self  # a log has no bar, so rich need not be imported
         from rich.console import Console
-        from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-        from rich.progress import Progress as Bar
+        from rich.progress import BarColumn, Progress as Bar, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
         self._console = Console(
             stderr=True, highlight=False, markup=False, emoji=False,

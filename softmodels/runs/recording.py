@@ -3,74 +3,36 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import functools
 import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from softmodels.case.case import Case
-from softmodels.case.materials import SourceBand
 from softmodels.common.errors import Spoken, reason
 from softmodels.common.files import file_digest, write_text
 from softmodels.common.folders import OwnFolderError
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import is_root, on_root
+from softmodels.runs import resume
 from softmodels.runs.columns import state_labels
-from softmodels.runs.notes import (
-    events,
-    notes_of,
-    sentences,
-    stability_text,
-    unlocated,
-    unseen,
-    unwritten,
-)
-from softmodels.runs.outcomes import BAD_INPUT, DONE, STOPPED, Ended, RunError, UnwrittenError
-from softmodels.runs.resume import (
-    ResultsPlace,
-    begin_together,
-    last_stop,
-    mesh_is_known,
-    recall,
-    stopped_at,
-    stored_points,
-)
+from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
+from softmodels.runs.outcomes import BAD_INPUT, DONE, Ended, UnwrittenError
 from softmodels.runs.row import Row
-from softmodels.runs.simulation import (
-    FROM_REST,
-    Begun,
-    Listener,
-    PathEnded,
-    Simulation,
-    Step,
-)
+from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
 from softmodels.runs.store import BRANCH, Results
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Finalise a run's folder: merge its steps into one file and write a summary.
+Summary = dict[str, Any]  # what ``summary.json`` holds
 
 
-REACHED = Ended()
-"""The end of a run that reached all its values."""
-
-
-Summary = dict[str, Any]
-"""What ``summary.json`` holds."""
-
-
-def gather(case: Case, results: Results, ended: Ended = REACHED) -> Summary:
-    """Bring all steps into one file, and write and return the summary, with the notes of `notes_of`; on rank 0.
-
-    Raises:
-        OSError: There is no room; the steps stay where they are.
-    """
+def gather(case: Case, results: Results, ended: Ended) -> Summary:
+    """Bring all steps into one file, and write and return the summary; on rank 0. `OSError` if there is no room."""
     results.finish()
     words = state_labels(case)
     summary = {
@@ -92,56 +54,8 @@ def branch_rows(results: Results) -> list[Row]:
     return branch.rows
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Solve a case with every other source of its silicone, on the mesh of the run.
-
-
-def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
-    """Follow the path of each other source of a case's band; all ranks call it.
-
-    Args:
-        simulation: The case, prepared.
-        mesh: Its mesh's file.
-
-    Returns:
-        Rows by the sources' names, on all ranks; empty where the case has no such band. A path that ends early has the rows up
-        to there.
-
-    Raises:
-        RunError: It was stopped by the user.
-    """
-    case, band = simulation.case, simulation.case.band
-    if not isinstance(band, SourceBand):
-        return {}
-    found: dict[str, list[Row]] = {}
-    others = band.others(case.material)
-    for number, (name, material) in enumerate(others.items(), 1):
-        simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
-        aside = Simulation(
-            dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped
-        )
-        rows = found[name] = []
-        try:
-            aside.prepare(mesh)
-            for step in aside.steps():
-                rows.append(step.row)
-        except PathEnded as end:
-            simulation.listener.say(f"  {end}")
-        except RunError as error:
-            if error.status == STOPPED:
-                raise
-            simulation.listener.say(f"  the path of {name} ends here: {error}")
-        finally:
-            aside.release()
-    return {name: rows for name, rows in found.items() if rows}
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# A case solved into a folder of results: the one way of all commands and of `softmodels.run`.
-
-
 class Observer:
-    """Is told on rank 0 how a folder of results comes about; here it does nothing."""
+    """Is told on rank 0 how a folder of results comes about."""
 
     def opened(self, results: Results) -> None:
         """The folder is taken; nothing is solved yet."""
@@ -154,20 +68,6 @@ class Observer:
         empty where there are no states, or it could not be written."""
 
 
-class Solved(NamedTuple):
-    """What came of a case that was solved into a folder.
-
-    Attributes:
-        folder: The folder; None where none could be taken.
-        loaded: Whether this run has stored a state that is not at rest.
-        ended: How it ended.
-    """
-
-    folder: Path | None
-    loaded: bool
-    ended: Ended
-
-
 @contextlib.contextmanager
 def unstopped() -> Iterator[Callable[[], bool]]:
     """Nobody asks to stop, but for exceptions."""
@@ -175,7 +75,7 @@ def unstopped() -> Iterator[Callable[[], bool]]:
 
 
 def solved_into(
-    place: ResultsPlace,
+    place: resume.ResultsPlace,
     case: Case,
     comm: MPI.Comm,
     listener: Listener | None = None,
@@ -183,21 +83,18 @@ def solved_into(
     branch: bool = False,
     observer: Observer | None = None,
     solving: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = unstopped,
-) -> Solved:
+) -> tuple[Path | None, bool, Ended]:
     """Solve a case and store each state in a folder at once; all ranks call it.
 
     Args:
-        place: The folder.
-        case: What is run.
-        comm: MPI communicator.
-        listener: Is told of each state.
+        place, case, comm: The folder, what is run, and on which ranks.
+        listener, observer: Are told of each state, and of the folder.
         branch: Follow the branch at the first bifurcation too.
-        observer: Is told of the folder.
         solving: Entered while states are solved; gives whether to stop, asked between them.
 
     Returns:
-        Where the states are, and how the run ended. Every error whose message is a sentence for the user ends it, and what
-        PETSc, the memory or the disk raises; it is there in `Ended.error`.
+        The folder, None where none could be taken; whether a state that is not at rest is stored; and how the run ended:
+        `Ended.error` has the error of the input, PETSc, the memory or the disk.
     """
     results: Results | None = None
     ended, observer = Ended(), observer or Observer()
@@ -206,7 +103,7 @@ def solved_into(
             simulation = Simulation(case, comm, listener, stopped)
             try:
                 with sentences(unwritten):
-                    results, resumed = begin_together(case, place, comm)
+                    results, resumed = resume.begin_together(case, place, comm)
                     if is_root(comm):
                         observer.opened(results)
                     record(simulation, results, resumed, branch, observer.begun)
@@ -219,18 +116,14 @@ def solved_into(
                     simulation.release()
         failure, loaded = on_root(comm, lambda: _complete(case, results, ended, observer))
         ended = Ended.by(UnwrittenError(failure)) if failure else ended
-        return Solved(None if results is None else results.own.path, loaded, ended)
+        return (None if results is None else results.own.path), loaded, ended
     finally:
         if results is not None and is_root(comm):
             results.own.leave()
 
 
 def _complete(case: Case, results: Results | None, ended: Ended, observer: Observer) -> tuple[str, bool]:
-    """Gather the states of a run that has ended; on rank 0.
-
-    Returns:
-        Why that failed, where the run itself did not, else empty; and `Solved.loaded`.
-    """
+    """Gather the states of a run that has ended, on rank 0; return why only that failed, else "", and whether it is loaded."""
     failure, summary = "", Summary()
     if results is not None and results.stored and ended.status != BAD_INPUT:
         try:
@@ -238,9 +131,8 @@ def _complete(case: Case, results: Results | None, ended: Ended, observer: Obser
             results.own.forget_unwritten()
         except (OSError, OwnFolderError) as error:
             if ended.status == DONE:
-                advice = "make room and run again with --resume"
-                failure = f"the steps could not be gathered in one file ({reason(error)}); {advice}"
-                ended = Ended.by(UnwrittenError(failure))
+                failure = f"the steps could not be gathered in one file ({reason(error)})"
+                ended = Ended.by(UnwrittenError(failure := f"{failure}; make room and run again with --resume"))
     observer.closed(results, ended, summary)
     return failure, results is not None and is_loaded(results.rows)
 
@@ -251,29 +143,18 @@ def is_loaded(rows: Sequence[Row]) -> bool:
 
 
 def record(
-    simulation: Simulation,
-    results: Results,
-    resumed: bool,
-    branch: bool,
-    begun: Callable[[Results], None] | None = None,
+    simulation: Simulation, results: Results, resumed: bool, branch: bool, begun: Callable[[Results], None]
 ) -> None:
-    """Solve a case and store every state at once; all ranks call it.
+    """Solve a case and store every state at once, after those of a ``resumed`` run; all ranks call it, rank 0 writes.
 
-    Args:
-        simulation: The case.
-        results: Its folder, prepared by `softmodels.runs.resume.begin`; only rank 0 writes there.
-        resumed: Go on from the states that are there.
-        branch: Follow the branch at the first bifurcation too, into a folder of its own.
-        begun: Called on rank 0 as soon as the folder holds a state of this run.
+    ``begun`` is called on rank 0 as soon as the folder holds a state of this run.
 
     Raises:
-        PathEnded: See `Simulation.steps`.
-        RunError: It was stopped, or cannot begin.
-        ResultsError: The states that are there are of another mesh.
+        PathEnded, RunError, ResultsError: The path ended, or it was stopped, or the states there are of another mesh.
     """
     case, comm = simulation.case, simulation.comm
     mesh = results.folder / f"{case.name}.msh"
-    if not (resumed and on_root(comm, lambda: mesh_is_known(results, mesh))):
+    if not (resumed and on_root(comm, lambda: resume.mesh_is_known(results, mesh))):
         simulation.write_mesh(mesh)
         on_root(comm, lambda: results.record(mesh=file_digest(mesh)))
     simulation.prepare(mesh)
@@ -304,14 +185,14 @@ def _begin(simulation: Simulation, results: Results) -> None:
 
 
 def _store(
-    steps: Iterable[Step], results: Results, comm: MPI.Comm, begun: Callable[[Results], None] | None = None
+    steps: Iterable[Step], results: Results, comm: MPI.Comm, begun: Callable[[Results], None] = lambda results: None
 ) -> None:
     for number, step in enumerate(steps):
 
         def add(step: Step = step, first: bool = number == 0) -> None:
             assert step.fields is not None
             results.add(step.row, step.fields, step.restart)
-            if first and begun is not None:
+            if first:
                 begun(results)
 
         on_root(comm, add)
@@ -326,13 +207,13 @@ def _begun(simulation: Simulation, results: Results) -> Begun:
     solved = on_root(
         comm, lambda: {i: row.get("time_s", 0.0) for i, row in enumerate(results.rows) if not row["bifurcation"]}
     )
-    again = functools.partial(recall, results, fields, comm, solved)
+    again = functools.partial(resume.recall, results, fields, comm, solved)
     if case.program:
-        stop = last_stop(case, results, fields, comm)
+        stop = resume.last_stop(case, results, fields, comm)
         simulation.listener.say(f"resuming from step {stop.number} of the program")
         return Begun(rows, stop=stop, recall=again)
-    left = on_root(comm, lambda: [not stopped_at(results, case.column, value) for value in case.values])
-    points = stored_points(results, fields, comm)
+    left = on_root(comm, lambda: [not resume.stopped_at(results, case.column, value) for value in case.values])
+    points = resume.stored_points(results, fields, comm)
     simulation.listener.say(f"resuming from step {len(rows) - 1}")
     return Begun(rows, left, points, recall=again)
 
@@ -347,7 +228,7 @@ def _record_branch(simulation: Simulation, results: Results) -> None:
     aside = results.branch()
     _begin(simulation, aside)
     _store(simulation.branch(), aside, comm)
-    on_root(comm, lambda: gather(case, aside) if aside.stored else None)
+    on_root(comm, lambda: gather(case, aside, Ended()) if aside.stored else None)
 
 
 def begin_branch(results: Results, case: Case) -> Results:
@@ -359,13 +240,3 @@ def begin_branch(results: Results, case: Case) -> Results:
     there = {file: name for file, name in copies.items() if (aside.folder / name).is_file()}
     write_text(aside.folder / "case.toml", case.to_toml(there))
     return aside
-
-
-def no_branch(case: Case, rows: Sequence[Row]) -> str:
-    """Return why a run has no branch to follow."""
-    if any(row.get("bifurcation") for row in rows):
-        return "the bifurcation was passed before the run was resumed; run without --resume to follow the branch"
-    if text := unlocated(rows, state_labels(case)):
-        return text
-    hidden = unseen(case.actuator)
-    return f"no bifurcation on this path, so there is no branch to follow{f'; {hidden}' if hidden else ''}"

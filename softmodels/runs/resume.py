@@ -16,91 +16,53 @@ import numpy as np
 from softmodels.case.case import Case, difference, identity
 from softmodels.common.arrays import Array
 from softmodels.common.commands import FULL
-from softmodels.common.files import (
-    file_digest,
-    is_same,
-    read_text,
-    write_text,
-)
+from softmodels.common.files import file_digest, is_same, read_text, write_text
 from softmodels.common.folders import OwnFolder, numbered, take_default
 from softmodels.mechanics.mpi import is_root, largest, on_root
 from softmodels.path.program import goes_on
-from softmodels.path.schedule import StageEnd
 from softmodels.runs.columns import cavity_columns
 from softmodels.runs.outcomes import BAD_INPUT, FAILED, RunError
-from softmodels.runs.store import (
-    RUN,
-    Results,
-    ResultsError,
-    picture_files,
-    picture_folder,
-)
+from softmodels.runs.store import RUN, Results, picture_files, picture_folder
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from softmodels.mechanics.system import State
     from softmodels.path.points import Point
+    from softmodels.path.schedule import StageEnd
     from softmodels.runs.fields import Fields
     from softmodels.runs.formats import Restart
 
 
 def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[str, str], folder: Path) -> None:
-    """Refuse to resume a run whose results would differ from this case's.
+    """Raise `RunError`, with the first difference, where a run differs from this case in more than the requested values.
 
-    Args:
-        case: What is run.
-        old: Case of the folder's case file.
-        known: `identity` of the case that the stored states are of.
-        wanted: `identity` of this case.
-        folder: For the message.
-
-    Raises:
-        RunError: They differ in more than the requested values, with the first that differs.
+    ``old`` is the case of the folder's case file, ``known`` and ``wanted`` are the `identity` of its states and of this case.
     """
     if (name := difference(known, wanted)) is not None:
         what = name.removeprefix("components.").split(".")[0]
-        raise RunError(
-            f"{folder} holds a run with another {what} ({name} is {known.get(name, 'not given')} there, "
-            f"{wanted.get(name, 'not given')} here); resume with its options, or run without --resume",
-            BAD_INPUT,
-        )
-    if case.load_unload and case.values != old.values:
-        raise RunError(
-            f"{folder} holds a --load-unload run through other pressures; resume with the same pressures", BAD_INPUT
-        )
-    if not goes_on(case.program, old.program):
-        raise RunError(
-            f"{folder} holds a run of other steps; resume with the same steps (further ones may follow), or run without "
-            f"--resume",
-            BAD_INPUT,
-        )
-    if old.quantity != case.quantity:
-        raise RunError(
-            f"{folder} holds a run with requested {old.quantity}s; resume with the same, or run without --resume",
-            BAD_INPUT,
-        )
+        there, here = (table.get(name, "not given") for table in (known, wanted))
+        other = f"another {what} ({name} is {there} there, {here} here); resume with its options"
+    elif case.load_unload and case.values != old.values:
+        other = "a --load-unload through other pressures; resume with the same pressures"
+    elif not goes_on(case.program, old.program):
+        other = "other steps; resume with the same steps (further ones may follow)"
+    elif old.quantity != case.quantity:
+        other = f"requested {old.quantity}s; resume with the same"
+    else:
+        return
+    raise RunError(f"{folder} holds a run with {other}, or run without --resume", BAD_INPUT)
 
 
 def drop_between(case: Case, results: Results) -> None:
-    """Drop the last states if they lie between two steps of which the second is missing.
-
-    They are found again, with that step. Going on from one of them would cut the path into other steps.
-    """
-    quantity = case.quantity
-    if case.program:  # a step of a program is resumed from its start
-        while results.stored and not results.stored[-1].row["requested"]:
-            results.stored.pop()
-        return
+    """Drop the last states that were found between two steps, or within a step of a program: they are found again with it."""
     while results.stored:
         row = results.stored[-1].row
-        if not (
-            row["limit"]
-            or row["bifurcation"]
-            or row.get("stroke_limit")
-            or row["jump"]
-            or (row["requested"] and row["step"] and row["control"] != quantity)
-        ):
+        found = ("limit", "bifurcation", "stroke_limit", "jump")
+        between = any(row.get(name) for name in found) or (
+            row["requested"] and row["step"] and row["control"] != case.quantity
+        )
+        if not (not row["requested"] if case.program else between):
             return
         results.stored.pop()
 
@@ -111,17 +73,15 @@ def check_values(case: Case, results: Results) -> None:
     reached = max((row[key] for row in results.rows), default=0.0)
     for value in case.values:
         if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(results, key, value):
-            raise RunError(
-                f"{results.folder} holds a run that passed {value:g} {unit} without stopping there; "
-                f"resume with the run's own values, or run without --resume",
-                BAD_INPUT,
-            )
+            text = f"{results.folder} holds a run that passed {value:g} {unit} without stopping there"
+            raise RunError(f"{text}; resume with the run's own values, or run without --resume", BAD_INPUT)
 
 
 def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> StageEnd:
     """Return the end of a program's step that the stored states end with."""
-    row, record = on_root(comm, lambda: (results.rows[-1], results.stored[-1].restart))
-    last = on_root(comm, lambda: len(results.stored) - 1)
+    from softmodels.path.schedule import StageEnd
+
+    last, row, record = on_root(comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart))
     state = stored_state(results, fields, comm, last, record["P"], record["V"])
     system = fields.system
     pressures = [row[name] * case.cm / system.stress_unit for name in cavity_columns(row, "pressure", "cm")]
@@ -190,21 +150,12 @@ def stored_state(results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, 
     return fields.state(results.fields(step, ("displacement", "p")) if is_root(comm) else None, P, V)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The results folder of a run: choose it, check it, and start or resume the run, before anything is solved.
-
-
-MOST_GAPS = 20
-"""Number of consecutive missing numbered folders after which the search for an earlier run stops."""
-
-
 @dataclasses.dataclass(frozen=True)
 class ResultsPlace:
     """A folder to solve into.
 
     Attributes:
-        folder: Empty, not there, or an earlier run's; all ranks see it. None for the first of ``results/NAME``,
-            ``results/NAME-2`` ... that is free or holds a run of this very case.
+        folder: All ranks see it. None for the first of ``results/NAME``, ``results/NAME-2`` ... that `take_default` finds.
         resume: Go on from what an interrupted run of the same case has left.
         inputs: Files that the user has given: they are never written.
         draw: Whether pictures are to be drawn there too.
@@ -217,22 +168,16 @@ class ResultsPlace:
 
 
 def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
-    """Take a folder for a run and prepare it.
-
-    Returns:
-        The results, their folder locked; and whether there are states in it to go on from.
+    """Take a folder for a run and prepare it; return the results, locked, and whether there are states to go on from.
 
     Raises:
         RunError, OwnFolderError, InUseError, ResultsError, CaseError: The folder, or what is in it, cannot be used.
     """
     try:
         wanted, output, base = identity(case), place.folder, Path("results") / case.name
-        if output is None:
-            output = _found(base, case, wanted) if place.resume else None
-            own = take_default(base, RUN, wanted) if output is None else OwnFolder(output, RUN)
-        else:
-            own = OwnFolder(output, RUN)
-            _check_earlier(output)
+        if output is None and place.resume:
+            output = _found(base, case, wanted)
+        own = take_default(base, RUN, wanted) if output is None else OwnFolder(output, RUN)
         results = Results(own.path, case.name, case.actuator.gauge)
         results.own = own
         own.take()
@@ -248,8 +193,7 @@ def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
         return results, resumed
     except OSError as error:
         status = FAILED if error.errno in FULL else BAD_INPUT
-        folder = place.folder or base
-        raise RunError(f"the folder {folder} cannot be written ({error.strerror})", status) from None
+        raise RunError(f"the folder {place.folder or base} cannot be written ({error.strerror})", status) from None
 
 
 def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[Results, bool]:
@@ -268,94 +212,53 @@ def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[Res
 
 
 def _found(base: Path, case: Case, wanted: Mapping[str, str]) -> Path:
-    """Return the numbered folder with a run that this case can resume.
-
-    Raises:
-        RunError: There is none, or several.
-    """
-    fitting, exact, gaps = [], [], 0
-    for path in numbered(base):
-        gaps = 0 if path.exists() else gaps + 1
-        if gaps > MOST_GAPS:
-            break
+    """Return the numbered folder with a run of this case, or else with the only one that it can resume."""
+    fitting = []
+    for path in itertools.takewhile(Path.exists, numbered(base)):
         old = OwnFolder(path, RUN).about.get("inputs")
         if isinstance(old, dict) and difference(old, wanted) is None:
+            if old == dict(wanted):
+                return path
             fitting.append(path)
-            exact += [path] if old == dict(wanted) else []
-    chosen = exact if len(exact) == 1 else fitting
-    if len(chosen) > 1:
-        raise RunError(
-            f"{' and '.join(map(str, chosen))} hold runs that this case can resume; choose one with --output",
-            BAD_INPUT,
-        )
-    if not chosen:
-        first = f"; {base} holds another case" if base.exists() else ""
-        raise RunError(
-            f"none of the folders {base}, {base.name}-2 and so on holds a run of this case to resume{first}; give "
-            f"its folder (--output), or run without --resume",
-            BAD_INPUT,
-        )
-    return chosen[0]
-
-
-def _check_earlier(folder: Path) -> None:
-    """Reject results of a version without a record of its files.
-
-    Raises:
-        RunError: The folder holds such results.
-    """
-    if OwnFolder(folder, RUN).record is not None or not (folder / "case.toml").is_file():
-        return
-    if (folder / "path.csv").is_file() and any(folder.glob("*.h5")):
-        raise RunError(
-            f"{folder} holds results of an earlier version of softmodels, without a record of its files: they can "
-            f"be drawn (softmodels draw {folder}), but not resumed or replaced; use another folder (--output), or move it away",
-            BAD_INPUT,
-        )
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        several = " and ".join(map(str, fitting))
+        raise RunError(f"{several} hold runs that this case can resume; choose one with --output", BAD_INPUT)
+    what = f"none of the folders {base}, {base.name}-2 and so on holds a run of this case to resume"
+    raise RunError(f"{what}; give its folder (--output), or run without --resume", BAD_INPUT)
 
 
 def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
-    """Load the states of an earlier run; return whether there are any.
-
-    Raises:
-        RunError, ResultsError: They are of another case, or cannot be resumed.
-    """
+    """Load the states of an earlier run; return whether there are any."""
     folder, about = results.own.path, results.own.about
     stored = [file for file in results.own.files if file.endswith(".h5") and (folder / file).exists()]
     if not stored:
         return False
     file = folder / "case.toml"
     if not file.exists():
-        raise RunError(
-            f"{folder} holds states of an earlier run but its case.toml is missing; restore it, or run "
-            "without --resume, which replaces the states",
-            BAD_INPUT,
-        )
-    if not isinstance(about.get("inputs"), dict):
-        raise ResultsError(f"{folder} does not record the case of its states; run without --resume")
+        text = f"{file} is missing, the case of the states in that folder; restore it, or run without --resume"
+        raise RunError(f"{text}, which replaces them", BAD_INPUT)
     _check_unchanged(results)
-    check_same(case, Case.from_file(file), about["inputs"], wanted, folder)
+    check_same(case, Case.from_file(file), about.get("inputs", {}), wanted, folder)
     results.load(go_on=True)
     if not case.load_unload:
         drop_between(case, results)
         check_values(case, results)
     there = {file: name for file, name in results.inputs_of(case.files).items() if (folder / name).is_file()}
     text = case.to_toml(there)
-    results.renew(text, {"inputs": dict(wanted), "case_file": _digest(text)})
+    if results.stored:
+        results.record(inputs=dict(wanted), case_file=_digest(text))
+        write_text(file, text)
     return bool(results.stored)
 
 
 def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs: Sequence[Path]) -> None:
     """Prepare new results beside the earlier ones."""
     copies = results.inputs_of(case.files)
-    text, folder = case.to_toml(copies), results.own.path
-    for name, file in itertools.product(results.own.files, inputs):
-        # A case file among its own run's results may be run again: it is written unchanged.
-        if is_same(folder / name, file) and not (name == "case.toml" and read_text(file) == text):
-            raise RunError(
-                f"{file} is an input of this run and would be replaced by its results; use another folder (--output)",
-                BAD_INPUT,
-            )
+    text, own = case.to_toml(copies), results.own.path / "case.toml"
+    # A case file among its own run's results may be run again: it is written unchanged.
+    results.own.check_inputs(file for file in inputs if not (is_same(own, file) and read_text(file) == text))
     _check_unchanged(results)
     results.prepare({"inputs": dict(wanted), "case_file": _digest(text)})
     for source, copy in copies.items():
@@ -365,18 +268,11 @@ def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs:
 
 
 def _check_unchanged(results: Results) -> None:
-    """Refuse to replace a case.toml that the user has changed since it was written.
-
-    Raises:
-        RunError: It was changed.
-    """
+    """Raise `RunError` if the user has changed the case.toml that is to be replaced."""
     file, known = results.own.path / "case.toml", results.own.about.get("case_file")
     if known is not None and file.exists() and file_digest(file) != known:
-        raise RunError(
-            f"{file} has changed since its run wrote it; move it out of the results folder and run it from there, or "
-            f"use another folder (--output)",
-            BAD_INPUT,
-        )
+        fix = "move it out of the results folder and run it from there, or use another folder (--output)"
+        raise RunError(f"{file} has changed since its run wrote it; {fix}", BAD_INPUT)
 
 
 def _digest(text: str) -> str:

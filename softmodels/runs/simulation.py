@@ -11,7 +11,7 @@ import numpy as np
 
 from geometries import MeshingStopped, meshing
 from softmodels.case.case import Case
-from softmodels.case.materials import MaterialErrors
+from softmodels.case.materials import MaterialErrors, SourceBand
 from softmodels.common.arrays import Array
 from softmodels.materials.stability import weakness
 from softmodels.mechanics.compiling import cache, compiling, wait_for_cache
@@ -224,7 +224,6 @@ class Simulation:
         from softmodels.mechanics.newton import NoConvergence
         from softmodels.path.continuation import trace
         from softmodels.path.points import PathEnd
-        from softmodels.path.schedule import cycle
 
         case, count = self.case, len(begun.rows)
         last = begun.rows[-1] if begun.rows else None
@@ -234,10 +233,14 @@ class Simulation:
         self._check_volumes(path.start)
         if begun.rows and not case.load_unload:
             goals = [goal for goal, wanted in zip(goals, begun.left, strict=True) if wanted]
+        if case.load_unload:
+            from softmodels.path.schedule import cycle
+
+            points = cycle(path, goals)
+        else:
+            points = trace(path, goals, begun.points)
         try:
-            for number, point in enumerate(
-                cycle(path, goals) if case.load_unload else trace(path, goals, begun.points)
-            ):
+            for number, point in enumerate(points):
                 if case.load_unload and number < count:
                     continue  # the curve is computed anew; stored states stay
                 step = self.step_of(point, number if case.load_unload else count + number)
@@ -369,3 +372,47 @@ def _own_words() -> bool:
     from petsc4py import PETSc
 
     return bool(PETSc.Options().getAll())
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Solve a case with every other source of its silicone, on the mesh of the run.
+
+
+def solve_sources(simulation: Simulation, mesh: Path) -> dict[str, list[Row]]:
+    """Follow the path of each other source of a case's band; all ranks call it.
+
+    Args:
+        simulation: The case, prepared.
+        mesh: Its mesh's file.
+
+    Returns:
+        Rows by the sources' names, on all ranks; empty where the case has no such band. A path that ends early has the rows up
+        to there.
+
+    Raises:
+        RunError: It was stopped by the user.
+    """
+    case, band = simulation.case, simulation.case.band
+    if not isinstance(band, SourceBand):
+        return {}
+    found: dict[str, list[Row]] = {}
+    others = band.others(case.material)
+    for number, (name, material) in enumerate(others.items(), 1):
+        simulation.listener.say(f"solving with {name}, source {number} of {len(others)} besides the run's own")
+        aside = Simulation(
+            dataclasses.replace(case, material=material, band=None), simulation.comm, None, simulation.stopped
+        )
+        rows = found[name] = []
+        try:
+            aside.prepare(mesh)
+            for step in aside.steps():
+                rows.append(step.row)
+        except PathEnded as end:
+            simulation.listener.say(f"  {end}")
+        except RunError as error:
+            if error.status == STOPPED:
+                raise
+            simulation.listener.say(f"  the path of {name} ends here: {error}")
+        finally:
+            aside.release()
+    return {name: rows for name, rows in found.items() if rows}

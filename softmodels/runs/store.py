@@ -12,15 +12,8 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import (
-    Iterable,
-    Mapping,
-    Sequence,
-)
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import (
-    TYPE_CHECKING,
-)
 
 import h5py
 import numpy as np
@@ -29,61 +22,23 @@ import numpy.typing as npt
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
 from softmodels.common.errors import Spoken
-from softmodels.common.files import (
-    hdf5_reason,
-    remove_steps,
-    replace,
-    replace_hdf5,
-    write_text,
-)
+from softmodels.common.files import hdf5_reason, remove_steps, replace, replace_hdf5
 from softmodels.common.folders import PATIENCE, OwnFolder
-from softmodels.runs.band import (
-    FILE as SOURCES,
-)
-from softmodels.runs.band import (
-    SourceRows,
-    in_order,
-    read_sources,
-    write_sources,
-)
+from softmodels.runs import formats
+from softmodels.runs.band import FILE as SOURCES, SourceRows, in_order, read_sources, write_sources
 from softmodels.runs.row import Row
 
-if TYPE_CHECKING:
-    pass
-
-
-from softmodels.runs.formats import (
-    RESTART,
-    ROW,
-    Restart,
-    StoredStep,
-    inside,
-    opened,
-    read_step,
-    read_values,
-    shapes_of,
-    write_gathered,
-    write_light,
-)
-
-# ----------------------------------------------------------------------------------------------------------------------
-# File names of a run's pictures, and their record in a results folder.
-
-
-PICTURES = (
-    "profile",
-    "loop",
-    "mesh",
-    "slice",
-    "mode",
-    "undeformed",
-    "cut",
-    "hot-spots",
-    "stress",
-    *(f"stress-{k}" for k in range(1, 5)),
-)
+PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "hot-spots", "stress",
+            *(f"stress-{k}" for k in range(1, 5)))  # fmt: skip
 """Stems of the pictures other than the one named after the gauge."""
 PAGES = ("film.gif", "film.webp", "film.mp4", "report.html")
+FORMAT = 5
+"""Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read, but not resumed."""
+OLDER = "run without --resume into another folder (--output), or only draw it (softmodels draw)"
+INPUTS = "files/"
+"""Subfolder for copies of a case's input files, such as a part's mesh."""
+RUN, BRANCH = "run", "branch/"
+"""Kind of a run in a folder's record; subfolder for the branch at its bifurcation."""
 
 
 def picture_files(gauge: str) -> list[str]:
@@ -94,14 +49,6 @@ def picture_files(gauge: str) -> list[str]:
 def picture_folder(folder: Path) -> OwnFolder:
     """Return the record of the pictures in a results folder, separate from the run's because they are also drawn during it."""
     return OwnFolder(folder, "pictures", part="pictures")
-
-
-FORMAT = 5
-"""Of the stored steps, in the HDF5 file's attribute ``format``. An older one is read, but not resumed."""
-INPUTS = "files/"
-"""Subfolder for copies of a case's input files, such as a part's mesh."""
-RUN, BRANCH = "run", "branch/"
-"""Kind of a run in a folder's record; subfolder for the branch at its bifurcation."""
 
 
 class ResultsError(Spoken, RuntimeError):
@@ -118,16 +65,15 @@ class Results:
         kind: What the folder's record calls them.
 
     Attributes:
-        own: The folder, and what in it is the run's own.
+        own: The folder's record.
         folder: Where the files are: in ``own``, or aside of the earlier results until the first step is there.
     """
 
     def __init__(self, folder: Path, name: str, gauge: str = "apex", kind: str = RUN):
         self.own = OwnFolder(folder, kind)
         self.folder, self.name, self.gauge = folder, name, gauge
-        self.stored: list[StoredStep] = []
+        self.stored: list[formats.StoredStep] = []
         self._about: dict[str, object] = {}
-        self._renewal = ""
 
     @property
     def heavy(self) -> Path:
@@ -158,19 +104,8 @@ class Results:
     @property
     def files(self) -> list[str]:
         """Names of the files of a run, pictures excluded."""
-        name = self.name
-        return [
-            "case.toml",
-            f"{name}.h5",
-            f"{name}.xdmf",
-            f"{name}.vtkhdf",
-            "path.csv",
-            SOURCES,
-            "summary.json",
-            f"{name}.msh",
-            f"{name}.steps/",
-            INPUTS,
-        ]
+        own = (f"{self.name}{end}" for end in (".h5", ".xdmf", ".vtkhdf", ".msh", ".steps/"))
+        return ["case.toml", *own, "path.csv", SOURCES, "summary.json", INPUTS]
 
     @staticmethod
     def inputs_of(files: Iterable[str]) -> dict[str, str]:
@@ -184,22 +119,10 @@ class Results:
         return names
 
     def prepare(self, about: Mapping[str, object]) -> None:
-        """Start new results beside the earlier ones, which stay until the first step is stored.
-
-        Args:
-            about: What to record of them.
-
-        Raises:
-            OwnFolderError: Somebody else's file has a name that a run writes.
-            OSError: The folder cannot be written.
-        """
+        """Start new results beside the earlier ones, which stay until a step is stored; ``about`` is recorded of them."""
         self.own.check_names([*self.files, BRANCH])
         self._about = dict(about)
         self.folder = self.own.prepare()
-
-    def renew(self, case: str, about: Mapping[str, object]) -> None:
-        """Write another case file with the next state, when a run is resumed to further values."""
-        self._renewal, self._about = case, dict(about)
 
     def record(self, **about: object) -> None:
         """Add to the record of these results: at once, or with the first state."""
@@ -219,11 +142,7 @@ class Results:
             pictures.leave()
 
     def clear(self) -> None:
-        """Create the folder and remove the files of an earlier run at once.
-
-        Raises:
-            OwnFolderError: The folder is not a run's, or somebody else's file has a name that a run writes.
-        """
+        """Create the folder and remove the files of an earlier run at once; `OwnFolderError` if it is not a run's."""
         self.own.check()
         self.own.path.mkdir(parents=True, exist_ok=True)
         self.own.remove(self.own.files)
@@ -242,27 +161,15 @@ class Results:
         self._shapes = (len(points), cells.shape, cell_name)
 
     def check_grid(self, points: npt.NDArray[np.float64]) -> None:
-        """Refuse to resume on another mesh.
-
-        Args:
-            points: Nodes of the mesh, shape (n, 3), m.
-
-        Raises:
-            ResultsError: The stored states lie on other nodes.
-        """
-        with opened(self.heavy) as file:
-            stored = np.asarray(read_values(file, "mesh/points"))
+        """Raise `ResultsError` if the stored states lie on other nodes than these, shape (n, 3), m."""
+        with formats.opened(self.heavy) as file:
+            stored = np.asarray(formats.read_values(file, "mesh/points"))
         if stored.shape != points.shape or not np.allclose(stored, points, rtol=0.0, atol=1e-9 * np.abs(stored).max()):
-            raise ResultsError(
-                f"the states in {self.folder} are of another mesh ({len(stored)} nodes there, {len(points)} here), as another "
-                "version of Gmsh would make; run without --resume"
-            )
+            nodes = f"{len(stored)} nodes there, {len(points)} here"
+            raise ResultsError(f"the states in {self.folder} are of another mesh ({nodes}); run without --resume")
 
     def load(self, go_on: bool = False) -> None:
-        """Load the results of an earlier run, to resume or to draw it.
-
-        Args:
-            go_on: Whether it is to be resumed, which needs a run of this version.
+        """Load the results of an earlier run, to draw it or to ``go_on``, which needs a run of this version.
 
         Raises:
             ResultsError: There is nothing, or it cannot be read, or another version wrote it.
@@ -271,64 +178,55 @@ class Results:
             raise ResultsError(f"{self.folder} holds no {self.heavy.name}, so there is no run to resume")
         if self.steps.is_symlink():
             raise ResultsError(f"{self.steps} is a link, but the steps of a run must be in its own folder; remove it")
-        found: dict[int, StoredStep] = {}
+        found: dict[int, formats.StoredStep] = {}
         try:
-            with opened(self.heavy) as file:
-                self._check_format(int(file.attrs.get("format", 0)), go_on)
-                points, cells = inside(file, "mesh/points").shape, inside(file, "mesh/cells").shape
-                self._shapes = (points[0], cells, str(inside(file, "mesh").attrs["cell_name"]))
-                for group in inside(file, "steps") if "steps" in file else ():
-                    found[int(group)] = read_step(inside(file, f"steps/{group}"), self.heavy.name, f"/steps/{group}")
+            with formats.opened(self.heavy) as file:
+                written = int(file.attrs.get("format", 0))
+                if written > FORMAT or (go_on and written < FORMAT):
+                    which, fix = ("a later", "update softmodels") if written > FORMAT else ("an earlier", OLDER)
+                    text = (
+                        f"{self.folder} was written by {which} version of softmodels (format {written}, not {FORMAT})"
+                    )
+                    raise ResultsError(f"{text}; {fix}")
+                points, cells = formats.inside(file, "mesh/points").shape, formats.inside(file, "mesh/cells").shape
+                self._shapes = (points[0], cells, str(formats.inside(file, "mesh").attrs["cell_name"]))
+                for group in formats.inside(file, "steps") if "steps" in file else ():
+                    step = formats.inside(file, f"steps/{group}")
+                    found[int(group)] = formats.read_step(step, self.heavy.name, f"/steps/{group}")
             for path in sorted(self.steps.glob("*.h5")):
-                with opened(path) as file:
-                    found[int(path.stem)] = read_step(file, f"{self.steps.name}/{path.name}", "")
+                with formats.opened(path) as file:
+                    found[int(path.stem)] = formats.read_step(file, f"{self.steps.name}/{path.name}", "")
+        except ResultsError:
+            raise
         except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
-            if isinstance(error, ResultsError):
-                raise
             raise ResultsError(f"the results in {self.folder} cannot be read ({hdf5_reason(error)})") from error
         self.stored = [found[step] for step in sorted(found)]
 
-    def _check_format(self, found: int, go_on: bool) -> None:
-        if found > FORMAT:
-            raise ResultsError(
-                f"{self.folder} was written by a later version of softmodels (its results have format {found}, this version "
-                f"reads up to {FORMAT}); update softmodels"
-            )
-        if go_on and found < FORMAT:
-            raise ResultsError(
-                f"{self.folder} was written by an earlier version of softmodels (its results have format {found}, this version "
-                f"resumes {FORMAT}); run without --resume into another folder (--output), or only draw it "
-                f"(softmodels draw {self.folder})"
-            )
-
-    def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: Restart) -> None:
+    def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: formats.Restart) -> None:
         """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and its restart data."""
-        number = len(self.stored)
         self.steps.mkdir(exist_ok=True)
 
         def fill(file: h5py.File) -> None:
             for name, values in fields.items():
                 file[name] = values
-            file.attrs[ROW], file.attrs[RESTART] = json.dumps(row.cells), json.dumps(restart)
+            file.attrs[formats.ROW], file.attrs[formats.RESTART] = json.dumps(row.cells), json.dumps(restart)
 
-        path = self.steps / f"{number:04d}.h5"
+        path = self.steps / f"{len(self.stored):04d}.h5"
         replace_hdf5(path, fill)
-        self.stored.append(StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), shapes_of(fields)))
+        self.stored.append(
+            formats.StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), formats.shapes_of(fields))
+        )
         self.write_light()
         if self.folder != self.own.path:
             self._bring_in()
-        elif self._renewal:
-            write_text(self.folder / "case.toml", self._renewal)
-            self.own.claim(["case.toml"], self._about)
-            self._renewal = ""
 
     def fields(self, step: int, names: tuple[str, ...]) -> dict[str, npt.NDArray[np.float64]]:
         """Return the nodal fields of a stored step."""
         if not (self.folder / self.stored[step].file).exists():
             self.load()  # the run that wrote it has merged its steps meanwhile
         stored = self.stored[step]
-        with opened(self.folder / stored.file) as file:
-            return {name: np.asarray(read_values(file, f"{stored.group}/{name}")) for name in names}
+        with formats.opened(self.folder / stored.file) as file:
+            return {name: np.asarray(formats.read_values(file, f"{stored.group}/{name}")) for name in names}
 
     def finish(self) -> None:
         """Merge all steps into one HDF5 file, with every step readable at any moment.
@@ -336,22 +234,17 @@ class Results:
         Raises:
             OSError: There is no room for it; all steps stay where they are.
         """
-
-        size = sum(
-            (self.folder / file).stat().st_size for file in {self.heavy.name, *(stored.file for stored in self.stored)}
-        )
-        # Check the free space first, because HDF5 fails badly on a full disk: see `replace_hdf5`. The whole may not fit in
-        # memory.
-        if shutil.disk_usage(self.folder).free < size:
+        files = {self.heavy.name, *(stored.file for stored in self.stored)}
+        # HDF5 fails badly on a full disk: see `replace_hdf5`. The whole may not fit in memory.
+        if shutil.disk_usage(self.folder).free < sum((self.folder / file).stat().st_size for file in files):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
         gathered = [
             dataclasses.replace(stored, file=self.heavy.name, group=f"/steps/{number:04d}")
             for number, stored in enumerate(self.stored)
         ]
-
+        whole = self.heavy, self._shapes, self.stored, gathered
         try:
-            replace(self.heavy, lambda path: write_gathered(path, self.heavy, self._shapes, self.stored, gathered))
+            replace(self.heavy, lambda path: formats.write_gathered(path, *whole))
         except (OSError, RuntimeError) as error:
             raise OSError(errno.EIO, hdf5_reason(error)) from error
         self.stored = gathered
@@ -360,5 +253,4 @@ class Results:
 
     def write_light(self, gathered: bool = False) -> None:
         """Write ``path.csv``, the XDMF and the light VTKHDF anew; ``gathered`` is whether the HDF5 file has all steps."""
-
-        write_light(self.heavy, self._shapes, self.stored, gathered)
+        formats.write_light(self.heavy, self._shapes, self.stored, gathered)

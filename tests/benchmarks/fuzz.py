@@ -35,8 +35,7 @@ from unittest import mock
 
 import cv2
 import numpy as np
-from hypothesis import HealthCheck, Phase, given, settings
-from hypothesis import seed as seeded
+from hypothesis import HealthCheck, Phase, given, seed as seeded, settings
 
 from tests.benchmarks import fuzz_inputs as inputs
 

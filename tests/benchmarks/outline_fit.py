@@ -29,9 +29,9 @@ from softmodels.fitting.outlines.residuals import (
     OutlineResiduals,
 )
 from softmodels.fitting.outlines.shapes import prepare
-from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
 from softmodels.fitting.problem import CannotEvaluate, LawChoice
 from softmodels.mechanics.mpi import start
+from tests.support.simulated import SimulatedCamera, simulated_outlines
 
 TRUTH = {"c1": 14e3, "c2": 600.0, "c3": 0.0}
 HOLD = {"c3": {"start": 0.0, "fixed": True}}

@@ -21,10 +21,10 @@ from geometries import Actuator, HollowDisk, Membrane
 from softmodels.case.case import Case
 from softmodels.components.loads import Gravity, Mass
 from softmodels.fitting.outlines.device import MeasuredDevice
-from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
 from softmodels.fitting.problem import LawChoice
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.mpi import start
+from tests.support.simulated import SimulatedCamera, simulated_outlines
 
 DOWN = Gravity("-z")
 DEVICES: dict[str, tuple[Actuator, tuple[Component, ...], tuple[float, ...]]] = {

@@ -41,10 +41,10 @@ from softmodels.fitting.outlines.residuals import (
     least_squares_of_heights,
 )
 from softmodels.fitting.outlines.shapes import prepare
-from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
 from softmodels.fitting.problem import FitError, LawChoice
 from softmodels.materials.stability import judge
 from softmodels.mechanics.mpi import start
+from tests.support.simulated import SimulatedCamera, simulated_outlines
 
 HOLD = {"c3": {"start": 0.0, "fixed": True}}
 CM = 95.1

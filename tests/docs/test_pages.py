@@ -51,6 +51,14 @@ def test_python_on_pages_runs(page, tmp_path):
     _run(["page.py"], tmp_path)
 
 
+def test_each_thing_that_can_be_added_is_checked_on_its_page():
+    sections = re.split(r"^## ", (SITE / "howto" / "extending.md").read_text(), flags=re.MULTILINE)[1:]
+    added = "law", "device", "component", "load", "supply", "output", "quantity"
+    for word, section in zip(added, sections, strict=True):
+        heading, _, text = section.partition("\n")
+        assert word in heading and "register_" in text and re.search(r"^assert np\.", text, re.MULTILINE), heading
+
+
 def test_each_example_is_on_a_page_beside_its_picture():
     shown = {}
     for page in SITE.rglob("*.md"):
@@ -60,6 +68,22 @@ def test_each_example_is_on_a_page_beside_its_picture():
     for name, text in shown.items():
         assert f"img/gallery/{name}.png)" in text, name
         assert (SITE / "img" / "gallery" / f"{name}.png").stat().st_size < LARGEST_PICTURE, name
+
+
+COUNT = """
+import atexit, runpy, sys
+def told():
+    print(sum(name.split(".")[0] in ("softmodels", "geometries", "measurement") for name in sys.modules))
+atexit.register(told)
+sys.argv = ["disk", "--section=axisymmetric", "--pressure-cm=0,5", "--quiet", "--no-pictures", "--output=disk"]
+runpy.run_module("softmodels.disk", run_name="__main__", alter_sys=True)
+"""
+
+
+def test_no_run_imports_more_files_than_the_architecture_page_says(tmp_path):
+    text = (SITE / "explanation" / "architecture.md").read_text()
+    (tmp_path / "count.py").write_text(COUNT)
+    assert int(_run(["count.py"], tmp_path).stdout.split()[-1]) <= int(re.search(r"imports (\d+) files", text)[1])
 
 
 def test_links_and_pictures_lead_somewhere():

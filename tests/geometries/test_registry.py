@@ -38,7 +38,7 @@ def table(monkeypatch):
 
 def test_a_librarys_name_is_taken_before_its_device_is_loaded(table):
     other = dataclasses.make_dataclass("Balloon", [], bases=(HollowDisk,), frozen=True)
-    with pytest.raises(ValueError, match=r"name .Balloon. already, in geometries\.balloon"):
+    with pytest.raises(ValueError, match=r"Balloon. is taken by another device, in geometries\.balloon"):
         register_device(other)
     assert not table.loaded
 

@@ -13,7 +13,8 @@ from measurement.__main__ import main
 from measurement.camera.camera import frame_points
 from measurement.camera.lens import Exif, lens_profile
 from measurement.screen.setup import Setup
-from measurement.synthetic.photographer import Scene, charuco, chessboard, dome, photograph, save, truth_of
+from measurement.synthetic.photographer import Scene, chessboard, dome, photograph, save, truth_of
+from tests.support.photographs.boards import charuco
 
 DOME = dome(0.005, floor=-0.003)
 THESIS = {"maker": "Canon", "camera": "Canon EOS 550D", "lens": "EF-S18-55mm f/3.5-5.6 IS", "focal_mm": 35.0}

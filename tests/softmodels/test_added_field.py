@@ -13,13 +13,13 @@ from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.cli.run import run
 from softmodels.materials.laws import NeoHookean
-from softmodels.runs.columns import COLUMNS, PathColumn, term
+from softmodels.runs.columns import PathColumn, term
 from softmodels.runs.fields import (
-    FIELDS,
-    MEASURES,
+    OUTPUTS,
     Extreme,
     ForceMeasure,
     OutputField,
+    register_output,
 )
 
 SMALLEST = OutputField(
@@ -35,15 +35,13 @@ MEAN = PathColumn(
     "mean_rise_mm", "mean rise", "of all nodes", lambda s: 1e3 * float(s.nodal["displacement"][:, 2].mean())
 )
 NODES = ForceMeasure(
-    lambda sampling, state: {"nodes_here": float(sampling.grid.owned)}, {"nodes_here": ("nodes", "of a rank")}
+    "nodes", lambda sampling, state: {"nodes_here": float(sampling.grid.owned)}, {"nodes_here": ("nodes", "of a rank")}
 )
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    FIELDS.extend([SMALLEST, RADIAL])
-    COLUMNS.append(MEAN)
-    MEASURES.append(NODES)
+    added = [register_output(output) for output in (SMALLEST, RADIAL, MEAN, NODES)]
     folder = tmp_path_factory.mktemp("added") / "disk"
     case = Case("disk", HollowDisk(section="axisymmetric"), NeoHookean(28e3), pressures_cm=(0.0, 10.0))
     try:
@@ -51,9 +49,8 @@ def folder(tmp_path_factory):
         assert term("min_stretch").text == SMALLEST.extremes[0].text and term("nodes_here").name == "nodes"
         yield folder
     finally:
-        FIELDS[-2:] = []
-        COLUMNS.remove(MEAN)
-        MEASURES.remove(NODES)
+        for output in added:
+            del OUTPUTS[output.name]
 
 
 def test_the_field_and_its_extreme_are_in_every_file(folder):
@@ -75,3 +72,8 @@ def test_the_field_and_its_extreme_are_in_every_file(folder):
             assert float(rows[number]["mean_rise_mm"]) == pytest.approx(mean, abs=1e-9)
             assert float(rows[number]["nodes_here"]) == len(smallest)
     assert len(rows) > 2 and float(rows[-1]["min_stretch"]) < 0.995
+
+
+def test_a_name_is_of_one_output():
+    with pytest.raises(ValueError, match="'J' is taken by another output"):
+        register_output(OutputField("J", "", "another", lambda at: at.p))

@@ -21,7 +21,6 @@ from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit import fit
-from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
 from softmodels.fitting.problem import FitOptions, LawChoice, all_laws
 from softmodels.materials.laws import (
     LAWS,
@@ -33,6 +32,7 @@ from softmodels.materials.laws import (
     register_law,
 )
 from softmodels.materials.specimens import nominal_stress, respond, sphere_pressure
+from tests.support.simulated import SimulatedCamera, simulated_outlines
 
 SERIES = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 """Coefficients of Arruda & Boyce 1993, doi 10.1016/0022-5096(93)90013-6."""
@@ -80,7 +80,7 @@ def strip():
 
 
 def test_another_law_of_a_name_is_refused(law):
-    with pytest.raises(ValueError, match="'eight-chain' already"):
+    with pytest.raises(ValueError, match="'eight-chain' is taken"):
         register_law(dataclasses.dataclass(frozen=True)(type("Other", (EightChain,), {})))
     assert register_law(law) is LAWS["eight-chain"]
 

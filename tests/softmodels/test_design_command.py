@@ -14,8 +14,7 @@ import pytest
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.case import Case
 from softmodels.pictures.offscreen import can_render
-from tests.support import fake_design as fake
-from tests.support import runs
+from tests.support import fake_design as fake, runs
 
 
 @pytest.fixture

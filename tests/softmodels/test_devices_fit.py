@@ -15,8 +15,8 @@ from geometries import HollowDisk, Membrane
 from softmodels.case.case import Case
 from softmodels.cli.fit_command import fit_material
 from softmodels.fitting.outlines.device import MeasuredDevice
-from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
 from softmodels.fitting.problem import LawChoice
+from tests.support.simulated import SimulatedCamera, simulated_outlines
 
 MODULUS = 20e3
 CM = 98.0665

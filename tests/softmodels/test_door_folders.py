@@ -96,7 +96,7 @@ def test_a_case_file_is_run_into_a_folder_and_never_replaced(in_memory, tmp_path
     file = in_memory.save(tmp_path / "first") / "case.toml"
     assert sm.run(file, folder=tmp_path / "second").rows == in_memory.rows
     file.write_text(file.read_text().replace("control", "# as it was\ncontrol"))
-    with pytest.raises(sm.RunError, match=r"case.toml is an input of this run and would be replaced"):
+    with pytest.raises(sm.OwnFolderError, match=r"case.toml is an input, and one of the results in"):
         sm.run(file, folder=tmp_path / "first")
 
 

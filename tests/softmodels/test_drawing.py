@@ -23,8 +23,7 @@ from softmodels.pictures.film import Film
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import AtRest
 from softmodels.runs.stored import States
-from tests.support import made_up as drawings
-from tests.support import runs
+from tests.support import made_up as drawings, runs
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.own_modules import VARIABLE, own_modules
-from softmodels.components.fibres import Fabric, Fibres, fibre_law
+from softmodels.components.fibres import Fabric, Fibres, register_fibre_law
 from softmodels.components.walls import Walls
 from softmodels.mechanics.component import ComponentError
 from softmodels.runs.columns import term
@@ -30,7 +30,7 @@ print(Case.from_file(sys.argv[1]).components[0].law)
 """
 
 
-@fibre_law("own")
+@register_fibre_law
 def own(k, q, b):
     return k * (q + b * q**2) / 8
 

@@ -31,10 +31,11 @@ from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.residuals import Height
 from softmodels.fitting.outlines.silhouette import shadow_of
-from softmodels.fitting.outlines.simulated import correlated, half_outline
+from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.materials.specimens import respond
 from softmodels.pictures.curves import profile
 from softmodels.runs.grid import QuadraticCurve
+from tests.support.simulated import correlated
 
 DOWN = Gravity("-z")
 DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)

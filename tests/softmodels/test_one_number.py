@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometries import HollowDisk
-from geometries import registry as geometry_table
+from geometries import HollowDisk, registry as geometry_table
 from softmodels.cli import run
 from softmodels.common.units import exact_text, quantity, readable
 from softmodels.pictures import (

@@ -24,9 +24,9 @@ from softmodels.case.materials import MaterialErrors
 from softmodels.cli.fit_command import fit_material
 from softmodels.cli.score_command import score
 from softmodels.common.folders import OwnFolder
-from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Yeoh
+from tests.support.simulated import SimulatedCamera, simulated_outlines
 
 DISK = HollowDisk(cell_size=0.006, fillet=0.0, base_fillet=0.0)
 X = np.linspace(-0.012, 0.012, 400)

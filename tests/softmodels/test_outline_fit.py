@@ -30,9 +30,9 @@ from softmodels.fitting.outlines.residuals import (
     starts,
 )
 from softmodels.fitting.outlines.shapes import prepare
-from softmodels.fitting.outlines.simulated import SimulatedCamera, simulated_outlines
 from softmodels.fitting.problem import BENCH, CannotEvaluate, Extra, LawChoice, Prior
 from softmodels.materials.specimens import respond
+from tests.support.simulated import SimulatedCamera, simulated_outlines
 
 DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)
 THIN = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)

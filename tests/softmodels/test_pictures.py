@@ -19,9 +19,7 @@ from softmodels.common.schema import about
 from softmodels.path.supply import Syringe
 from softmodels.pictures import (
     curves as curves_module,
-)
-from softmodels.pictures import draw as pictures
-from softmodels.pictures import (
+    draw as pictures,
     offscreen,
     section,
     solid,

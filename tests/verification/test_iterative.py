@@ -10,8 +10,7 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean
-from softmodels.mechanics import mpi
-from softmodels.mechanics import solver as solver_module
+from softmodels.mechanics import mpi, solver as solver_module
 from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.mpi import TooLargeError
 from softmodels.mechanics.solver import Solver

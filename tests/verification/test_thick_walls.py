@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 
 from softmodels.materials.laws import NeoHookean, Ogden, Yeoh
-from softmodels.materials.specimens import sphere_pressure, tube_pressure
+from softmodels.materials.specimens import sphere_pressure
 from softmodels.runs.fields import Fields
 from tests.support import bodies
 from tests.support.cavities import TubeBody
+from tests.support.closed_forms import tube_pressure
 
 STRETCHES = (1.1, 1.4, 1.8)
 SPHERE = "closed integral of a thick incompressible sphere, radii 10 and 15 mm, inner stretch to 1.8"

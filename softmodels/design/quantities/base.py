@@ -209,6 +209,6 @@ def scaled(factor: float) -> Combine:
     return lambda values: (factor * float(values.sum()), np.full(len(values), factor))
 
 
-QUANTITIES: Registry[DesignQuantity] = Registry("quantity", lambda quantity: quantity.name)
+QUANTITIES: Registry[type[DesignQuantity]] = Registry("quantity", lambda quantity: quantity.name)
 """Every known quantity by its name in problem files."""
 register_quantity = QUANTITIES.register

@@ -1,4 +1,4 @@
-"""Quantities composed of others at several states: a mean over loads, the distance from a target path."""
+"""Quantities composed of others at several states: the distance from a target path."""
 
 from __future__ import annotations
 
@@ -46,36 +46,6 @@ class CompositeQuantity(DesignQuantity):
 
     def measure(self, design: DesignedBody) -> Measure:
         raise TypeError("a composite quantity is evaluated from its parts")
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Mean(CompositeQuantity):
-    """Weighted mean of a quantity at several loads.
-
-    Attributes:
-        terms: The quantities.
-        weights: Their weights; equal if empty.
-    """
-
-    name: ClassVar = "mean"
-    unit: ClassVar = "1"
-    help: ClassVar = "weighted mean of a quantity at several loads"
-
-    terms: tuple[DesignQuantity, ...] = ()
-    weights: tuple[float, ...] = ()
-
-    @property
-    def key(self) -> str:
-        return "mean of " + ", ".join(one.key for one in self.terms)
-
-    @property
-    def parts(self) -> tuple[DesignQuantity, ...]:
-        return self.terms
-
-    def combined(self, values: Array) -> tuple[float, Array]:
-        weights = np.array(self.weights or np.ones(len(values)))
-        weights = weights / weights.sum()
-        return float(weights @ values), weights
 
 
 @register_quantity

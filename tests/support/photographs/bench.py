@@ -9,6 +9,9 @@ import numpy as np
 from measurement.synthetic.photographer import Scene, dome, dome_height
 from softmodels.common.arrays import Array
 
+PA_PER_CM = 95.1
+"""Pressure in Pa of a centimetre of the column's water."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Bench:

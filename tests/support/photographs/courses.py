@@ -12,8 +12,9 @@ from collections.abc import Callable
 import numpy as np
 
 from measurement.outline.outline import Outline
-from measurement.synthetic.photographer import PA_PER_CM, dome_height
+from measurement.synthetic.photographer import dome_height
 from softmodels.common.arrays import Array
+from tests.support.photographs.bench import PA_PER_CM
 
 Course = Callable[[Array], Array]
 

@@ -23,14 +23,8 @@ from measurement.screen.setup import Setup, SetupError
 from measurement.series.measuring import Result, judged
 from measurement.series.photo import Refusal, outline_of, trace_image, zero_of
 from measurement.series.photo_list import Photograph
-from measurement.synthetic.photographer import (
-    PA_PER_CM,
-    column,
-    lens_of,
-    photograph,
-    truth_of,
-)
-from tests.support.photographs.bench import Bench
+from measurement.synthetic.photographer import column, lens_of, photograph, truth_of
+from tests.support.photographs.bench import PA_PER_CM, Bench
 from tests.support.photographs.damages import (
     KINDS,
     NEEDS_SIDES,

@@ -58,8 +58,9 @@ def faults_of(outline: Outline, bench: Bench, truth: Truth, setup: Setup, height
     found = []
     apex = float(np.max(bench.surface(np.linspace(-bench.radius, bench.radius, 4001), height)))
     off = outline.height - apex
-    if abs(off) > max(WRONG, TIMES * outline.whole_error):
-        found.append(f"apex {off * 1e6:+.0f} +- {outline.whole_error * 1e6:.1f} um")
+    error = float(np.linalg.norm([outline.height_error, outline.scale_error * outline.height, outline.level_error]))
+    if abs(off) > max(WRONG, TIMES * error):
+        found.append(f"apex {off * 1e6:+.0f} +- {error * 1e6:.1f} um")
     rest = across(bench, truth, setup, outline, height)
     stated = np.sqrt(outline.error**2 + (outline.scale_error * outline.z) ** 2 + outline.level_error**2)
     far = np.abs(rest) > np.maximum(WRONG, TIMES * stated)
