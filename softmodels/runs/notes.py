@@ -155,10 +155,10 @@ def time_notes(case: Case, rows: Sequence[Row]) -> list[str]:
         told.append(f"cycle {len(found)} loses {cycle.loss}{rest}")
     for first, last in _holds(rows):
         if first[gauge] and last[gauge]:
-            seconds, of = last["time_s"] - first["time_s"], f"the {case.actuator.gauge} creeps"
+            seconds, of = last["time_s"] - first["time_s"], f"the {case.actuator.gauge}"
             told.append(
-                f"held at {first['pressure_cm']:.4g} cm for {seconds:.4g} s, {of} from {first[gauge]:+.4g} to {last[gauge]:+.4g} "
-                f"mm ({last[gauge] / first[gauge] - 1:+.1%})"
+                f"held at {first['pressure_cm']:.4g} cm for {seconds:.4g} s, {of} creeps from {first[gauge]:+.4g} to "
+                f"{last[gauge]:+.4g} mm ({last[gauge] / first[gauge] - 1:+.1%})"
             )
     return told[:1] + told[-1:] if len(told) > 1 else told
 
