@@ -51,6 +51,20 @@ name = "cycle"
 pressure_cm = [0, 20, 36]
 load_unload = true
 """,
+    "creep.toml": f"""# silicone with a memory: raised, held for a minute and let down, three times
+name = "creep"
+
+{_THIN}{_YEOH}
+[material.memory]
+branches = [[0.1, "1 s"], [0.1, "10 s"], [0.1, "100 s"]]   # share of the modulus, relaxation time
+softening = [1.6, "2 kPa", 0.1]                             # Mullins: r, m, beta
+
+[load]
+pressure_cm = "0:20"
+rate = "2 cm/s"
+hold = "60 s"
+cycles = 3
+""",
     "contact.toml": f"""# below a rigid plate 1 mm above the disk
 name = "contact"
 
