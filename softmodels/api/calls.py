@@ -40,9 +40,8 @@ from softmodels.decks.febio import check_without_springs, febio
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.mpi import is_root, start
-from softmodels.path.program import Program
+from softmodels.path.program import TOLERANCE, Program
 from softmodels.path.supply import AirSupply
-from softmodels.path.time_steps import TOLERANCE
 from softmodels.runs.columns import state_labels
 from softmodels.runs.limits import Limit, check_hold, find_limit
 from softmodels.runs.model import temporary_folder

@@ -86,9 +86,8 @@ from softmodels.mechanics.dead_loads import requestable
 from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.solver import METHODS
 from softmodels.path import program as programs
-from softmodels.path.program import TIME_KEY, Program, Series, timed
+from softmodels.path.program import TIME_KEY, TOLERANCE, Program, Series, timed
 from softmodels.path.supply import AirSupply
-from softmodels.path.time_steps import TOLERANCE
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Entries of a case with their own tables: name, device, material, programs and gauges.

@@ -30,13 +30,14 @@ from softmodels.mechanics.component import (
     gravity_of,
 )
 from softmodels.mechanics.controls import Coupling
-from softmodels.mechanics.memory import History
 from softmodels.mechanics.regions import Regions, constants
 
 if TYPE_CHECKING:
     import ufl
     from dolfinx import fem
     from ufl.core.expr import Expr
+
+    from softmodels.mechanics.memory import History
 
 
 class Potential:
@@ -154,6 +155,8 @@ class Potential:
         found = [region for region in self.regions if region.material.memory is not None]
         if not found:
             return []
+        from softmodels.mechanics.memory import History
+
         self.step, self._before = fem.Constant(self.body.mesh, 0.0), fem.Function(self.space)
         before = self._vector_part(self._before)
         return [History(self.body, region, self.displacement, before, self.step) for region in found]

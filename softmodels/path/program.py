@@ -33,6 +33,8 @@ TIME, TIME_KEY = "time", "time_s"
 """Target and key of the series of times, which drives nothing."""
 TIME_VALUE = RequestedValue("s")
 MOST_STEPS = 1000
+TOLERANCE = 5e-5
+"""Maximum error of the silicone's stress by one step in time, over the largest stress so far."""
 
 
 def every_key() -> dict[str, RequestedValue]:

@@ -27,8 +27,7 @@ from softmodels.path.points import (
     Pressure,
     VolumeGain,
 )
-from softmodels.path.program import Program, begins_at_rest, drivers, time_at, timed
-from softmodels.path.time_steps import TOLERANCE, march
+from softmodels.path.program import TOLERANCE, Program, begins_at_rest, drivers, time_at, timed
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Load stages: all drivers change proportionally from one state to another, as one path.
@@ -156,6 +155,8 @@ class Stage:
         largest = self.goal / POINTS_PER_STAGE
         path = Continuation(solver, self.requested, control, largest, start=start, report=report)
         if self.duration:
+            from softmodels.path.time_steps import march
+
             yield from march(path, self.goal, self.duration, tolerance)
             return
         for point in trace(path, [self.goal]):

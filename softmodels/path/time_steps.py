@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.points import PathEnd, Point, Pressure
+from softmodels.path.program import TOLERANCE
 
 if TYPE_CHECKING:
     from softmodels.common.arrays import Array
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 FEWEST_STEPS = 12
 """Minimum number of steps of a stage, for smooth curves."""
-TOLERANCE = 5e-5
-"""Maximum error of the branches' stress by one step, over the largest stress so far."""
 SAFETY, SHORTER, LONGER = 0.8, 0.2, 2.5
 """Share of the step that would just meet the tolerance, and the least and the most by which a step changes."""
 LOCATED = 1e-3

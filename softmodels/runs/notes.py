@@ -49,7 +49,6 @@ from softmodels.mechanics.component import PathFailure, names_in
 from softmodels.mechanics.dead_loads import requestable
 from softmodels.mechanics.mpi import petsc_reason
 from softmodels.path.program import drivers, step_text, time_at
-from softmodels.path.time_steps import LostInTime
 from softmodels.runs.band import SourceRows, span_sentence
 from softmodels.runs.columns import StateLabels, loads_words, state_labels
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
@@ -636,6 +635,8 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
             f"{_not_met(asked, end.cause)}: {end.cause.clause}. The last state has {place}, and {moved}. "
             f"{mended(case, end.cause, float(at['max_stretch']))}"
         )
+    from softmodels.path.time_steps import LostInTime
+
     if isinstance(end, LostInTime):
         time = time_at(case.program, come)
         return (
