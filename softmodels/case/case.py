@@ -459,16 +459,6 @@ class Case:
         """Whether the load has times, so that silicone with a memory creeps."""
         return timed(self.program)
 
-    def acting(self, material: Material, components: Sequence[Component]) -> tuple[Material, tuple[Component, ...]]:
-        """Return a material and components as this case's load has them act: without times every silicone is what it is after
-        a long time."""
-        if self.timed:
-            return material, tuple(components)
-        return material.relaxed, tuple(
-            dataclasses.replace(part, material=part.material.relaxed) if isinstance(part, RegionPart) else part
-            for part in components
-        )
-
     @property
     def remembers(self) -> bool:
         """Whether a silicone of it has a memory."""

@@ -65,6 +65,14 @@ def check_compressible(main: Material, components: Sequence[Component], mixed: b
         raise MaterialError("poisson = 0.5 needs the mixed formulation; a pure displacement formulation would lock")
 
 
+def relaxed(material: Material, components: Sequence[Component]) -> tuple[Material, tuple[Component, ...]]:
+    """Return a material and components with every silicone as it is after a long time, without its memory."""
+    return material.relaxed, tuple(
+        dataclasses.replace(part, material=part.material.relaxed) if isinstance(part, RegionPart) else part
+        for part in components
+    )
+
+
 @dataclasses.dataclass(eq=False)
 class MaterialRegion:
     """Cells of one material, with the constants that carry its parameters in the forms.

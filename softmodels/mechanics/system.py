@@ -39,7 +39,7 @@ from softmodels.mechanics.holds import clamped, conditions
 from softmodels.mechanics.mpi import any_rank, largest, total
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.products import TangentOperator
-from softmodels.mechanics.regions import MaterialRegion, check_compressible
+from softmodels.mechanics.regions import MaterialRegion, check_compressible, relaxed
 from softmodels.mechanics.rigid import STILL, RigidMotion, RigidPart
 
 if TYPE_CHECKING:
@@ -568,6 +568,7 @@ class System(Assembly):
         material: Law and parameters; regions among ``components`` have their own.
         formulation: ``"mixed"`` (P2 displacement, P1 pressure) or ``"displacement"`` (P2).
         components: What else is added to it; see `softmodels.mechanics.component`.
+        creeping: Whether silicone with a memory creeps and softens; else it is what it is after a long time.
 
     Attributes:
         potential: What all of it is derived from.
@@ -595,11 +596,14 @@ class System(Assembly):
         material: Material,
         formulation: str = "mixed",
         components: Sequence[Component] = (),
+        creeping: bool = False,
     ):
         from dolfinx import fem
 
         if formulation not in FORMULATIONS:
             raise ValueError(f"formulation {formulation!r} is not one of {', '.join(FORMULATIONS)}")
+        if not creeping:
+            material, components = relaxed(material, components)
         check_compressible(material, components, formulation == "mixed")
         self.body, self.formulation, self.comm = clamped(body, components), formulation, body.mesh.comm
         if type(body).volume_integrand is Body.volume_integrand:  # a user's volume integral may close them differently

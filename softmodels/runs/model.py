@@ -141,10 +141,9 @@ class Model:
         from softmodels.runs.fields import Fields
 
         self.case, self.body = case, body
-        material, components = case.acting(material, components)
         try:
             with compiling():
-                self.system = System(body, material, case.formulation, components)
+                self.system = System(body, material, case.formulation, components, creeping=case.timed)
                 self.solver = Solver(self.system, case.solver)
                 self.fields = Fields(self.solver, case.gauges)
         except (BodyError, CompilingError) as error:

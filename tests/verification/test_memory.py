@@ -191,7 +191,7 @@ REST = SPHERE.cavity_volume
 
 def followed(body, law, tables, tolerance):
     """Times in s, pressures in Pa, volumes in m3, energies stored and dissipated in J, of every state; and the end."""
-    solver = Solver(System(body, law))
+    solver = Solver(System(body, law, creeping=True))
     system, rows, end = solver.system, [], None
     program = from_tables(tables)
     unit = system.stress_unit * system.volume_unit
