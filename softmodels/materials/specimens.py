@@ -1,7 +1,8 @@
 """Test specimens: nominal stress under homogeneous stretch, and its exact slopes by the stretch and by every parameter.
 
 All come from `Material.derivative`, so a new law needs only an energy. Compressible specimens find their free sides from the
-condition that these carry no stress; the slopes follow by the implicit function theorem.
+condition that these carry no stress; the slopes follow by the implicit function theorem. `stress_in_time` is for silicone with
+a memory.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
+from softmodels.materials import memory
 from softmodels.materials.laws import Material
-from softmodels.materials.strain import Expression
+from softmodels.materials.memory import InNumpy, Softening
+from softmodels.materials.strain import Dual, Expression
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Closed-form solutions without a mesh: test specimens, balloons and thick-walled spheres of any law.
@@ -67,10 +70,16 @@ def _check(mode: str) -> None:
 
 
 def _incompressible_stress(law: Material, stretch: Expression, mode: str) -> Expression:
+    found = _pulled(law, stretch, mode)
+    return np.where(np.isfinite(found.value), found.slope, np.nan)
+
+
+def _pulled(law: Material, stretch: Expression, mode: str) -> Dual:
+    """Return the energy of an incompressible specimen with its nominal stress as the slope."""
     powers, sides = MODES[mode]
     stretches = [stretch**power for power in powers]
-    change = [power * side / stretch for power, side in zip(powers, stretches, strict=True)]
-    return _slope(law, stretches, change) / sides
+    change = [power * side / stretch / sides for power, side in zip(powers, stretches, strict=True)]
+    return law.derivative(stretches, change)
 
 
 def secant_modulus(material: Material, stretch: float) -> float:
@@ -277,6 +286,169 @@ def _free_side(material: Material, slopes: Expression, stretch: Array, mode: str
 
 def _columns(columns: list[Array], stretch: Array) -> Array:
     return np.stack(columns, axis=-1) if columns else np.empty((*stretch.shape, 0))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Specimens through time: incompressible, from rest, with the stretch linear between the given times.
+
+
+MOST_ERROR = 1e-4
+"""Largest error of integration in time, relative to the largest stress."""
+_HALVINGS = 12
+SOFTENING = ("softening", "softening_m", "softening_beta")
+"""Names of the softening's parameters to differentiate by: 1/r, m in Pa, beta."""
+
+
+def branch_stress(
+    time: npt.ArrayLike, stretch: npt.ArrayLike, mode: str, taus: npt.ArrayLike, error: float = MOST_ERROR
+) -> Array:
+    """Return the nominal stress over G of Maxwell branches, which depends on no parameter of the law.
+
+    Each interval is halved until two steps agree with one. What an interval may add to the error of a branch is its length
+    over the relaxation time, because the branch forgets errors as it forgets strains.
+
+    Args:
+        time: In s, not falling, shape (n,). Equal times are a jump; so is a first stretch other than 1.
+        stretch: Imposed stretch, shape (n,).
+        mode: One of `MODE_NAMES`.
+        taus: Relaxation times in s, shape (k,).
+        error: See `MOST_ERROR`; relative to the largest stress of a spring G without a dashpot.
+
+    Returns:
+        Shape (n, k).
+    """
+    time, stretch, taus = (np.asarray(values, dtype=float) for values in (time, stretch, taus))
+    powers, sides = np.array(MODES[mode][0]), MODES[mode][1]
+
+    def squares(x: float) -> list[float]:
+        return [*(x ** (2 * powers)).tolist(), 0.0, 0.0, 0.0]
+
+    def stress(x: float, Cv: Sequence[Expression]) -> Array:
+        return np.asarray(sum(p * x ** (2 * p - 1) / v for p, v in zip(powers, Cv, strict=False)) / sides)
+
+    def crossed(Cv: list[Expression], at: int, steps: int) -> list[Expression]:
+        nodes = np.linspace(stretch[at - 1], stretch[at], steps + 1)
+        x = (time[at] - time[at - 1]) / steps / taus
+        C = squares(nodes[0])
+        for node in nodes[1:]:
+            H, b = memory.step_of(C, Cv, x, InNumpy)
+            C = squares(node)
+            Cv = memory.crept(C, H, b)
+        return Cv
+
+    rest = list(memory.IDENTITY)
+    allowed = 3 * error * max(float(np.abs(stress(x, rest)).max()) for x in (stretch.min(), stretch.max()))
+    Cv: list[Expression] = [np.full(taus.shape, one) for one in rest]
+    found, steps = [stress(stretch[0], Cv)], 1
+    for at in range(1, len(time)):
+        coarse = crossed(Cv, at, steps)
+        share = np.minimum((time[at] - time[at - 1]) / taus, 1.0)
+        for _ in range(_HALVINGS):
+            fine = crossed(Cv, at, 2 * steps)
+            off = np.abs(stress(stretch[at], fine) - stress(stretch[at], coarse)) - allowed * share
+            if (off <= 1e-13).all():
+                break
+            coarse, steps = fine, 2 * steps
+        Cv, steps = fine, max(steps // 2, 1)
+        found.append(stress(stretch[at], Cv))
+    return np.array(found)
+
+
+def stress_in_time(
+    material: Material,
+    time: npt.ArrayLike | None,
+    stretch: npt.ArrayLike,
+    mode: str = "uniaxial",
+    parameters: Sequence[str] = (),
+    branches: Array | None = None,
+) -> tuple[Array, Array]:
+    """Return the nominal stress in Pa of an incompressible specimen through a history of stretch, and its exact slopes.
+
+    Args:
+        material: The law, with or without a memory.
+        time: In s, see `branch_stress`; None for a test so slow that every branch is relaxed.
+        stretch: Imposed stretch, shape (n,).
+        mode: One of `MODE_NAMES`.
+        parameters: Names to differentiate by: the law's, ``share1`` and so on of the branches, and `SOFTENING`.
+        branches: `branch_stress` of the same history, where it is known.
+
+    Returns:
+        Shapes (n,) and (n, m).
+    """
+    stretch = np.asarray(stretch, dtype=float)
+    own = material.memory or memory.Memory()
+    shares, taus = np.array([one.share for one in own.branches]), [one.time for one in own.branches]
+    if branches is None:
+        branches = np.zeros((len(stretch), len(taus)))
+        if time is not None and taus:
+            branches = branch_stress(time, stretch, mode, taus)
+    with np.errstate(all="ignore"):
+        found = _pulled(material, stretch, mode)
+        stress, energy = np.where(np.isfinite(found.value), found.slope, np.nan), found.value
+        dead = 0.0 * stress  # nan where it is
+        size, viscous = material.shear_modulus_0, branches @ shares
+        slopes, energy_slopes = np.zeros((2, len(stretch), len(parameters)))
+        added = np.zeros((len(stretch), len(parameters)))
+        for i, name in enumerate(parameters):
+            if name.startswith("share"):
+                added[:, i] = size * branches[:, int(name[5:]) - 1]
+            elif name not in SOFTENING:
+                moved = nudged(material, name, 1j * _STEP)
+                change = _pulled(moved, stretch, mode)
+                slopes[:, i], energy_slopes[:, i] = (np.imag(v) / _STEP + dead for v in (change.slope, change.value))
+                added[:, i] = np.imag(moved.shear_modulus_0) / _STEP * viscous
+        if own.softening is not None:
+            stress, slopes = _softened(own.softening, time, stress, slopes, energy, energy_slopes, parameters)
+    return stress + size * viscous, slopes + added
+
+
+def _softened(
+    soft: Softening,
+    time: npt.ArrayLike | None,
+    stress: Array,
+    slopes: Array,
+    W: Array,
+    W_slopes: Array,
+    parameters: Sequence[str],
+) -> tuple[Array, Array]:
+    """Return a law's stress and its slopes with Mullins softening."""
+    from scipy.special import erf
+
+    Wm, Wm_slopes = _largest_energy(time, W, W_slopes, soft.recovery)
+    damage, s = 1 / soft.r, soft.m + soft.beta * Wm
+    y = np.where(s > 0.0, (Wm - W) / np.where(s > 0.0, s, 1.0), 0.0)
+    left = 1 - damage * erf(y)
+    explicit = np.zeros_like(slopes)
+    s_slopes = soft.beta * Wm_slopes
+    for i, name in enumerate(parameters):
+        if name == SOFTENING[0]:
+            explicit[:, i] = -erf(y)
+        elif name == SOFTENING[1]:
+            s_slopes[:, i] = 1.0
+        elif name == SOFTENING[2]:
+            s_slopes[:, i] = Wm
+    by_y = -damage * 2 / math.sqrt(math.pi) * np.exp(-(y**2))
+    y_slopes = (Wm_slopes - W_slopes - y[:, None] * s_slopes) / np.where(s > 0.0, s, 1.0)[:, None]
+    return left * stress, left[:, None] * slopes + stress[:, None] * (explicit + by_y[:, None] * y_slopes)
+
+
+def _largest_energy(time: npt.ArrayLike | None, W: Array, W_slopes: Array, recovery: float) -> tuple[Array, Array]:
+    """Return the largest energy so far, which recovers towards that of the moment, and its slopes."""
+    if math.isinf(recovery) or time is None:
+        places = np.arange(len(W))
+        last = np.maximum.accumulate(np.where(np.maximum.accumulate(W) <= W, places, 0))
+        return W[last], W_slopes[last]
+    x = np.diff(np.asarray(time, dtype=float)) / recovery
+    kept = np.exp(-x)
+    mean = np.where(x > 1e-8, -np.expm1(-x) / np.where(x > 1e-8, x, 1.0), 1.0)
+    both = np.column_stack([W, W_slopes])
+    above = np.zeros_like(both)
+    for i in range(1, len(W)):
+        above[i] = above[i - 1] * kept[i - 1] - (both[i] - both[i - 1]) * mean[i - 1]
+        if not above[i, 0] > 0.0:
+            above[i] = 0.0
+    largest = both + above
+    return largest[:, 0], largest[:, 1:]
 
 
 def log_strain_stiffness(material: Material, stretch: npt.ArrayLike, mode: str) -> tuple[Array, Array]:
