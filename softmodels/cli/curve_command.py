@@ -16,6 +16,7 @@ from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import (
     CurveFiles,
     check_curves_given,
+    curve_file,
     read_curves,
     specimen_options,
     stretch_range,
@@ -80,7 +81,7 @@ def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Pa
         materials = [read_material(text, incompressible) for text in names]
         check_curves_given({name: value for name, value in options.items() if name not in ("radius", "thickness")})
         asked = {**options, "names": names, "stretch": stretch, "incompressible": incompressible}
-        files = [Path(name) for name in names] + [Path(text.rpartition(":")[0] or text) for text in options["tensile"]]
+        files = [*map(Path, names), *map(curve_file, options["tensile"])]
         folder = open_folder(output, Path("results/curve"), "curves", asked, files) if speaks() else None
         measured = []
         if options["tensile"]:

@@ -19,6 +19,7 @@ from softmodels.cli.tensile_options import (
     FitGiven,
     check_curves_given,
     curve_changes,
+    curve_file,
     device_changes,
     fit_options,
     height_datum_option,
@@ -79,6 +80,8 @@ from softmodels.runs.progress import Progress
               "moduli reveal pressures in a wrong unit. any: unlisted.  [default: the case's material]")  # fmt: skip
 @click.option("--material", "laws", default="yeoh", show_default=True, metavar="LAW,...",
               help=f"Laws to compare: {known_laws()}, or all.")  # fmt: skip
+@click.option("--memory", is_flag=True, help="Fit relaxation too, and softening where the data show it, to tests with a column "
+              "of times, or a RATE such as 0.05/s, 50mm/min or equilibrium.")  # fmt: skip
 @click.option("--stretch", metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]")
 @click.option("--stress-error", default="auto", show_default=True, metavar="ERROR",
               help="2%+0.5kPa; constant (unweighted); auto weights by 2 % and the curve's noise. The last two are "
@@ -122,10 +125,15 @@ def fit_material(**options: Unpack[FitGiven]) -> None:
     headers name its columns, such as 'strain (%)' and 'stress (kPa)'; only the loading ramp up to the break is used.
     A modulus is valid only in its fit range: choose the stretches of the device with --stretch.
 
+    With --memory the whole tests are used: cycles, holds, several rates at once. The law is then that of equilibrium, and
+    fitted.toml has [material.memory]: relaxing branches, one per decade of time that the data cover, and Mullins softening
+    where a second loading, or a hold after an unloading, shows it. Without --memory the law is that of the tests' rate.
+
     \b
     Examples:
       softmodels fit --tensile curve.csv --material yeoh --stretch 1.02:3
       softmodels fit --tensile ut.csv --tensile ps.csv:planar --tensile et.csv:equibiaxial --material all
+      softmodels fit --tensile cycle.csv --tensile slow.csv:uniaxial:equilibrium --memory
       softmodels fit --tensile pull.csv --columns 'extension=1[mm],force=2[N]' --gauge-length 33mm --cross-section 18mm^2
       softmodels fit results/disk/case.toml outlines/ --material yeoh --fix c3=0Pa
       softmodels fit results/disk/case.toml outlines/ --tensile curve.csv --material neo-hookean,yeoh --poisson 0.49
@@ -186,7 +194,7 @@ def _put_away(folders: Sequence[ResultFolder]) -> None:
 
 def _folder(options: FitGiven) -> ResultFolder:
     """Open the results folder before anything is computed."""
-    named = [Path(text) if Path(text).exists() else Path(text.rpartition(":")[0]) for text in options["tensile"]]
+    named = [curve_file(text) for text in options["tensile"]]
     files = [*options["files"], *named, *([options["heights"]] if options["heights"] else [])]
     return open_folder(options["output"], Path("results/fit"), "fit", options, files)
 
@@ -208,10 +216,12 @@ def _report(options: FitGiven) -> FitReport:
 
 
 def _curves(options: FitGiven) -> list[TensileCurve]:
-    return read_curves(options, options["radius"], options["thickness"], options["stretch"])
+    return read_curves(options, options["radius"], options["thickness"], options["stretch"], options["memory"])
 
 
 def _device_report(options: FitGiven) -> FitReport:
+    if options["memory"]:
+        raise FitError("--memory fits curves of test machines only; leave out the case, or --memory")
     check_curves_given(options)
     curves = _curves(options) if options["tensile"] else []
     StressError.from_text(options["stress_error"])

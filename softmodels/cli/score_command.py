@@ -14,6 +14,7 @@ from softmodels.cli.curve_command import read_material
 from softmodels.cli.options import fail
 from softmodels.cli.tensile_options import (
     CurveFiles,
+    curve_file,
     height_datum_option,
     read_curves,
     specimen_options,
@@ -101,7 +102,7 @@ def score(
         if options["tensile"]:
             curves = read_curves(options, options["radius"], options["thickness"], options["stretch"])
         device, outlines = _device(files, options) if files else (None, [])
-        read = [*files, *map(Path, names), *(Path(text.rpartition(":")[0] or text) for text in options["tensile"])]
+        read = [*files, *map(Path, names), *map(curve_file, options["tensile"])]
         asked = {**options, "names": names, "files": [str(file) for file in files]}
         folder = open_folder(output, Path("results/score"), "scores", asked, read) if speaks() else None
         errors = _errors(names)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypedDict
@@ -17,7 +18,7 @@ from softmodels.common.units import (
     quantity,
 )
 from softmodels.fitting.curves.curve import (
-    SYNONYMS,
+    EQUILIBRIUM,
     Specimen,
     TensileCurve,
     TensileError,
@@ -36,6 +37,7 @@ from softmodels.fitting.problem import (
     Prior,
     all_parameters,
 )
+from softmodels.materials.specimens import SOFTENING
 
 
 class CurveFiles(TypedDict):
@@ -48,9 +50,9 @@ class CurveFiles(TypedDict):
 
 
 def tensile_option[Command: Callable[..., object]](
-    text: str = "Curve of a test, FILE[:TEST], CSV or Excel (.xlsx); may be given several times.",
+    text: str = "Curve of a test, FILE[:TEST][:RATE], CSV or Excel (.xlsx); may be given several times.",
 ) -> Callable[[Command], Command]:
-    return click.option("--tensile", "tensile", multiple=True, metavar="FILE[:TEST]", help=text)
+    return click.option("--tensile", "tensile", multiple=True, metavar="FILE[:TEST][:RATE]", help=text)
 
 
 def specimen_options[Command: Callable[..., object]](command: Command) -> Command:
@@ -82,7 +84,11 @@ def check_curves_given(options: Mapping[str, object]) -> None:
 
 
 def read_curves(
-    files: CurveFiles, radius: float | None, thickness: float | None, stretch: str | None = None
+    files: CurveFiles,
+    radius: float | None,
+    thickness: float | None,
+    stretch: str | None = None,
+    history: bool = False,
 ) -> list[TensileCurve]:
     """Read the curves of ``--tensile`` within ``--stretch``, and average dense ones (see `thinned`).
 
@@ -90,6 +96,7 @@ def read_curves(
         files: The curves.
         radius, thickness: Of a balloon, undeformed, in m.
         stretch: Range of stretch as typed; None for all.
+        history: Whether the whole tests are needed, with their times.
 
     Raises:
         TensileError: A curve cannot be used, or they do not go together.
@@ -99,15 +106,60 @@ def read_curves(
     specimen = Specimen(files["cross_section"], files["gauge_length"], radius, thickness)
     curves = []
     for text in files["tensile"]:
-        name, _, test = text.rpartition(":")
-        if not name or (test.lower() not in SYNONYMS and Path(text).exists()):
-            name, test = text, "uniaxial"
-        curves.append(read_curve(Path(name), test, files["columns"], specimen))
+        file, test, rate = _parts(text)
+        pace = _rate(rate, files["gauge_length"])
+        curves.append(read_curve(file, test, files["columns"], specimen, history=history, rate=pace))
     names = [curve.name for curve in curves]
     if len(set(names)) < len(names):  # files of one name in different folders
         texts = [text if names.count(name) > 1 else name for text, name in zip(files["tensile"], names, strict=True)]
         curves = [dataclasses.replace(curve, name=text) for curve, text in zip(curves, texts, strict=True)]
-    return prepared(curves, stretch_range(stretch) if stretch else None)
+    return prepared(curves, stretch_range(stretch) if stretch else None, history)
+
+
+def curve_file(text: str) -> Path:
+    """Return the file of ``FILE[:TEST][:RATE]``."""
+    return _parts(text)[0]
+
+
+def _parts(text: str) -> tuple[Path, str, str]:
+    """Return the parts of ``FILE[:TEST][:RATE]``; an empty rate where none is given."""
+    name, test, rate = text, "uniaxial", ""
+    while not Path(name).exists() and ":" in name:
+        head, _, tail = name.rpartition(":")
+        if not head:
+            break
+        if tail.lower() == _RELAXED or re.search(r"\d.*/", tail):
+            rate = tail
+        else:
+            test = tail
+        name = head
+    return Path(name), test, rate
+
+
+_RELAXED = "equilibrium"
+
+
+def _rate(text: str, length: float | None) -> float | None:
+    """Return a rate in 1/s (see `read_curve`): of the stretch, or with the undeformed length in m of a speed."""
+    if not text:
+        return None
+    if text.lower() == _RELAXED:
+        return EQUILIBRIUM
+    try:
+        rate = quantity(text, "1/s")
+    except UnitError as error:
+        if length is None:
+            raise TensileError(
+                f"rate {brief(text)}: {error}; write the stretch per time, such as 0.05/s, or a speed such as 50mm/min with "
+                "--gauge-length"
+            ) from None
+        try:
+            rate = quantity(text, "m/s") / length
+        except UnitError:
+            raise TensileError(f"rate {brief(text)}: {error}; write 0.05/s or 50mm/min") from None
+    if not rate > 0.0:
+        raise TensileError(f"rate {brief(text)} must be above zero; write 'equilibrium' for a relaxed test")
+    return rate
 
 
 def stretch_range(text: str) -> tuple[float, float]:
@@ -163,6 +215,7 @@ class FitGiven(CurveFiles):
     thickness: float | None
     no_profiles: bool
     no_pictures: bool
+    memory: bool
     quiet: bool
     output: Path | None
 
@@ -185,6 +238,7 @@ def fit_options(options: FitGiven, changes: Mapping[str, Change]) -> FitOptions:
         exclude=options["exclude"],
         untrusted=options["untrusted"],
         height_datum=options["height_datum"] or "",
+        memory=options["memory"],
     )
 
 
@@ -244,15 +298,19 @@ def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> d
 def _changes(
     options: FitGiven, units: Mapping[str, str], unknown: Callable[[str], str], value_needed: bool
 ) -> dict[str, Change]:
-    """Return the changes by parameter; the curves' factors ``gauge1`` and so on are known to all laws."""
+    """Return the changes by parameter; the curves' factors ``gauge1`` and so on are known to all laws, and with ``--memory``
+    the weights of its branches and its softening."""
     changes: dict[str, Change] = {}
+    remembered = ("share_", *SOFTENING) if options["memory"] else ()
+    if remembered:
+        units = {**units, SOFTENING[1]: "Pa"}
     kinds: tuple[tuple[tuple[str, ...], Callable[[str, str], Change]], ...] = (
         (options["fixes"], _read_fixed), (options["bounds"], read_bounds), (options["priors"], read_prior),
     )  # fmt: skip
     for texts, read in kinds:
         for text in texts:
             name, equals, value = (part.strip() for part in text.partition("="))
-            if name not in units and not name.startswith("gauge"):
+            if name not in units and not name.startswith(("gauge", *remembered)):
                 raise FitError(unknown(name))
             if value_needed and not equals:
                 raise FitError(f"{text!r} is not NAME=VALUE")

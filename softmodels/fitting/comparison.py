@@ -505,7 +505,8 @@ class FitReport:
     def ranges(self) -> list[str]:
         """The measurements: devices, the fitted part of each curve, and what was left out."""
         curves = [
-            f"{c.name} ({c.mode}): stretch {c.stretch[0]:.4g} to {c.stretch[-1]:.4g}, {len(c.stretch)} points"
+            f"{c.name} ({c.mode}): stretch {c.stretch.min():.4g} to {c.stretch.max():.4g}, {len(c.stretch)} points"
+            + (f" in {np.ptp(c.time):.3g} s" if c.time is not None else "")
             + "".join(f"; {remark}" for remark in c.remarks)
             for c in self.curves
         ]

@@ -362,7 +362,8 @@ def loss_of(loss: str, z: Array, priors: int) -> Array:
 # `FitOptions`: options of a fit, from the command line or a library call.
 
 
-for _option, _argument in (("fix", "FitOptions.changes of"), ("untrusted", "FitOptions(untrusted=True)")):
+for _option, _argument in (("fix", "FitOptions.changes of"), ("untrusted", "FitOptions(untrusted=True)"),
+                          ("memory", "FitOptions(memory=True)")):  # fmt: skip
     errors.call(_option, _argument)
 errors.call("gauge-error", "FitOptions.gauge_error")
 
@@ -401,6 +402,8 @@ class FitOptions:
         height_datum: With a device that hangs under loads or whose top is not flat: what its heights count from, one of
             `HEIGHTS_FROM`; empty for the shadow, or the apex where the undeformed top is not flat. Outlines of
             such a top (balloon, bellows) have to state it.
+        memory: Whether relaxing branches and softening are fitted too, to curves with times; the law is then that of
+            equilibrium.
     """
 
     poisson: float = 0.5
@@ -414,11 +417,13 @@ class FitOptions:
     exclude: tuple[str, ...] = ()
     untrusted: bool = False
     height_datum: str = ""
+    memory: bool = False
 
     def __post_init__(self) -> None:
         texts = Several(Words())
         kinds: dict[str, Kind] = {
             "poisson": Quantity(), "gauge_error": Quantity(), "robust": Flag(), "profiles": Flag(), "untrusted": Flag(),
+            "memory": Flag(),
             "stress_error": Words(), "height_datum": Words(), "free": texts, "exclude": texts,
         }  # fmt: skip
         for name, kind in kinds.items():

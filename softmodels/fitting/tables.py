@@ -19,8 +19,8 @@ from softmodels.common.files import read_text
 from softmodels.common.units import with_prefix
 from softmodels.fitting.comparison import FitReport, FittedLaw
 from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.residuals import predicted
 from softmodels.fitting.result import singular_values, unseen
-from softmodels.materials.specimens import respond
 
 
 def parameter_rows(law: FittedLaw) -> list[tuple[str, str, str, str]]:
@@ -188,14 +188,18 @@ def _finite(value: float) -> float | None:
 
 
 def write_curves(path: Path, laws: Sequence[FittedLaw], curves: Sequence[TensileCurve]) -> None:
-    """Write measured and fitted nominal stresses in Pa, one row per point."""
+    """Write measured and fitted nominal stresses in Pa, one row per point; times of curves without them are empty."""
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
-        rows.writerow(["curve", "test", "stretch", "measured_Pa", *(f"{law.choice.name}_Pa" for law in laws)])
+        timed = any(curve.time is not None for curve in curves)
+        names = [*(["time_s"] if timed else []), "stretch", "measured_Pa", *(f"{law.choice.name}_Pa" for law in laws)]
+        rows.writerow(["curve", "test", *names])
         for curve in curves:
-            fitted = np.column_stack([respond(law.material, curve.stretch, curve.mode).stress for law in laws])
-            for stretch, measured, row in zip(curve.stretch, curve.stress, fitted, strict=True):
-                rows.writerow([curve.name, curve.mode, f"{stretch:.9g}", f"{measured:.9g}", *(f"{v:.9g}" for v in row)])
+            columns = [curve.stretch, curve.stress, *(predicted(law.material, curve) for law in laws)]
+            if timed:
+                columns.insert(0, np.full_like(curve.stretch, np.nan) if curve.time is None else curve.time)
+            for row in np.column_stack(columns):
+                rows.writerow([curve.name, curve.mode, *("" if np.isnan(v) else f"{v:.9g}" for v in row)])
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import itertools
 from collections.abc import Sequence
@@ -17,11 +18,12 @@ from softmodels.common.terminal import plain
 from softmodels.common.units import with_prefix
 from softmodels.fitting.comparison import FitReport, FittedLaw
 from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.residuals import predicted
 from softmodels.fitting.outlines.residuals import MatchedPhotograph
 from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.fitting.result import unseen
 from softmodels.fitting.tables import correlation_rows, parameter_rows, residual_rows
-from softmodels.materials.specimens import MODE_NAMES, respond
+from softmodels.materials.specimens import MODE_NAMES
 from softmodels.pictures.style import (
     DPI,
     FAINT,
@@ -136,24 +138,40 @@ def line(i: int) -> LineStyle:
 
 
 def draw_curves(report: FitReport) -> Figure:
-    """Plot measured and fitted nominal stress, one panel per test."""
-    figure, panels = _panels(len(report.curves), 4.6)
-    for axes, curve in zip(panels, report.curves, strict=True):
-        axes.plot(curve.stretch, curve.stress / 1e3, "o", ms=4, mfc="none", mec=INK, mew=0.8, label="measured")
-        stretch = np.linspace(min(curve.stretch[0], 1.0), curve.stretch[-1], 300)
+    """Plot measured and fitted nominal stress, one panel per test; for a history in time two, against stretch and time."""
+    shown = [
+        (curve, against)
+        for curve in report.curves
+        for against in ("stretch", "time")
+        if against == "stretch" or _timed(report)
+    ]
+    figure, panels = _panels(len(shown), 4.6, 2 if _timed(report) else 3)
+    for axes, (curve, against) in zip(panels, shown, strict=True):
+        if against == "time" and curve.time is None:
+            axes.set_visible(False)
+            continue
+        along = curve.stretch if against == "stretch" else curve.time
+        axes.plot(along, curve.stress / 1e3, "o", ms=4, mfc="none", mec=INK, mew=0.8, label="measured")
+        drawn = curve
+        if curve.time is None:
+            along = np.linspace(min(curve.stretch[0], 1.0), curve.stretch[-1], 300)
+            drawn = dataclasses.replace(curve, stretch=along, stress=np.zeros_like(along))
         for i, one in enumerate(report.laws):
-            gauge = _gauge(one, report, curve)
-            stress = gauge * respond(one.material, stretch, curve.mode).stress
-            axes.plot(stretch, stress / 1e3, label=one.choice.name, **line(i))
-        names = BOTH if curve.stretch[0] < 0.99 else NAMES
+            stress = _gauge(one, report, curve) * predicted(one.material, drawn)
+            axes.plot(along, stress / 1e3, label=one.choice.name, **line(i))
+        names = BOTH if curve.stretch.min() < 0.99 else NAMES
         axes.set_title(f"{names[curve.mode]}\n{plain(curve.name)}")
-        axes.set_xlabel("stretch")
+        axes.set_xlabel("stretch" if against == "stretch" else "time (s)")
         axes.set_ylabel("nominal stress (kPa)")
         measured = curve.stress / 1e3
         room = 0.08 * float(np.ptp(measured))
         axes.set_ylim(float(measured.min()) - room, float(measured.max()) + 2 * room)
     panels[0].legend(loc="upper left")
     return figure
+
+
+def _timed(report: FitReport) -> bool:
+    return any(curve.time is not None for curve in report.curves)
 
 
 def _gauge(one: FittedLaw, report: FitReport, curve: TensileCurve) -> float:
@@ -167,10 +185,17 @@ def draw_residuals(report: FitReport) -> Figure:
     for axes, curve in zip(panels, report.curves, strict=True):
         axes.axhline(0.0, color=FAINT, linewidth=1.0)
         for i, one in enumerate(report.laws):
-            stress = _gauge(one, report, curve) * respond(one.material, curve.stretch, curve.mode).stress
-            axes.plot(curve.stretch, (stress - curve.stress) / 1e3, label=one.choice.name, marker=".", ms=4, **line(i))
+            stress = _gauge(one, report, curve) * predicted(one.material, curve)
+            axes.plot(
+                curve.stretch if curve.time is None else curve.time,
+                (stress - curve.stress) / 1e3,
+                label=one.choice.name,
+                marker=".",
+                ms=4,
+                **line(i),
+            )
         axes.set_title(plain(curve.name))
-        axes.set_xlabel("stretch")
+        axes.set_xlabel("stretch" if curve.time is None else "time (s)")
         axes.set_ylabel("residual (fit - measured) (kPa)")
         # A poor law must not flatten the others' residuals.
         sizes = [np.abs(lines.get_ydata()).max() for lines in axes.lines[1:]]
@@ -213,8 +238,8 @@ def draw_profiles(one: FittedLaw) -> Figure:
     return figure
 
 
-def _panels(count: int, height: float) -> tuple[Figure, Sequence[Axes]]:
-    columns = min(count, 3)
+def _panels(count: int, height: float, most: int = 3) -> tuple[Figure, Sequence[Axes]]:
+    columns = min(count, most)
     rows = -(-count // columns)
     figure = Figure((WIDTH if columns > 1 else 0.75 * WIDTH, height * rows), dpi=DPI, layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()

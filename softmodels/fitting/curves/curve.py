@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +51,7 @@ KINDS = {
     "true-stress": "Pa",
     "force": "N",
     "pressure": "Pa",
+    "time": "s",
 }
 """Kinds of columns, and the unit of each. Strain and stress without ``true`` are the engineering ones."""
 
@@ -66,6 +69,9 @@ _WORDS = (
     ("force", r"\bforce\b|\bload\b"),
     ("pressure", r"\bpressure\b"),
 )
+_TIME = re.compile(r"^t$|^time\b|\btime$")
+_TIME_TAIL = re.compile(r"^(t|.*\btime) (s|secs?|seconds?|ms|min|minutes?|h|hours?)$")
+_CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
 NONE = "dimensionless"
 """Unit of a column without one."""
 _UNITS = {"%": "percent", "percent": "percent", "-": NONE, "1": NONE, "mm/mm": NONE, "m/m": NONE, "n/mm2": "N/mm^2",
@@ -97,17 +103,27 @@ class CurveColumn:
 
 @dataclasses.dataclass(frozen=True)
 class CurveTable:
-    """A file's numbers: both raw columns, shape (n,), their kinds, and the line of each row."""
+    """A file's numbers.
+
+    Attributes:
+        deformation, load: The two columns.
+        x, y: Their raw numbers, shape (n,).
+        lines: The line of each row.
+        time: Times in s, shape (n,); None without such a column, or where it cannot be used.
+        untimed: Why it cannot be used, a clause.
+    """
 
     deformation: CurveColumn
     load: CurveColumn
     x: Array
     y: Array
     lines: tuple[int, ...]
+    time: Array | None = None
+    untimed: str = "it has no column of times, such as 'time (s)'"
 
 
 def recognise(header: str, place: int) -> CurveColumn | None:
-    """Return the kind of a header; None if it is neither deformation nor load."""
+    """Return the kind of a header; None if it is neither deformation, load nor time."""
     unit, words = "", header.strip().strip('"')
     bracket = re.search(r"[(\[]([^)\]]*)[)\]]", words)
     tail = _TAIL.search(words)
@@ -118,6 +134,11 @@ def recognise(header: str, place: int) -> CurveColumn | None:
     elif "," in words or "/" in words:
         words, unit = re.split(r"[,/]", words, maxsplit=1)
     words = re.sub(r"[_\s-]+", " ", words).lower().strip()
+    if not unit and (timed := _TIME_TAIL.search(words)):
+        words, unit = timed[1], timed[2]
+    if _TIME.search(words):
+        column = CurveColumn("time", _unit(unit), place, header)
+        return column if not unit or _size(column.unit, column) is not None else None
     if re.search(r"\b(rate|energy|error|sd|std|width|thickness|time)\b", words):
         return None
     for kind, pattern in _WORDS:
@@ -143,13 +164,14 @@ def told_columns(text: str) -> dict[str, tuple[str, str | None]]:
         told[kind] = (name.strip(), unit.rstrip("]").strip() if "[" in rest else None)
     if len(set(told) & set(DEFORMATIONS)) != 1 or len(set(told) & set(LOADS)) != 1:
         raise TensileError(
-            f"columns {text!r} must name one deformation ({', '.join(DEFORMATIONS)}) and one load ({', '.join(LOADS)})"
+            f"columns {text!r} must name one deformation ({', '.join(DEFORMATIONS)}) and one load ({', '.join(LOADS)}), "
+            "and perhaps time"
         )
     return told
 
 
 def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveTable:
-    """Find the header, also below other lines, and the numbers of the two columns of a curve.
+    """Find the header, also below other lines, and the numbers of the two columns of a curve, and its times.
 
     Args:
         path: A text or a workbook, see `softmodels.common.tables.read_sheets`. A row of units may stand below the header.
@@ -159,7 +181,7 @@ def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveT
         TensileError: It cannot be read, no header or several say what the columns are, or there are no numbers below it.
     """
 
-    def found(sheet: Worksheet) -> tuple[int, CurveColumn, CurveColumn] | None:
+    def found(sheet: Worksheet) -> _Header | None:
         return _told_header(sheet.rows, told) if told else _header(sheet.rows)
 
     try:
@@ -168,8 +190,8 @@ def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveT
     except OSError as error:
         raise TensileError(f"the file cannot be read ({reason(error)})") from None
     if chosen is not None:
-        sheet, (after, deformation, load) = chosen
-        return _numbers(sheet, after, deformation, load, {kind for kind, (_, unit) in told.items() if unit is not None})
+        sheet, (after, columns) = chosen
+        return _numbers(sheet, after, columns, {kind for kind, (_, unit) in told.items() if unit is not None})
     if not any(sheet.rows for sheet in sheets):
         raise TensileError("the file is empty")
     where = f"no row of {named(sheets)}" if named(sheets) else "no line"
@@ -182,7 +204,11 @@ def read_table(path: Path, told: Mapping[str, tuple[str, str | None]]) -> CurveT
     )
 
 
-def _header(rows: Sequence[Line]) -> tuple[int, CurveColumn, CurveColumn] | None:
+type _Header = tuple[int, tuple[CurveColumn, ...]]
+"""Rows above the numbers, and the columns: deformation, load and perhaps time."""
+
+
+def _header(rows: Sequence[Line]) -> _Header | None:
     for i, (_, row) in enumerate(rows):
         if len(row) < 2 or any(_is_number(cell) for cell in row):
             continue  # fast check for most lines of a long file
@@ -196,7 +222,9 @@ def _header(rows: Sequence[Line]) -> tuple[int, CurveColumn, CurveColumn] | None
         kinds = {column.kind: column for column in known}
         deformation, load = _first(known, DEFORMATIONS), _first(known, LOADS)
         if deformation and load:
-            return i + 1, kinds[deformation], kinds[load]
+            times = [c for c in known if c.kind == "time"]
+            times.sort(key=lambda c: "total" not in c.header.lower())  # beside the time of each cycle
+            return i + 1, (kinds[deformation], kinds[load], *times[:1])
     return None
 
 
@@ -205,9 +233,7 @@ def _first(known: Sequence[CurveColumn], kinds: Sequence[str]) -> str | None:
     return next((kind for kind in kinds if kind in present), None)
 
 
-def _told_header(
-    rows: Sequence[Line], told: Mapping[str, tuple[str, str | None]]
-) -> tuple[int, CurveColumn, CurveColumn] | None:
+def _told_header(rows: Sequence[Line], told: Mapping[str, tuple[str, str | None]]) -> _Header | None:
     """Find the header of given columns: by name a line with these, by number the first line of numbers."""
     numbers = all(name.isdigit() for name, _ in told.values())
     for i, (_, row) in enumerate(rows):
@@ -227,63 +253,78 @@ def _told_header(
             of_header = said.unit if said else ""
             made[kind] = CurveColumn(kind, of_header if unit is None else _unit(unit), place, row[place].strip())
         else:
-            if numbers and not all(_is_number(row[column.place]) for column in made.values()):
+            if numbers and not all(_is_number(row[one.place]) for kind, one in made.items() if kind != "time"):
                 continue
-            deformation = next(made[kind] for kind in DEFORMATIONS if kind in made)
-            load = next(made[kind] for kind in LOADS if kind in made)
+            columns = tuple(made[kind] for kind in (*DEFORMATIONS, *LOADS, "time") if kind in made)
             if not numbers:
-                return i + 1, deformation, load
-            above = [_cell(rows[i - 1][1], column) if i else "" for column in (deformation, load)]
-            return (i - 1 if _row_of_units((deformation, load), above) else i), deformation, load
+                return i + 1, columns
+            above = [_cell(rows[i - 1][1], column) if i else "" for column in columns]
+            return (i - 1 if _row_of_units(columns, above) else i), columns
     return None
 
 
-def _numbers(
-    sheet: Worksheet, after: int, deformation: CurveColumn, load: CurveColumn, sure: Collection[str]
-) -> CurveTable:
+def _numbers(sheet: Worksheet, after: int, columns: tuple[CurveColumn, ...], sure: Collection[str]) -> CurveTable:
     """Return the numbers below a header; units of the kinds in ``sure`` are given and override the file."""
     x: list[float] = []
     y: list[float] = []
     lines: list[int] = []
-    columns = (deformation, load)
-    units: tuple[str, str] | None = None
+    times: list[str] = []
+    units: tuple[str, ...] | None = None
     for number, row in sheet.rows[after:]:
         cells = [_cell(row, column) for column in columns]
-        if not x and not all(map(_is_number, cells)):
+        if not x and not all(map(_is_number, cells[:2])):
             if units is None and (units := _row_of_units(columns, cells)):
-                deformation, load = columns = _with_units(columns, units, sure, sheet.place(number))
+                columns = _with_units(columns, units, sure, sheet.place(number))
                 continue
-            if not any(cell.startswith("=") or _is_number(cell) for cell in cells):
+            if not any(cell.startswith("=") or _is_number(cell) for cell in cells[:2]):
                 continue  # further text between the header and the numbers
         values = []
-        for cell, column in zip(cells, columns, strict=True):
+        for cell, column in zip(cells[:2], columns[:2], strict=True):
             if not _is_number(cell):
                 why = FORMULA if cell.startswith("=") else "is not a number"
                 raise TensileError(f"{sheet.place(number)}: {cell!r} in the column {column.header!r} {why}")
             values.append(_value(cell, column, sheet))
         if not all(map(math.isfinite, values)):
-            raise TensileError(f"{sheet.place(number)} has a value that is not finite ({', '.join(cells)})")
+            raise TensileError(f"{sheet.place(number)} has a value that is not finite ({', '.join(cells[:2])})")
         x.append(values[0])
         y.append(values[1])
         lines.append(number)
+        times.extend(cells[2:])
     if not x:
-        raise TensileError(f"there are no numbers below the header ({deformation.header!r}, {load.header!r})")
-    return CurveTable(deformation, load, np.array(x), np.array(y), tuple(lines))
+        raise TensileError(f"there are no numbers below the header ({columns[0].header!r}, {columns[1].header!r})")
+    made = CurveTable(columns[0], columns[1], np.array(x), np.array(y), tuple(lines))
+    return dataclasses.replace(made, **_times(times, columns[2], sheet, lines)) if times else made
+
+
+def _times(cells: Sequence[str], column: CurveColumn, sheet: Worksheet, lines: Sequence[int]) -> dict[str, Any]:
+    """Return the times of `CurveTable`, or why they cannot be used: curves without a memory do not need them."""
+    values = []
+    for cell, number in zip(cells, lines, strict=True):
+        if clock := _CLOCK.fullmatch(cell):
+            hours, minutes, seconds = clock.groups()
+            values.append(3600 * int(hours or 0) + 60 * int(minutes) + float(seconds.replace(",", ".")))
+        elif _is_number(cell) and not cell.endswith("%") and math.isfinite(value := _value(cell, column, sheet)):
+            values.append(value)
+        else:
+            return {"untimed": f"{sheet.place(number)}: {cell!r} in the column {column.header!r} is no time"}
+        if values[-2:] != sorted(values[-2:]):
+            return {"untimed": f"{sheet.place(number)}: the time falls to {cell} in the column {column.header!r}"}
+    clocks = any(":" in cell for cell in cells)
+    return {"time": np.array(values) if clocks or not column.unit else in_si(np.array(values), column)}
 
 
 def _cell(row: Sequence[str], column: CurveColumn) -> str:
     return row[column.place].strip() if column.place < len(row) else ""
 
 
-def _row_of_units(columns: Sequence[CurveColumn], cells: Sequence[str]) -> tuple[str, str] | None:
-    """Return both columns' units if a row holds units: in brackets, or one of them suiting its column."""
+def _row_of_units(columns: Sequence[CurveColumn], cells: Sequence[str]) -> tuple[str, ...] | None:
+    """Return the columns' units if a row holds units: in brackets, or one of them suiting its column."""
     bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in cells]
     if not any(one != cell or _is_unit(one, column) for one, cell, column in zip(bare, cells, columns, strict=True)):
         return None
-    first, second = (
+    return tuple(
         "" if _unit(one) == NONE and KINDS[c.kind] else _unit(one) for one, c in zip(bare, columns, strict=True)
     )
-    return first, second
 
 
 def _is_unit(text: str, column: CurveColumn) -> bool:
@@ -301,7 +342,7 @@ def _size(unit: str, column: CurveColumn) -> float | None:
 
 def _with_units(
     columns: Sequence[CurveColumn], units: Sequence[str], sure: Collection[str], where: str
-) -> tuple[CurveColumn, CurveColumn]:
+) -> tuple[CurveColumn, ...]:
     """Return the columns with the units below their headers, except the kinds in ``sure``.
 
     Raises:
@@ -320,7 +361,7 @@ def _with_units(
                 f"one of them, or give --columns {column.kind}={column.place + 1}[{column.unit}],..."
             )
         made.append(dataclasses.replace(column, unit=column.unit or unit))
-    return made[0], made[1]
+    return tuple(made)
 
 
 def _value(cell: str, column: CurveColumn, sheet: Worksheet) -> float:
@@ -410,16 +451,19 @@ class Specimen:
 @checked
 @dataclasses.dataclass(frozen=True, eq=False)
 class TensileCurve:
-    """A loading ramp.
+    """A loading ramp, or with times the whole history of a test.
 
     Attributes:
         name: Where it comes from.
         mode: ``"uniaxial"``, ``"planar"`` or ``"equibiaxial"``; a balloon's curve is equibiaxial.
-        stretch: Rising, shape (n,).
+        stretch: Rising, shape (n,); in the order of the test where there are times.
         stress: Nominal stress in Pa, shape (n,).
-        remarks: Sentences on what was left out.
+        remarks: Sentences on what was left out, and on the rate.
         noise: Standard deviation in Pa of the readings that its points are averages of; None if they are readings themselves.
         readings: Readings per point.
+        time: In s, not falling, shape (n,). Only fits of a memory look at it; a curve without times is taken there as
+            so slow that the silicone is relaxed at each point.
+        loop: Area between first loading and unloading over the work of the loading; 0 where it does not unload.
     """
 
     name: str
@@ -429,6 +473,8 @@ class TensileCurve:
     remarks: tuple[str, ...] = ()
     noise: float | None = None
     readings: float = 1.0
+    time: Array | None = None
+    loop: float = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -436,18 +482,23 @@ class TensileCurve:
         if not isinstance(self.mode, str) or self.mode not in MODES:
             known = known_are(self.mode, MODES)
             raise TensileError(f"{self.name}: the test {brief(self.mode)} is unknown; {known}")
-        for name, kind in (("stretch", Quantity()), ("stress", Quantity("Pa"))):
-            object.__setattr__(self, name, self._column(name, getattr(self, name), kind))
+        for name, kind in (("stretch", Quantity()), ("stress", Quantity("Pa")), ("time", Quantity("s"))):
+            if name != "time" or self.time is not None:
+                object.__setattr__(self, name, self._column(name, getattr(self, name), kind))
         if len(self.stretch) != len(self.stress):
             raise TensileError(
                 f"{self.name}: {len(self.stretch)} stretches but {len(self.stress)} stresses; give equal numbers"
+            )
+        if self.time is not None and (len(self.time) != len(self.stretch) or (np.diff(self.time) < 0.0).any()):
+            raise TensileError(
+                f"{self.name}: the times must be as many as the stretches ({len(self.stretch)}) and not fall"
             )
         if not len(self.stretch):
             raise TensileError(f"{self.name}: the curve is empty; give stretches and stresses")
         keep_arrays(self)
 
     def _column(self, name: str, values: object, kind: Quantity) -> Array:
-        """Return a copy of one of the two columns, protected from changes.
+        """Return a copy of a column, protected from changes.
 
         Raises:
             TensileError: It holds something else than finite numbers.
@@ -488,7 +539,7 @@ class TensileCurve:
                 f"{self.name}: the stretch starts at {low:.4g} without stress instead of near 1: "
                 f"these seem to be strains; add 1"
             )
-        if (np.diff(self.stretch) < 0.0).any():
+        if self.time is None and (np.diff(self.stretch) < 0.0).any():
             raise TensileError(f"{self.name}: the stretch does not rise from row to row; give one loading ramp, sorted")
         try:
             _check_rest(self)
@@ -504,6 +555,8 @@ class TensileCurve:
             TensileError: Too few points are left.
         """
         keep = (self.stretch >= low) & (self.stretch <= high)
+        if self.time is not None:
+            raise TensileError(f"{self.name}: a range of stretch cannot be cut out of a test with times; leave it out")
         if keep.sum() < LEAST_POINTS:
             raise TensileError(
                 f"{self.name}: {keep.sum()} of its points are between stretch {low:g} and {high:g}; at least "
@@ -511,8 +564,28 @@ class TensileCurve:
             )
         return dataclasses.replace(self, stretch=self.stretch[keep], stress=self.stress[keep])
 
+    def ramp(self) -> TensileCurve:
+        """Return the loading ramp, with remarks on the rest of the test; without times the curve itself.
 
-def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: Specimen | None = None) -> TensileCurve:
+        Raises:
+            TensileError: There is none.
+        """
+        return self if self.time is None else _ramp_of(self)
+
+
+EQUILIBRIUM = 0.0
+"""Rate of a test so slow that the silicone is relaxed at each point."""
+
+
+def read_curve(
+    path: Path,
+    test: str = "uniaxial",
+    columns: str = "",
+    specimen: Specimen | None = None,
+    *,
+    history: bool = False,
+    rate: float | None = None,
+) -> TensileCurve:
     """Read a curve.
 
     Args:
@@ -521,6 +594,8 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
         test: One of `TESTS`, or a synonym.
         columns: Which columns to take, see `told_columns`; empty to go by the headers.
         specimen: Its sizes, where the file has forces, extensions or pressures.
+        history: Return the whole test with its times; else the loading ramp.
+        rate: Of the stretch in 1/s, instead of a column of times; `EQUILIBRIUM` for none.
 
     Raises:
         TensileError: The curve cannot be used; the message names the file.
@@ -535,12 +610,22 @@ def read_curve(path: Path, test: str = "uniaxial", columns: str = "", specimen: 
             _check_start(table.x, table.y, table.deformation, specimen or Specimen())
         stretch = _stretch(table.x, table.deformation, specimen or Specimen())
         stress = _nominal(table.y, table.load, stretch, kind, specimen or Specimen())
-        mode = "equibiaxial" if kind == "balloon" else kind
-        stretch, stress, remarks = _ramp(stretch, stress)
+        time = table.time if rate is None else _paced(stretch, rate)
+        if history and time is None and rate is None:
+            raise TensileError(
+                f"{table.untimed}; a fit of the memory needs times, or FILE:TEST:RATE, such as {path.name}:{kind}:0.05/s, "
+                f"or {path.name}:{kind}:equilibrium for a test so slow that the silicone was relaxed"
+            )
     except TensileError as error:
         raise TensileError(f"{path}: {error}") from None
-    curve = TensileCurve(str(path), mode, stretch, stress, tuple(remarks)).check()
+    whole = TensileCurve(str(path), "equibiaxial" if kind == "balloon" else kind, stretch, stress, time=time)
+    curve = (whole if history and time is not None else _ramp_of(whole)).check()
     return dataclasses.replace(curve, name=path.name)
+
+
+def _paced(stretch: Array, rate: float) -> Array | None:
+    """Return the times of a test at one rate of stretch; None at equilibrium."""
+    return None if rate == EQUILIBRIUM else np.cumsum(np.abs(np.diff(stretch, prepend=stretch[0]))) / rate
 
 
 def _stretch(x: Array, column: CurveColumn, specimen: Specimen) -> Array:
@@ -620,13 +705,28 @@ def _nominal(y: Array, column: CurveColumn, stretch: Array, test: str, specimen:
     return values
 
 
-def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str]]:
-    """Return the loading ramp, up to the first reversal or the break, in rising order."""
+def _ramp_of(curve: TensileCurve) -> TensileCurve:
+    """Return the loading ramp of a test, up to the first reversal or the break, in rising order."""
+    try:
+        stretch, stress, remarks, used = _ramp(curve.stretch, curve.stress)
+    except TensileError as error:
+        raise TensileError(f"{curve.name}: {error}") from None
+    paced = [] if curve.time is None else pace(curve.time[used], curve.stretch[used])
+    area = loop(curve.stretch, curve.stress)
+    return dataclasses.replace(
+        curve, stretch=stretch, stress=stress, time=None, loop=area, remarks=(*curve.remarks, *remarks, *paced)
+    )
+
+
+def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice]:
+    """Return the loading ramp, remarks on what was left out, and the place of the ramp."""
     remarks = []
     span = float(np.ptp(stretch))
     if span < 1e-3:
         raise TensileError(f"the stretch does not change ({stretch.min():.4g} to {stretch.max():.4g})")
-    if stretch[-1] < stretch[0] and np.all(np.diff(stretch) <= TURN * span):
+    whole = len(stretch)
+    backwards = bool(stretch[-1] < stretch[0] and np.all(np.diff(stretch) <= TURN * span))
+    if backwards:
         stretch, stress = stretch[::-1], stress[::-1]  # compression in the order of the test
     fallen = np.maximum.accumulate(stretch) - stretch > TURN * span
     if fallen.any():
@@ -648,7 +748,87 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str]]:
     stretch, stress = stretch[order], stress[order]
     if len(stretch) < LEAST_POINTS:
         raise TensileError(f"the loading ramp has {len(stretch)} points; at least {LEAST_POINTS} are needed")
-    return stretch, stress, remarks
+    return stretch, stress, remarks, slice(whole - len(stretch), whole) if backwards else slice(0, len(stretch))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The course of a test in time.
+
+
+CORNER = 0.005
+"""Tolerance of the straight parts of a history of stretch, relative to its range."""
+MOST_CORNERS = 400
+
+
+def corners(time: Array, stretch: Array) -> list[int]:
+    """Return the places between which the stretch is straight in time (Douglas & Peucker 1973), first and last included.
+
+    Noise beyond `CORNER` of the range widens the tolerance, so that it makes no corners.
+    """
+    tolerance = CORNER * float(np.ptp(stretch))
+    while True:
+        found, open_ends = {0, len(time) - 1}, [(0, len(time) - 1)]
+        while open_ends and len(found) <= MOST_CORNERS:
+            a, b = open_ends.pop()
+            if b - a < 2:
+                continue
+            line = np.interp(time[a : b + 1], (time[a], time[b]), (stretch[a], stretch[b]))
+            off = np.abs(stretch[a : b + 1] - line)
+            middle = a + int(off.argmax())
+            if off.max() > tolerance and a < middle < b:
+                found.add(middle)
+                open_ends += [(a, middle), (middle, b)]
+        if len(found) <= MOST_CORNERS:
+            return sorted(found)
+        tolerance *= 2
+
+
+def pace(time: Array, stretch: Array) -> list[str]:
+    """Return remarks on the rate of a test, and on the time for which it was held."""
+    places = corners(time, stretch)
+    dt, dx = np.diff(time[places]), np.abs(np.diff(stretch[places]))
+    moving = dx > TURN * float(np.ptp(stretch))
+    said = []
+    if dt[moving].sum() > 0.0:
+        said.append(f"stretched at {dx[moving].sum() / dt[moving].sum():.2g} /s; the modulus is that of this rate")
+    if (held := float(dt[~moving].sum())) > 0.05 * float(dt.sum()):
+        said.append(f"held for {held:.3g} s")
+    return said
+
+
+def turns(stretch: Array) -> list[int]:
+    """Return the places of the reversals of a history of stretch, first and last included."""
+    room, found, way = TURN * float(np.ptp(stretch)), [0], 0
+    last = 0
+    for i, value in enumerate(stretch):
+        if way == 0:
+            if abs(value - stretch[0]) > room:
+                way, last = (1 if value > stretch[0] else -1), i
+        elif (value - stretch[last]) * way >= 0.0:
+            last = i
+        elif (stretch[last] - value) * way > room:
+            found.append(last)
+            way, last = -way, i
+    return [*found, len(stretch) - 1]
+
+
+def loop(stretch: Array, stress: Array) -> float:
+    """Return the area between the first loading and unloading over the work of the loading; 0 without an unloading."""
+    places = turns(stretch)
+    if len(places) < 3 or len(stretch) < LEAST_POINTS:
+        return 0.0
+    up, down = (slice(a, b + 1) for a, b in itertools.pairwise(places[:3]))
+    if down.stop - down.start < LEAST_POINTS or stretch[places[1]] < stretch[0]:
+        return 0.0
+    low = float(max(stretch[up].min(), stretch[down].min()))
+
+    def work(part: slice) -> float:
+        order = np.argsort(stretch[part], kind="stable")
+        x, y = stretch[part][order], stress[part][order]
+        grid = np.r_[low, x[x > low]]
+        return float(np.trapezoid(np.interp(grid, x, y), grid))
+
+    return max(1.0 - work(down) / work(up), 0.0) if work(up) > 0.0 else 0.0
 
 
 def _check_rest(curve: TensileCurve) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -33,14 +34,27 @@ from softmodels.fitting.comparison import (
 from softmodels.fitting.curves.curve import (
     TensileCurve,
     TensileError,
+    loop,
     read_curve,
     small_modulus,
+)
+from softmodels.fitting.curves.memory import (
+    DECISIVE,
+    Spectrum,
+    branch_stresses,
+    fit_memory,
+    may_soften,
+    memory_residuals,
+    remembering,
+    several_amplitudes,
+    spectrum,
 )
 from softmodels.fitting.curves.residuals import (
     StressError,
     TensileResiduals,
     largest_strain,
     on_yardstick,
+    predicted,
     residuals_of,
     stretches_of,
     thinned,
@@ -61,7 +75,7 @@ from softmodels.fitting.problem import (
 )
 from softmodels.fitting.result import NOTHING, LeastSquaresFit
 from softmodels.materials.laws import Material
-from softmodels.materials.specimens import respond
+from softmodels.materials.specimens import SOFTENING, respond
 from softmodels.materials.stability import judge
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -144,23 +158,27 @@ def spread(fit: LeastSquaresFit) -> float:
 type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
 """One or several measured curves, or files with uniaxial ones."""
 
+SMALLEST_LOOP = 0.005
+"""Smallest area of a loop, as a share of the work, that is reported."""
 LARGEST_RATIO = 100.0
 """Maximum ratio of the initial moduli of curves of one material; above it a wrong unit is assumed."""
 
 
-def prepared(curves: Curves, stretch: tuple[float, float] | None = None) -> list[TensileCurve]:
+def prepared(curves: Curves, stretch: tuple[float, float] | None = None, history: bool = False) -> list[TensileCurve]:
     """Return the curves of one material, checked, within a range of stretch; dense ones averaged (see `thinned`), averaged ones
     kept.
 
     Args:
         curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
         stretch: The range; None for the whole curves.
+        history: Keep the whole tests of curves with times; else their loading ramps.
 
     Raises:
         TensileError: One cannot be used, they cannot be one material's, or too few points are left.
     """
     given = [curves] if isinstance(curves, TensileCurve | Path | str) else curves
-    read = [one.check() if isinstance(one, TensileCurve) else read_curve(Path(one)) for one in given]
+    read = [one if isinstance(one, TensileCurve) else read_curve(Path(one), history=history) for one in given]
+    read = [(one if history else one.ramp()).check() for one in read]
     if not read:
         return []
     moduli = [small_modulus(curve) for curve in read]
@@ -203,11 +221,15 @@ def fit_curves(
     callback("progress", progress)
     one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
     ready = prepared(
-        several("curves", curves, (TensileCurve, Path, str), "a curve or its file"), span("stretch", stretch)
+        several("curves", curves, (TensileCurve, Path, str), "a curve or its file"),
+        span("stretch", stretch),
+        options.memory,
     )
     if not ready:
         raise FitError("there are no measurements; give a tensile curve or outlines")
-    task = _Task(ready, law_choices(material, options.poisson), options, progress or _silent)
+    task = (_MemoryTask if options.memory else _Task)(
+        ready, law_choices(material, options.poisson), options, progress or _silent
+    )
     return task.report()
 
 
@@ -241,7 +263,14 @@ class _Task:
             fits = self._fit_all("soft_l1", scale)
         comparison = compare(fits, self._on_yardstick(fits))
         laws = self._laws(fits, comparison, known)
-        report = FitReport(laws, comparison, tuple(self.curves), _how(self.options))
+        report = FitReport(laws, comparison, tuple(self.curves), _how(self.options), notes=tuple(self._notes(laws)))
+        return self._compared(report, scale)
+
+    def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
+        return []
+
+    def _compared(self, report: FitReport, scale: float | None) -> FitReport:
+        """Return the report with separate fits of curves that contradict each other."""
         chosen = report.chosen.choice
         separate = fit_separately(
             self.curves, self.options.gauge_error, lambda curve: self._alone(chosen, curve, scale)
@@ -277,12 +306,30 @@ class _Task:
             choice = self.choices[fits.index(ranked.fit)]
             if self.options.profiles and len(ranked.fit.free) > 2:
                 self.progress(f"intervals of {choice.name}")
-            profiles = {p.name: profile(ranked.fit, p.name) for p in ranked.fit.free} if self.options.profiles else {}
-            material, judgement = choice.material(ranked.fit.values, stretches_of(self.curves)), NOTHING
+            profiles = {
+                p.name: profile(ranked.fit, p.name) for p in ranked.fit.free if self._profiled(ranked.fit, p.name)
+            }
+            material = self._material(choice, ranked.fit)
+            judgement = dataclasses.replace(NOTHING, warnings=tuple(self._cautions()))
             if self.options.silicone:
                 judgement = hold_against(material, stretch_of(strain), known, judgement)
             laws.append(FittedLaw(choice, ranked.fit, material, judge(material, strain), profiles, judgement))
         return tuple(laws)
+
+    def _profiled(self, fit: LeastSquaresFit, name: str) -> bool:
+        return self.options.profiles
+
+    def _material(self, choice: LawChoice, fit: LeastSquaresFit) -> Material:
+        return choice.material(fit.values, stretches_of(self.curves))
+
+    def _cautions(self) -> list[str]:
+        """Return warnings on curves whose unloading no law without a memory can follow."""
+        return [
+            f"{curve.name} unloads below its loading: the loop is {100 * curve.loop:.2g} % of the work, which a law without a "
+            "memory does not lose; --memory fits it"
+            for curve in self.curves
+            if curve.loop >= SMALLEST_LOOP
+        ]
 
     def _alone(self, choice: LawChoice, curve: TensileCurve, scale: float | None) -> FittedLaw:
         sources, extra = residuals_of([curve], choice, self.error, self.options.gauge_error)
@@ -290,6 +337,77 @@ class _Task:
         loss = "linear" if scale is None else "soft_l1"
         fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
         return fitted_alone(choice, fit, curve)
+
+
+class _MemoryTask(_Task):
+    """Laws with a memory, and the histories to fit them to."""
+
+    @functools.cached_property
+    def spectrum(self) -> Spectrum:
+        return spectrum(self.curves)
+
+    @functools.cached_property
+    def stresses(self) -> list[Array]:
+        return branch_stresses(self.curves, self.spectrum)
+
+    @functools.cached_property
+    def softens(self) -> tuple[str, ...]:
+        """Names of the softening's parameters that the data can show, if it softens."""
+        return SOFTENING[: 3 if several_amplitudes(self.curves) else 2] if may_soften(self.curves) else ()
+
+    def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[LeastSquaresFit]:
+        modulus = float(np.median([small_modulus(curve) for curve in self.curves]))
+        fits: list[LeastSquaresFit] = []
+        for choice in self.choices:
+            self.progress(f"fitting {choice.name} and its memory")
+            sources, extra = memory_residuals(
+                self.curves, self.stresses, choice, self.error, self.options.gauge_error, self.spectrum
+            )
+            if scale is not None and self.errors == "unknown":
+                sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
+
+            fitted = functools.partial(fit_memory, choice, sources, extra, modulus=modulus, loss=loss, errors=self.errors)
+            fit = fitted({k: v for k, v in self.options.changes.items() if k not in SOFTENING})
+            if self.softens:
+                softer = fitted(self.options.changes, softening=self.softens)
+                lead = next(one.aicc for one in compare([fit, softer]).ranked if one.fit is fit)
+                if softer.converged and lead > DECISIVE and softer.interval(SOFTENING[0])[0] > 0.0:
+                    fit = softer
+            fits.append(fit)
+        return fits
+
+    def _on_yardstick(self, fits: Sequence[LeastSquaresFit]) -> None:
+        return None
+
+    def _material(self, choice: LawChoice, fit: LeastSquaresFit) -> Material:
+        return remembering(super()._material(choice, fit), self.spectrum, fit.values)
+
+    def _profiled(self, fit: LeastSquaresFit, name: str) -> bool:
+        """A weight that ended at zero has no other interval."""
+        return self.options.profiles or fit.at_bounds.get(name) == 0.0
+
+    def _cautions(self) -> list[str]:
+        return []
+
+    def _compared(self, report: FitReport, scale: float | None) -> FitReport:
+        """Return the report as it is: tests at several rates may differ."""
+        return report
+
+    def _notes(self, laws: Sequence[FittedLaw]) -> list[str]:
+        said = [self.spectrum.sentence]
+        if not self.softens:
+            said.append(
+                "no softening is fitted: only a second loading, or a hold after an unloading, tells it from relaxation"
+            )
+        elif not any(one.material.memory and one.material.memory.softening for one in laws):
+            said.append("no softening: relaxation follows the later loadings as well")
+        for curve in self.curves:
+            if (measured := loop(curve.stretch, curve.stress)) >= SMALLEST_LOOP:
+                fitted = loop(curve.stretch, predicted(laws[0].material, curve))
+                said.append(
+                    f"{curve.name}: loop of the first unloading {100 * measured:.3g} % of the work, fitted {100 * fitted:.3g} %"
+                )
+        return said
 
 
 def _how(options: FitOptions) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -11,7 +12,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.units import UnitError, brief, quantity
-from softmodels.fitting.curves.curve import TensileCurve, TensileError
+from softmodels.fitting.curves.curve import TURN, TensileCurve, TensileError, corners
 from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.problem import (
     CannotEvaluate,
@@ -21,8 +22,8 @@ from softmodels.fitting.problem import (
     Prior,
 )
 from softmodels.fitting.result import LeastSquaresFit
-from softmodels.materials.laws import MaterialError
-from softmodels.materials.specimens import respond, strain_of
+from softmodels.materials.laws import Material, MaterialError
+from softmodels.materials.specimens import respond, strain_of, stress_in_time
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Standard error of measured stresses: as given, or from the curve's noise.
@@ -149,6 +150,13 @@ class TensileResiduals:
         return residuals, slopes, [self.label] * len(residuals)
 
 
+def predicted(material: Material, curve: TensileCurve) -> Array:
+    """Return the nominal stress in Pa of a material at the points of a curve, through its times if both have a memory."""
+    if material.memory is None:
+        return respond(material, curve.stretch, curve.mode).stress
+    return stress_in_time(material, curve.time, curve.stretch, curve.mode)[0]
+
+
 def residuals_of(
     curves: Sequence[TensileCurve],
     choice: LawChoice,
@@ -195,6 +203,10 @@ MOST_POINTS = 100
 """Number of points above which a curve is averaged over steps of stretch."""
 FINEST = 800
 """Maximum number of steps for sharply bent curves."""
+HISTORY_POINTS = 400
+"""The same for a history in time."""
+LEAST_STEPS = 6
+"""Minimum number of steps between two corners of a history."""
 KEPT = 0.002
 """Tolerance of the averaged curve, relative to the largest stress; otherwise more steps are used."""
 
@@ -204,8 +216,10 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
 
     Stretch and stress are averaged over equal steps of stretch; a step without a reading gives no point. Where the averages,
     joined by straight lines, miss the curve's smoothed readings by more than `KEPT` of the largest stress, the steps are
-    halved. A curve of few points is unchanged.
+    halved. A curve of few points is unchanged. A history in time is averaged between its corners, see `_history_thinned`.
     """
+    if curve.time is not None:
+        return _history_thinned(curve, HISTORY_POINTS)
     if len(curve.stretch) <= most:
         return curve
     steps = most
@@ -229,6 +243,36 @@ def thinned(curve: TensileCurve, most: int = MOST_POINTS) -> TensileCurve:
         noise=noise(curve),
         readings=len(curve.stretch) / len(stretch),
     )
+
+
+def _history_thinned(curve: TensileCurve, most: int) -> TensileCurve:
+    """Return a history of about ``most`` points: corners of the stretch, and averages over steps of time between them.
+
+    The steps grow from each corner on, where the silicone relaxes fastest: in a hold by a constant factor.
+    """
+    assert curve.time is not None
+    n, time = len(curve.stretch), curve.time
+    if n <= most:
+        return curve
+    places = corners(time, curve.stretch)
+    steps = max(most // (len(places) - 1), LEAST_STEPS)
+    group = np.zeros(n, dtype=int)
+    span = float(np.ptp(curve.stretch))
+    for a, b in itertools.pairwise(places):
+        duration, first = float(time[b] - time[a]), float(time[min(a + 1, b)] - time[a])
+        held = abs(curve.stretch[b] - curve.stretch[a]) < TURN * span
+        u = np.linspace(0.0, 1.0, steps + 1)[1:-1]
+        edges = first * (duration / first) ** u if held and 0.0 < first < duration else duration * u**1.5
+        inner = np.arange(a + 1, b)
+        group[inner] = group[a] + 1 + np.searchsorted(edges, time[inner] - time[a])
+        group[b] = group[a] + steps + 2
+    _, member, counts = np.unique(group, return_inverse=True, return_counts=True)
+    means = [np.bincount(member, values) / counts for values in (time, curve.stretch, curve.stress)]
+    remark = f"{n} readings averaged over steps of time between {len(places)} corners, {len(counts)} points"
+    return dataclasses.replace(
+        curve, time=means[0], stretch=means[1], stress=means[2], remarks=(*curve.remarks, remark),
+        noise=noise(curve), readings=n / len(counts),
+    )  # fmt: skip
 
 
 def averaged(curve: TensileCurve, steps: int) -> tuple[Array, Array]:
