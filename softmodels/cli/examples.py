@@ -7,7 +7,7 @@ for the camera's lens, a part from a STEP file and a case of each kind stand bes
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,8 @@ from softmodels.cli.demo import (
 from softmodels.cli.example_cases import BENCH, CASES, PROBLEMS
 from softmodels.common.terminal import say
 from softmodels.fitting.problem import LawChoice
-from softmodels.materials.specimens import nominal_stress
+from softmodels.materials.laws import Material
+from softmodels.materials.specimens import nominal_stress, stress_in_time
 
 MEGAPIXELS = 3.8
 LENS = (-0.06, 0.02)
@@ -35,6 +36,13 @@ SIDE = 0.025
 """Side of the board's squares in m."""
 NOISE = 150.0
 """Standard deviation of the tensile curve's stress in Pa."""
+MEMORY_NOISE, SAMPLING = 50.0, 0.25
+"""The same of the tests with times, and their sampling interval in s."""
+BRANCHES = ((0.15, 1.0), (0.1, 10.0), (0.08, 100.0))
+SOFTENED = (2.5, 4e3, 0.2)
+CYCLES = ((0, 1), (10, 2), (20, 1), (30, 2), (40, 1), (60, 3), (80, 1), (100, 3), (120, 1))
+HOLD = ((0, 1), (1, 2), (300, 2))
+"""Corners of two tests: times in s and stretches."""
 
 README = """Made by `softmodels examples` from fixed seeds: nothing here was measured.
 
@@ -43,10 +51,11 @@ photographs/       grid.jpg: only the screen's grid of 9 mm; 4 to 13: a disk at 
                    levels of the water column's two tubes, which loses 1 % of its largest pressure by a leak
 disk.toml          the disk of the photographs, silicone unknown
 pull.csv           a tensile test of its silicone
-truth.txt          the true material
+cycles.csv         two cycles each to stretch 2 and 3 of a silicone with a memory; hold.csv: it is pulled and held for 5 min
+truth.txt          the true materials
 mypart.step        a finger with one cavity that bends, mypart.toml the case of it
 twopart.step       a block with two cavities, program.toml a series for each of them
-*.toml             cases: volume, syringe, cycle, contact, ball, sheet (seminar), balloon
+*.toml             cases: volume, syringe, cycle, loop (in time), contact, ball, sheet (seminar), balloon
 lifted, height     a membrane with a plate and a weight; the force on the plate at a height
 finger, bent       a finger of two silicones with paper, under its weight; a wound finger with a sheet
 rod, muscle, cell  a spheroid with a rod; a McKibben muscle with a load; a bellows on a load cell
@@ -105,6 +114,36 @@ def tensile_curve() -> str:
     lines = [f"{100 * (x - 1):.1f},{y / 1e3:.4f}" for x, y in zip(stretch, noisy, strict=True)]
     about = f"# computed, not measured: {told_truth()}; noise of {NOISE:g} Pa, seed 30"
     return "\n".join([about, "strain (%),stress (kPa)", *lines]) + "\n"
+
+
+def memory_curve(corners: Sequence[tuple[float, float]], seed: int) -> str:
+    """Return a noisy uniaxial test of `remembering` as a machine's table.
+
+    Args:
+        corners: Times in s and stretches, straight between them.
+        seed: Of the noise.
+    """
+    time = np.arange(0.0, corners[-1][0] + SAMPLING / 2, SAMPLING)
+    stretch = np.interp(time, *np.transpose(corners))
+    noise = MEMORY_NOISE * np.random.default_rng(seed).standard_normal(len(time))
+    noisy = stress_in_time(remembering(), time, stretch)[0] + noise
+    rows = (f"{t:.2f},{100 * (x - 1):.3f},{y / 1e3:.4f}" for t, x, y in zip(time, stretch, noisy, strict=True))
+    about = f"# computed, not measured: {told_memory()}; noise of {MEMORY_NOISE:g} Pa, seed {seed}"
+    return "\n".join([about, "time (s),strain (%),stress (kPa)", *rows]) + "\n"
+
+
+def remembering() -> Material:
+    """Return the silicone of the tests with times."""
+    law = LawChoice.from_text("yeoh").material({"c1": 8e3, "c2": 90.0, "c3": 0.5})
+    return law.with_memory(BRANCHES, SOFTENED)
+
+
+def told_memory() -> str:
+    """Return that silicone in words."""
+    branches = ", ".join(f"{share:g} at {time:g} s" for share, time in BRANCHES)
+    r, m, beta = SOFTENED
+    law = "yeoh, c1 = 8 kPa, c2 = 90 Pa, c3 = 0.5 Pa"
+    return f"{law}, branches {branches}, softening r {r:g}, m {m / 1e3:g} kPa, beta {beta:g}"
 
 
 def told_truth() -> str:
@@ -167,7 +206,10 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
     for name, text in {**CASES, **BENCH, **PROBLEMS}.items():
         folder.add(name, lambda file, text=text: file.write_text(text, encoding="utf-8"))  # type: ignore[misc]
     folder.add("pull.csv", lambda file: file.write_text(tensile_curve(), encoding="utf-8"))
-    folder.add("truth.txt", lambda file: file.write_text(f"{told_truth()}, a leak of 1 %\n", encoding="utf-8"))
+    folder.add("cycles.csv", lambda file: file.write_text(memory_curve(CYCLES, 31), encoding="utf-8"))
+    folder.add("hold.csv", lambda file: file.write_text(memory_curve(HOLD, 32), encoding="utf-8"))
+    truth = f"{told_truth()}, a leak of 1 %\ncycles.csv, hold.csv: {told_memory()}\n"
+    folder.add("truth.txt", lambda file: file.write_text(truth, encoding="utf-8"))
     from geometries.apart import apart
 
     folder.add("mypart.step", lambda file: apart(finger, file))

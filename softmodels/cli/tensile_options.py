@@ -147,16 +147,16 @@ def _rate(text: str, length: float | None) -> float | None:
         return EQUILIBRIUM
     try:
         rate = quantity(text, "1/s")
-    except UnitError as error:
+    except UnitError:
+        try:
+            speed = quantity(text, "m/s")
+        except UnitError:
+            raise TensileError(f"rate {brief(text)} is none; write 0.05/s, 5%/s or 50mm/min, or equilibrium") from None
         if length is None:
             raise TensileError(
-                f"rate {brief(text)}: {error}; write the stretch per time, such as 0.05/s, or a speed such as 50mm/min with "
-                "--gauge-length"
+                f"rate {brief(text)} is a speed; give the undeformed length too, --gauge-length"
             ) from None
-        try:
-            rate = quantity(text, "m/s") / length
-        except UnitError:
-            raise TensileError(f"rate {brief(text)}: {error}; write 0.05/s or 50mm/min") from None
+        rate = speed / length
     if not rate > 0.0:
         raise TensileError(f"rate {brief(text)} must be above zero; write 'equilibrium' for a relaxed test")
     return rate

@@ -619,8 +619,21 @@ def read_curve(
     except TensileError as error:
         raise TensileError(f"{path}: {error}") from None
     whole = TensileCurve(str(path), "equibiaxial" if kind == "balloon" else kind, stretch, stress, time=time)
-    curve = (whole if history and time is not None else _ramp_of(whole)).check()
+    curve = (_unbroken(whole) if history and time is not None else _ramp_of(whole)).check()
     return dataclasses.replace(curve, name=path.name)
+
+
+def _unbroken(curve: TensileCurve) -> TensileCurve:
+    """Return a history up to the break: where more than half of a large stress is lost from one reading to the next, and not
+    by unloading."""
+    x, y = curve.stretch, curve.stress
+    lost = (y[1:] < BREAK * y[:-1]) & (y[:-1] > BREAK * y.max()) & (x[1:] > x[:-1] - TURN * np.ptp(x))
+    if not lost.any():
+        return curve
+    end = int(np.argmax(lost)) + 1
+    remarks = (*curve.remarks, f"{len(x) - end} points after the break at stretch {x[end - 1]:.4g} are left out")
+    assert curve.time is not None
+    return dataclasses.replace(curve, stretch=x[:end], stress=y[:end], time=curve.time[:end], remarks=remarks)
 
 
 def _paced(stretch: Array, rate: float) -> Array | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -355,6 +356,11 @@ class _MemoryTask(_Task):
         """Names of the softening's parameters that the data can show, if it softens."""
         return SOFTENING[: 3 if several_amplitudes(self.curves) else 2] if may_soften(self.curves) else ()
 
+    @functools.cached_property
+    def stiffer(self) -> dict[str, float]:
+        """By law: how many times its misfit is as large without softening, where it softens."""
+        return {}
+
     def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[LeastSquaresFit]:
         modulus = float(np.median([small_modulus(curve) for curve in self.curves]))
         fits: list[LeastSquaresFit] = []
@@ -366,18 +372,21 @@ class _MemoryTask(_Task):
             if scale is not None and self.errors == "unknown":
                 sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
 
-            fitted = functools.partial(fit_memory, choice, sources, extra, modulus=modulus, loss=loss, errors=self.errors)
+            fitted = functools.partial(
+                fit_memory, choice, sources, extra, modulus=modulus, loss=loss, errors=self.errors
+            )
             fit = fitted({k: v for k, v in self.options.changes.items() if k not in SOFTENING})
             if self.softens:
                 softer = fitted(self.options.changes, softening=self.softens)
                 lead = next(one.aicc for one in compare([fit, softer]).ranked if one.fit is fit)
                 if softer.converged and lead > DECISIVE and softer.interval(SOFTENING[0])[0] > 0.0:
+                    self.stiffer[choice.name] = math.sqrt(fit.deviance / softer.deviance)
                     fit = softer
             fits.append(fit)
         return fits
 
-    def _on_yardstick(self, fits: Sequence[LeastSquaresFit]) -> None:
-        return None
+    def _on_yardstick(self, fits: Sequence[LeastSquaresFit]) -> list[LeastSquaresFit] | None:
+        return [on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
 
     def _material(self, choice: LawChoice, fit: LeastSquaresFit) -> Material:
         return remembering(super()._material(choice, fit), self.spectrum, fit.values)
@@ -399,8 +408,12 @@ class _MemoryTask(_Task):
             said.append(
                 "no softening is fitted: only a second loading, or a hold after an unloading, tells it from relaxation"
             )
-        elif not any(one.material.memory and one.material.memory.softening for one in laws):
+        elif not self.stiffer:
             said.append("no softening: relaxation follows the later loadings as well")
+        said += [
+            f"{name} softens (softening = 1/r, m and beta of Ogden & Roxburgh): without, its misfit is {times:.3g} times as large"
+            for name, times in self.stiffer.items()
+        ]
         for curve in self.curves:
             if (measured := loop(curve.stretch, curve.stress)) >= SMALLEST_LOOP:
                 fitted = loop(curve.stretch, predicted(laws[0].material, curve))

@@ -10,13 +10,21 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from typing import Self
 
 import numpy as np
 from scipy.optimize import nnls
 
 from softmodels.common.arrays import Array
 from softmodels.fitting.curves.curve import TURN, TensileCurve, TensileError, corners, turns
-from softmodels.fitting.curves.residuals import RELATIVE, StressError, TensileResiduals, largest_strain, residuals_of
+from softmodels.fitting.curves.residuals import (
+    RELATIVE,
+    StressError,
+    TensileResiduals,
+    largest_strain,
+    residuals_of,
+    told,
+)
 from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.problem import (
     CannotEvaluate,
@@ -174,6 +182,10 @@ class MemoryResiduals(TensileResiduals):
     spectrum: Spectrum = Spectrum((), (0.0, 0.0), ("", ""))
     stresses: Array = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
     softening: tuple[str, ...] = ()
+
+    def on_yardstick(self) -> Self:
+        """Return them with the common errors of tests; a history keeps its points."""
+        return dataclasses.replace(self, errors=told(self.curve))
 
     @property
     def parameters(self) -> tuple[str, ...]:

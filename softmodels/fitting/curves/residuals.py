@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -128,6 +129,11 @@ class TensileResiduals:
     def averaged_away(self) -> float:
         """Standard deviation in Pa of the readings' noise that thinning has averaged out."""
         return noise(self.curve) * math.sqrt(1 - 1 / self.curve.readings)
+
+    def on_yardstick(self) -> Self:
+        """Return the residuals by which laws are compared, see `on_yardstick`."""
+        curve = evened(self.curve)
+        return dataclasses.replace(self, curve=curve, errors=told(curve))
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -324,7 +330,7 @@ def on_yardstick(fitted: LeastSquaresFit, sources: Sequence[TensileResiduals]) -
     and 93 readings of one pull give nearly the same values at the same stretches, and what one reading cannot tell counts as
     not reported, however many readings there are. Bounds, priors and fixed values stay.
     """
-    even = [dataclasses.replace(s, curve=(curve := evened(s.curve)), errors=_told(curve)) for s in sources]
+    even = [source.on_yardstick() for source in sources]
     loss, label = fitted.loss, fitted.label
     return fit_parameters(even, fitted.parameters, loss=loss, starts=[fitted.values], errors="stated", label=label)
 
@@ -348,7 +354,7 @@ def evened(curve: TensileCurve) -> TensileCurve:
     return dataclasses.replace(curve, stretch=stretch, stress=stress, noise=noise(curve), readings=readings)
 
 
-def _told(curve: TensileCurve) -> Array:
+def told(curve: TensileCurve) -> Array:
     """Return the common error in Pa at each point of a curve, shape (n,)."""
     least = max(RESOLVES * float(np.abs(curve.stress).max()), noise(curve))
     return np.hypot(TELLS * curve.stress, least)
