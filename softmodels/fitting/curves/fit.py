@@ -161,6 +161,8 @@ type Curves = TensileCurve | Path | str | Sequence[TensileCurve | Path | str]
 
 SMALLEST_LOOP = 0.005
 """Smallest area of a loop, as a share of the work, that is reported."""
+FAR_GAUGE = 3.0
+"""Largest factor on a test that its errors explain, in standard errors from 1."""
 LARGEST_RATIO = 100.0
 """Maximum ratio of the initial moduli of curves of one material; above it a wrong unit is assumed."""
 
@@ -311,7 +313,7 @@ class _Task:
                 p.name: profile(ranked.fit, p.name) for p in ranked.fit.free if self._profiled(ranked.fit, p.name)
             }
             material = self._material(choice, ranked.fit)
-            judgement = dataclasses.replace(NOTHING, warnings=tuple(self._cautions()))
+            judgement = dataclasses.replace(NOTHING, warnings=tuple(self._cautions(ranked.fit)))
             if self.options.silicone:
                 judgement = hold_against(material, stretch_of(strain), known, judgement)
             laws.append(FittedLaw(choice, ranked.fit, material, judge(material, strain), profiles, judgement))
@@ -323,7 +325,7 @@ class _Task:
     def _material(self, choice: LawChoice, fit: LeastSquaresFit) -> Material:
         return choice.material(fit.values, stretches_of(self.curves))
 
-    def _cautions(self) -> list[str]:
+    def _cautions(self, fit: LeastSquaresFit) -> list[str]:
         """Return warnings on curves whose unloading no law without a memory can follow."""
         return [
             f"{curve.name} unloads below its loading: the loop is {100 * curve.loop:.2g} % of the work, which a law without a "
@@ -395,8 +397,14 @@ class _MemoryTask(_Task):
         """A weight that ended at zero has no other interval."""
         return self.options.profiles or fit.at_bounds.get(name) == 0.0
 
-    def _cautions(self) -> list[str]:
-        return []
+    def _cautions(self, fit: LeastSquaresFit) -> list[str]:
+        """Return warnings on factors of tests that their errors do not explain: they bend what other tests would show."""
+        return [
+            f"{p.name} ({curve.name}) is {fit.values[p.name]:.3g}, beyond {FAR_GAUGE:g} standard errors of such a factor: the law "
+            "does not follow the tests together; compare laws (--material all), or leave the factors out (--gauge-error none)"
+            for p, curve in zip([p for p in fit.parameters if p.name.startswith("gauge")], self.curves, strict=False)
+            if p.prior and abs(fit.values[p.name] - p.prior.mean) > FAR_GAUGE * p.prior.error
+        ]
 
     def _compared(self, report: FitReport, scale: float | None) -> FitReport:
         """Return the report as it is: tests at several rates may differ."""

@@ -300,18 +300,23 @@ def _softening_parameters(energy: float) -> list[Parameter]:
 
 
 def _starts(choice: LawChoice, sources: Sequence[MemoryResiduals], modulus: float) -> list[dict[str, float]]:
-    """Return the law's starts, each with the weights that fit best with its shape, by non-negative least squares."""
+    """Return the law's starts, each with the weights that fit best with its shape, by non-negative least squares.
+
+    The law's start is that of what branches of any weight leave of the stresses (Frisch & Waugh 1933).
+    """
     curves = [source.curve for source in sources]
     target = np.concatenate([source.curve.stress / source.errors for source in sources])
+    branches = np.vstack([s.stresses / s.errors[:, None] for s in sources])
+    Q, _ = np.linalg.qr(branches)
 
     def design(material: Material, names: Sequence[str]) -> Array:
-        return np.vstack(
+        A = np.vstack(
             [respond(material, s.curve.stretch, s.curve.mode, names).slopes / s.errors[:, None] for s in sources]
         )
+        return np.asarray(A - Q @ (Q.T @ A))
 
     made = []
-    branches = np.vstack([s.stresses / s.errors[:, None] for s in sources])
-    for start in closed_starts(choice, design, target, modulus, largest_strain(curves)):
+    for start in closed_starts(choice, design, target - Q @ (Q.T @ target), modulus, largest_strain(curves)):
         try:
             material = choice.material(start)
         except MaterialError:
