@@ -220,8 +220,6 @@ def _curves(options: FitGiven) -> list[TensileCurve]:
 
 
 def _device_report(options: FitGiven) -> FitReport:
-    if options["memory"]:
-        raise FitError("--memory fits curves of test machines only; leave out the case, or --memory")
     check_curves_given(options)
     curves = _curves(options) if options["tensile"] else []
     StressError.from_text(options["stress_error"])

@@ -79,6 +79,7 @@ def score(
     explained by the errors of the measurement and of the material (from a fitted.toml: the 95 % region of its covariance, as in
     the band of a run); the number of values within the 95 % band of the measurement's error; and the largest deviation.
     With outlines, systematic errors of the bench (offset of the pressure, leak, zero plane) are fitted too, as in a fit.
+    A material with a memory is followed through the times of the whole test; FILE:TEST:RATE gives a rate if there are none.
 
     \b
     Examples:
@@ -100,7 +101,8 @@ def score(
         error = error_of(options["stress_error"])
         curves = []
         if options["tensile"]:
-            curves = read_curves(options, options["radius"], options["thickness"], options["stretch"])
+            remembers = any(one.memory is not None for one in materials.values())
+            curves = read_curves(options, options["radius"], options["thickness"], options["stretch"], remembers)
         device, outlines = _device(files, options) if files else (None, [])
         read = [*files, *map(Path, names), *map(curve_file, options["tensile"])]
         asked = {**options, "names": names, "files": [str(file) for file in files]}

@@ -29,11 +29,10 @@ from softmodels.common.errors import known_are
 from softmodels.common.processes import one_at_a_time
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, prepared
-from softmodels.fitting.curves.residuals import RELATIVE, StressError
+from softmodels.fitting.curves.residuals import RELATIVE, StressError, predicted, slopes_of
 from softmodels.fitting.problem import Changes, FitError, LawChoice
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import material_of, named
-from softmodels.materials.specimens import respond
 from softmodels.materials.stability import described
 from softmodels.mechanics.mpi import start
 
@@ -123,27 +122,30 @@ def score_curve(
     Args:
         name: The material's name.
         material: The law.
-        curve: The measured ramp.
+        curve: The measured ramp; or the whole test with its times, through which a material with a memory is followed.
         error: Standard error of the stress.
         errors: Those of the material's numbers, if they are known.
 
     Raises:
         TensileError: The law has no stress somewhere on the curve.
     """
-    predicted = respond(material, curve.stretch, curve.mode).stress
-    if not np.isfinite(predicted).all():
-        first = float(curve.stretch[~np.isfinite(predicted)][0])
+    stress = predicted(material, curve)
+    if not np.isfinite(stress).all():
+        first = float(curve.stretch[~np.isfinite(stress)][0])
         raise TensileError(
             f"{name} has no stress at stretch {first:.4g} of {curve.name}; limit the range with --stretch"
         )
-    off = predicted - curve.stress
+    off = stress - curve.stress
     sizes = off / error.of(curve)
     at = int(np.argmax(np.abs(sizes)))
     share = f", {100 * off[at] / curve.stress[at]:+.3g} %" if curve.stress[at] else ""
-    worst = f"{off[at] / 1e3:+.3g} kPa at stretch {curve.stretch[at]:.4g} ({sizes[at]:+.2g} standard errors{share})"
+    when = "" if curve.time is None else f", {curve.time[at]:.4g} s"
+    worst = (
+        f"{off[at] / 1e3:+.3g} kPa at stretch {curve.stretch[at]:.4g}{when} ({sizes[at]:+.2g} standard errors{share})"
+    )
     explained = math.nan
     if errors is not None:
-        slopes = respond(material, curve.stretch, curve.mode, errors.names).slopes / error.of(curve)[:, None]
+        slopes = slopes_of(material, curve, errors.names) / error.of(curve)[:, None]
         explained = _explained(sizes, slopes, np.zeros((len(off), 0)), errors) / len(off)
     return Score(
         name, f"{curve.name} ({curve.mode})", len(off), _rms(off), "Pa", _mean_square(sizes), _covered(sizes), worst,
@@ -277,7 +279,8 @@ def score(
     Args:
         materials: One, several, or by name, each a material or a silicone's name; without a name each is called by its law and
             numbers, or as the silicone it is.
-        curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests).
+        curves: Measured curves, or files with uniaxial ones (see `read_curve` for other tests). If a material has a memory,
+            they are whole tests with their times.
         device: What was inflated, with ``outlines``.
         outlines: Outlines of it, or the files or folders that a measurement has written.
         errors: Of fitted materials, by their names: ``report.chosen.errors``, or the ``fitted.toml`` that ``fit`` has written.
@@ -297,7 +300,8 @@ def score(
     known = _named(materials)
     uncertain = _errors(errors, known)
     measured = several("curves", curves, (TensileCurve, Path, str), "a curve or its file")
-    ready = prepared(measured, span("stretch", stretch)) if measured else []
+    remembers = any(one.memory is not None for one in known.values())
+    ready = prepared(measured, span("stretch", stretch), remembers) if measured else []
     given = several("outlines", outlines, (Outline, Path, str), "an outline, or a file or folder of outlines")
     flag("untrusted", untrusted)
     if (device is None) != (not given):

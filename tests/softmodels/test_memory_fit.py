@@ -13,6 +13,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+import softmodels as sm
+from geometries import HollowDisk
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.materials import material_from
 from softmodels.fitting.curves import memory
@@ -326,6 +328,8 @@ def says(tmp_path, monkeypatch, ended):
     still = np.linspace(1.0, 2.6, 30)
     rows = "".join(f"{x},{y}\n" for x, y in zip(still, nominal_stress(LAW, still), strict=True))
     (tmp_path / "rest.csv").write_text(f"stretch,stress (Pa)\n{rows}")
+    pull = curve(SOFTENED, PULL)
+    (tmp_path / "pull.csv").write_text(table("t,stretch,stress (Pa)", pull.time, pull.stretch, pull.stress))
     monkeypatch.chdir(tmp_path)
     return functools.partial(ended, whole_command)
 
@@ -376,7 +380,7 @@ def test_without_memory_a_loop_is_a_warning(says):
         (["--tensile", "cycles.csv", "--memory", "--stretch", "1:2"], "cannot be cut out of a test with times"),
         (["--tensile", "cycles.csv", "--memory", "--fix", "share_7s=0"], "share_1s, share_10s"),
         (["--tensile", "cycles.csv", "--fix", "share_1s=0"], "no parameter 'share_1s'"),
-        (["case.toml", "outlines", "--memory"], "curves of test machines only"),
+        (["--tensile", "pull.csv", "--memory", "--fix", "softening=0.5"], "no test has a second loading"),
     ],
 )
 def test_input_that_makes_no_memory_is_one_sentence(says, words, why):
@@ -388,6 +392,28 @@ def test_a_speed_and_a_fixed_weight_are_taken(says, tmp_path):
     words = ["--tensile", "cycles.csv:uniaxial:60mm/min", "--gauge-length", "10mm", "--memory", "--fix", "share_1s=0.3"]
     status, said, _ = says("fit", *words, "--no-profiles", "--no-pictures", "-o", "out")
     assert status == 0 and re.search(r"share_1s +0.3 +95 %: fixed", said)
+
+
+def test_a_score_follows_a_memory_through_a_test_that_was_not_fitted(says, tmp_path):
+    """With the true material the misfit is the noise; the law of equilibrium misses by its loop."""
+    branches = ", ".join(f"[{share}, '{time} s']" for share, time in zip(SHARES, TAUS, strict=True))
+    law = "law = 'yeoh'\nc1 = '8 kPa'\nc2 = '90 Pa'\nc3 = '0.5 Pa'\npoisson = 0.5\n"
+    (tmp_path / "soft.toml").write_text(
+        f"[material]\n{law}[material.memory]\nbranches = [{branches}]\nsoftening = [2, '5 kPa', 0.1]\n"
+    )
+    (tmp_path / "plain.toml").write_text(f"[material]\n{law}")
+    words = ["--material", "soft.toml", "--material", "plain.toml", "--tensile", "cycles.csv", "--stress-error", "50Pa"]
+    status, said, _ = says("score", *words, "-o", "scores")
+    assert status == 0 and re.search(r"at stretch \S+, \S+ s", said)
+    with (tmp_path / "scores" / "scores.csv").open() as file:
+        chi2 = {row["material"]: float(row["chi2_per_value"]) for row in csv.DictReader(file)}
+    assert chi2["soft.toml"] == pytest.approx(1.0, abs=0.2) and chi2["plain.toml"] > 1000.0
+    assert says("score", *words[:2], "--tensile", "rest.csv")[0] == 2
+
+
+def test_a_device_cannot_show_a_memory():
+    with pytest.raises(FitError, match="curves of test machines only"):
+        sm.fit(HollowDisk(), options=FitOptions(memory=True))
 
 
 def test_a_change_of_an_unknown_weight_is_refused():

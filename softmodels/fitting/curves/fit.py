@@ -374,6 +374,10 @@ class _MemoryTask(_Task):
             if scale is not None and self.errors == "unknown":
                 sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
 
+            asked = [name for name in SOFTENING if name in self.options.changes]
+            if asked and not self.softens:
+                why = "no test has a second loading, or a hold after an unloading, that would show it"
+                raise FitError(f"{asked[0]} cannot be set: {why}")
             fitted = functools.partial(
                 fit_memory, choice, sources, extra, modulus=modulus, loss=loss, errors=self.errors
             )
@@ -381,7 +385,7 @@ class _MemoryTask(_Task):
             if self.softens:
                 softer = fitted(self.options.changes, softening=self.softens)
                 lead = next(one.aicc for one in compare([fit, softer]).ranked if one.fit is fit)
-                if softer.converged and lead > DECISIVE and softer.interval(SOFTENING[0])[0] > 0.0:
+                if asked or (softer.converged and lead > DECISIVE and softer.interval(SOFTENING[0])[0] > 0.0):
                     self.stiffer[choice.name] = math.sqrt(fit.deviance / softer.deviance)
                     fit = softer
             fits.append(fit)
@@ -400,8 +404,8 @@ class _MemoryTask(_Task):
     def _cautions(self, fit: LeastSquaresFit) -> list[str]:
         """Return warnings on factors of tests that their errors do not explain: they bend what other tests would show."""
         return [
-            f"{p.name} ({curve.name}) is {fit.values[p.name]:.3g}, beyond {FAR_GAUGE:g} standard errors of such a factor: the law "
-            "does not follow the tests together; compare laws (--material all), or leave the factors out (--gauge-error none)"
+            f"{p.name} ({curve.name}) is {fit.values[p.name]:.3g}, beyond {FAR_GAUGE:g} standard errors of such a factor: the "
+            "law does not follow the tests together; compare laws (--material all), or fit no factors (--gauge-error none)"
             for p, curve in zip([p for p in fit.parameters if p.name.startswith("gauge")], self.curves, strict=False)
             if p.prior and abs(fit.values[p.name] - p.prior.mean) > FAR_GAUGE * p.prior.error
         ]
@@ -419,7 +423,7 @@ class _MemoryTask(_Task):
         elif not self.stiffer:
             said.append("no softening: relaxation follows the later loadings as well")
         said += [
-            f"{name} softens (softening = 1/r, m and beta of Ogden & Roxburgh): without, its misfit is {times:.3g} times as large"
+            f"{name} softens (softening: Ogden & Roxburgh's 1/r, m, beta); without it the misfit is {times:.3g} times as large"
             for name, times in self.stiffer.items()
         ]
         for curve in self.curves:

@@ -163,6 +163,13 @@ def predicted(material: Material, curve: TensileCurve) -> Array:
     return stress_in_time(material, curve.time, curve.stretch, curve.mode)[0]
 
 
+def slopes_of(material: Material, curve: TensileCurve, names: Sequence[str]) -> Array:
+    """Return the derivatives of `predicted` by parameters of the law, shape (n, m)."""
+    if material.memory is None:
+        return respond(material, curve.stretch, curve.mode, names).slopes
+    return stress_in_time(material, curve.time, curve.stretch, curve.mode, names)[1]
+
+
 def residuals_of(
     curves: Sequence[TensileCurve],
     choice: LawChoice,

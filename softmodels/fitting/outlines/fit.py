@@ -436,6 +436,8 @@ def fit_heights(
 def _check_how(options: object, comm: object) -> None:
     """Raise `ArgumentError` for invalid options or communicator."""
     one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
+    if isinstance(options, FitOptions) and options.memory:
+        raise FitError("a memory is fitted to curves of test machines only; leave out the device, or --memory")
     if comm is not None and not callable(getattr(comm, "allreduce", None)):
         raise wrong("comm", comm, "a communicator of MPI, or None for all processes")
 
