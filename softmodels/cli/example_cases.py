@@ -65,16 +65,6 @@ rate = "2 cm/s"
 hold = "60 s"
 cycles = 3
 """,
-    "loop.toml": f"""# two cycles in time; add the silicone with a memory: --material results/memory/fitted.toml
-name = "loop"
-
-{_THIN}
-[load]
-pressure_cm = "0:20:4"
-rate = "2cm/s"
-hold = "10 s"
-cycles = 2
-""",
     "contact.toml": f"""# below a rigid plate 1 mm above the disk
 name = "contact"
 

@@ -42,7 +42,8 @@ BRANCHES = ((0.15, 1.0), (0.1, 10.0), (0.08, 100.0))
 SOFTENED = (2.5, 4e3, 0.2)
 CYCLES = ((0, 1), (10, 2), (20, 1), (30, 2), (40, 1), (60, 3), (80, 1), (100, 3), (120, 1))
 HOLD = ((0, 1), (1, 2), (300, 2))
-"""Corners of two tests: times in s and stretches."""
+FAST = ((0, 1), (3, 2.5), (6, 1))
+"""Corners of three tests: times in s and stretches."""
 
 README = """Made by `softmodels examples` from fixed seeds: nothing here was measured.
 
@@ -51,11 +52,12 @@ photographs/       grid.jpg: only the screen's grid of 9 mm; 4 to 13: a disk at 
                    levels of the water column's two tubes, which loses 1 % of its largest pressure by a leak
 disk.toml          the disk of the photographs, silicone unknown
 pull.csv           a tensile test of its silicone
-cycles.csv         two cycles each to stretch 2 and 3 of a silicone with a memory; hold.csv: it is pulled and held for 5 min
+cycles.csv         two cycles each to stretch 2 and 3 of a silicone with a memory; hold.csv: it is pulled and held for 5 min;
+                   fast.csv: a pull and return at 0.5 /s
 truth.txt          the true materials
 mypart.step        a finger with one cavity that bends, mypart.toml the case of it
 twopart.step       a block with two cavities, program.toml a series for each of them
-*.toml             cases: volume, syringe, cycle, loop (in time), contact, ball, sheet (seminar), balloon
+*.toml             cases: volume, syringe, cycle, contact, ball, sheet (seminar), balloon
 lifted, height     a membrane with a plate and a weight; the force on the plate at a height
 finger, bent       a finger of two silicones with paper, under its weight; a wound finger with a sheet
 rod, muscle, cell  a spheroid with a rod; a McKibben muscle with a load; a bellows on a load cell
@@ -208,7 +210,8 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
     folder.add("pull.csv", lambda file: file.write_text(tensile_curve(), encoding="utf-8"))
     folder.add("cycles.csv", lambda file: file.write_text(memory_curve(CYCLES, 31), encoding="utf-8"))
     folder.add("hold.csv", lambda file: file.write_text(memory_curve(HOLD, 32), encoding="utf-8"))
-    truth = f"{told_truth()}, a leak of 1 %\ncycles.csv, hold.csv: {told_memory()}\n"
+    folder.add("fast.csv", lambda file: file.write_text(memory_curve(FAST, 33), encoding="utf-8"))
+    truth = f"{told_truth()}, a leak of 1 %\ncycles.csv, hold.csv, fast.csv: {told_memory()}\n"
     folder.add("truth.txt", lambda file: file.write_text(truth, encoding="utf-8"))
     from geometries.apart import apart
 

@@ -106,8 +106,8 @@ def read_curves(
     specimen = Specimen(files["cross_section"], files["gauge_length"], radius, thickness)
     curves = []
     for text in files["tensile"]:
-        file, test, rate = _parts(text)
-        pace = _rate(rate, files["gauge_length"])
+        file, test, rate = parts(text)
+        pace = rate_of(rate, files["gauge_length"])
         curves.append(read_curve(file, test, files["columns"], specimen, history=history, rate=pace))
     names = [curve.name for curve in curves]
     if len(set(names)) < len(names):  # files of one name in different folders
@@ -118,10 +118,10 @@ def read_curves(
 
 def curve_file(text: str) -> Path:
     """Return the file of ``FILE[:TEST][:RATE]``."""
-    return _parts(text)[0]
+    return parts(text)[0]
 
 
-def _parts(text: str) -> tuple[Path, str, str]:
+def parts(text: str) -> tuple[Path, str, str]:
     """Return the parts of ``FILE[:TEST][:RATE]``; an empty rate where none is given."""
     name, test, rate = text, "uniaxial", ""
     while not Path(name).exists() and ":" in name:
@@ -139,24 +139,24 @@ def _parts(text: str) -> tuple[Path, str, str]:
 _RELAXED = "equilibrium"
 
 
-def _rate(text: str, length: float | None) -> float | None:
+def rate_of(text: str, length: float | None) -> float | None:
     """Return a rate in 1/s (see `read_curve`): of the stretch, or with the undeformed length in m of a speed."""
     if not text:
         return None
     if text.lower() == _RELAXED:
         return EQUILIBRIUM
+    amount, _, unit = text.rpartition("/")
     try:
-        rate = quantity(text, "1/s")
-    except UnitError:
+        time = quantity(f"1 {unit}", "s")
         try:
-            speed = quantity(text, "m/s")
+            rate = quantity(amount, "") / time
         except UnitError:
-            raise TensileError(f"rate {brief(text)} is none; write 0.05/s, 5%/s or 50mm/min, or equilibrium") from None
-        if length is None:
-            raise TensileError(
-                f"rate {brief(text)} is a speed; give the undeformed length too, --gauge-length"
-            ) from None
-        rate = speed / length
+            speed = quantity(amount, "m") / time
+            if length is None:
+                raise TensileError(f"rate {brief(text)} is a speed; give the undeformed --gauge-length too") from None
+            rate = speed / length
+    except UnitError:
+        raise TensileError(f"rate {brief(text)} is none; write 0.05/s, 5%/s or 50mm/min, or equilibrium") from None
     if not rate > 0.0:
         raise TensileError(f"rate {brief(text)} must be above zero; write 'equilibrium' for a relaxed test")
     return rate

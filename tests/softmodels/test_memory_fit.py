@@ -17,6 +17,7 @@ import softmodels as sm
 from geometries import HollowDisk
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.materials import material_from
+from softmodels.cli import tensile_options
 from softmodels.fitting.curves import memory
 from softmodels.fitting.curves.curve import EQUILIBRIUM, TensileCurve, TensileError, corners, loop, read_curve, turns
 from softmodels.fitting.curves.fit import fit_curves
@@ -376,7 +377,8 @@ def test_without_memory_a_loop_is_a_warning(says):
         (["--tensile", "rest.csv", "--memory"], "rest.csv:uniaxial:equilibrium"),
         (["--tensile", "rest.csv:uniaxial:50mm/min", "--memory"], "--gauge-length"),
         (["--tensile", "rest.csv:5kPa/s", "--memory"], "write 0.05/s"),
-        (["--tensile", "rest.csv:0mm/min", "--gauge-length", "10mm", "--memory"], "above zero"),
+        (["--tensile", "rest.csv:0/s", "--memory"], "above zero"),
+        (["--tensile", "rest.csv:-5mm/min", "--gauge-length", "10mm", "--memory"], "above zero"),
         (["--tensile", "cycles.csv", "--memory", "--stretch", "1:2"], "cannot be cut out of a test with times"),
         (["--tensile", "cycles.csv", "--memory", "--fix", "share_7s=0"], "share_1s, share_10s"),
         (["--tensile", "cycles.csv", "--fix", "share_1s=0"], "no parameter 'share_1s'"),
@@ -386,6 +388,24 @@ def test_without_memory_a_loop_is_a_warning(says):
 def test_input_that_makes_no_memory_is_one_sentence(says, words, why):
     status, _, complaint = says("fit", *words, "--no-profiles", "--no-pictures")
     assert status == 2 and why in complaint and len(complaint.strip().splitlines()) <= 2
+
+
+@pytest.mark.parametrize(
+    ("text", "test", "rate"),
+    [
+        ("a.csv:0.05/s", "uniaxial", 0.05),
+        ("a.csv:planar:5%/s", "planar", 0.05),
+        ("a.csv:3/min", "uniaxial", 0.05),
+        ("a.csv:ps:30mm/min", "ps", 0.05),
+        ("a.csv:equilibrium:planar", "planar", EQUILIBRIUM),
+        ("a.csv:balloon", "balloon", None),
+        ("a.csv", "uniaxial", None),
+    ],
+)
+def test_a_file_its_test_and_its_rate(text, test, rate):
+    file, found, pace = tensile_options.parts(text)
+    assert (file.name, found) == ("a.csv", test)
+    assert tensile_options.rate_of(pace, 0.01) == (rate if rate is None else pytest.approx(rate))
 
 
 def test_a_speed_and_a_fixed_weight_are_taken(says, tmp_path):
