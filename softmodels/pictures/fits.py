@@ -147,10 +147,10 @@ def draw_curves(report: FitReport) -> Figure:
     ]
     figure, panels = _panels(len(shown), 4.6, 2 if _timed(report) else 3)
     for axes, (curve, against) in zip(panels, shown, strict=True):
-        if against == "time" and curve.time is None:
+        along = curve.stretch if against == "stretch" else curve.time
+        if along is None:
             axes.set_visible(False)
             continue
-        along = curve.stretch if against == "stretch" else curve.time
         axes.plot(along, curve.stress / 1e3, "o", ms=4, mfc="none", mec=INK, mew=0.8, label="measured")
         drawn = curve
         if curve.time is None:

@@ -176,6 +176,17 @@ def test_one_pull_and_return_cannot_show_softening():
     assert not may((np.arange(110.0), np.r_[np.linspace(1, 2, 30), np.full(40, 2.0), np.linspace(2, 1, 40)]))
 
 
+def test_pulls_at_one_rate_are_warned_of():
+    up = (PULL[0][:31], PULL[1][:31])
+    report = fit_curves([curve(LAW.with_memory([(0.3, 1.0)]), up, 50.0)], "yeoh", FAST)
+    assert any("pulls at one rate" in text for text in report.chosen.warnings)
+    faster = (up[0] / 3, up[1])
+    rest = dataclasses.replace(curve(LAW, up), time=None)
+    for more in (curve(LAW, faster), curve(LAW, HOLD), curve(LAW, PULL), rest):
+        assert memory.separates([curve(LAW, up), more])
+    assert not memory.separates([curve(LAW, up), curve(LAW, up)])
+
+
 def test_growth_of_softening_needs_several_amplitudes():
     def several(history):
         return memory.several_amplitudes([TensileCurve("c", "uniaxial", history[1], history[1], time=history[0])])

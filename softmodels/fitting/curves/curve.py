@@ -770,6 +770,8 @@ def _ramp(stretch: Array, stress: Array) -> tuple[Array, Array, list[str], slice
 
 CORNER = 0.005
 """Tolerance of the straight parts of a history of stretch, relative to its range."""
+HELD = 0.05
+"""Share of a test's time from which on a hold is reported."""
 MOST_CORNERS = 400
 
 
@@ -804,7 +806,7 @@ def pace(time: Array, stretch: Array) -> list[str]:
     said = []
     if dt[moving].sum() > 0.0:
         said.append(f"stretched at {dx[moving].sum() / dt[moving].sum():.2g} /s; the modulus is that of this rate")
-    if (held := float(dt[~moving].sum())) > 0.05 * float(dt.sum()):
+    if (held := float(dt[~moving].sum())) > HELD * float(dt.sum()):
         said.append(f"held for {held:.3g} s")
     return said
 

@@ -47,6 +47,7 @@ from softmodels.fitting.curves.memory import (
     may_soften,
     memory_residuals,
     remembering,
+    separates,
     several_amplitudes,
     spectrum,
 )
@@ -403,12 +404,17 @@ class _MemoryTask(_Task):
 
     def _cautions(self, fit: LeastSquaresFit) -> list[str]:
         """Return warnings on factors of tests that their errors do not explain: they bend what other tests would show."""
-        return [
+        said = [
             f"{p.name} ({curve.name}) is {fit.values[p.name]:.3g}, beyond {FAR_GAUGE:g} standard errors of such a factor: the "
             "law does not follow the tests together; compare laws (--material all), or fit no factors (--gauge-error none)"
             for p, curve in zip([p for p in fit.parameters if p.name.startswith("gauge")], self.curves, strict=False)
             if p.prior and abs(fit.values[p.name] - p.prior.mean) > FAR_GAUGE * p.prior.error
         ]
+        if not separates(self.curves):
+            said.append(
+                "pulls at one rate hardly tell relaxation from the law: add a test that unloads, holds, or has another rate"
+            )
+        return said
 
     def _compared(self, report: FitReport, scale: float | None) -> FitReport:
         """Return the report as it is: tests at several rates may differ."""

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from softmodels.common.arrays import Array
-from softmodels.fitting.curves.curve import TURN, TensileCurve, TensileError, corners, turns
+from softmodels.fitting.curves.curve import HELD, TURN, TensileCurve, TensileError, corners, turns
 from softmodels.fitting.curves.residuals import (
     RELATIVE,
     StressError,
@@ -47,6 +47,8 @@ LEAST_SHARE = 1e-4
 """Weights below it are left out of the material."""
 DECISIVE = 10.0
 """Lead in AICc from which on a memory softens: no support for the other (Burnham & Anderson 2002, section 2.6)."""
+SEVERAL_RATES = 2.0
+"""Ratio of rates that tell a law from its branches."""
 AMPLITUDES = 1.2
 """Ratio of the largest strains of two reversals from which on they show how the softening grows."""
 
@@ -105,6 +107,7 @@ def spectrum(curves: Sequence[TensileCurve]) -> Spectrum:
     spring = NeoHookean(1.0, 0.5)
     largest = np.zeros(len(times))
     for curve in timed:
+        assert curve.time is not None
         static = float(np.abs(respond(spring, curve.stretch, curve.mode).stress).max())
         largest = np.maximum(
             largest, np.abs(branch_stress(curve.time, curve.stretch, curve.mode, times)).max(axis=0) / static
@@ -120,6 +123,21 @@ def spectrum(curves: Sequence[TensileCurve]) -> Spectrum:
     if kept[0] > times[0]:
         lowest, reason = kept[0] / math.sqrt(10.0), "no test is fast enough to show it"
     return Spectrum(kept, (lowest, longest), (reason, "the longest test"))
+
+
+def separates(curves: Sequence[TensileCurve]) -> bool:
+    """Return whether the tests tell the law from its branches: by an unloading, a hold, several rates or equilibrium."""
+    speeds = []
+    for curve in curves:
+        if curve.time is None:
+            return True
+        places = corners(curve.time, curve.stretch)
+        dt, dx = np.diff(curve.time[places]), np.diff(curve.stretch[places])
+        still = np.abs(dx) < TURN * np.ptp(curve.stretch)
+        if len(turns(curve.stretch)) > 2 or dt[still].sum() > HELD * dt.sum():
+            return True
+        speeds.append(float(np.abs(dx).sum() / max(dt.sum(), 1e-300)))
+    return max(speeds) > SEVERAL_RATES * min(speeds)
 
 
 def may_soften(curves: Sequence[TensileCurve]) -> bool:
