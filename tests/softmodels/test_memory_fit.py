@@ -236,6 +236,10 @@ Y = 20e3 * (X - X**-2)
         ("elapsed_time_ms,stretch,stress (Pa)", 1e3 * T),
         ("Time,stretch,stress (Pa)", [f"0:{int(t // 60):02d}:{t % 60:04.1f}" for t in T]),
         ("Time,stretch,stress\nms,-,Pa", 1e3 * T),
+        (
+            "Time,stretch,stress (Pa)",
+            [f"2026-11-25 23:59:{t + 50:04.1f}" if t < 10 else f"2026-11-26 00:00:{t - 10:04.1f}" for t in T],
+        ),
     ],
 )
 def test_a_column_of_times_is_recognised(tmp_path, header, times):
@@ -260,7 +264,11 @@ def test_the_total_time_goes_before_that_of_a_cycle(tmp_path):
 
 @pytest.mark.parametrize(
     ("times", "why"),
-    [(np.r_[T[:-1], 0.0], "the time falls to 0.0"), ([*T[:-1], "noon"], "'noon' in the column 'time (s)' is no time")],
+    [
+        (np.r_[T[:-1], 0.0], "the time falls to 0.0"),
+        ([*T[:-1], "noon"], "'noon' in the column 'time (s)' is no time"),
+        ([*T[:-1], "2026-13-45 10:00:00"], "is no time"),
+    ],
 )
 def test_times_that_cannot_be_used_matter_only_to_a_memory(tmp_path, times, why):
     (tmp_path / "c.csv").write_text(table("time (s),stretch,stress (Pa)", times, X, Y))

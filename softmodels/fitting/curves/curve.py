@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import itertools
 import math
 import re
@@ -71,7 +72,7 @@ _WORDS = (
 )
 _TIME = re.compile(r"^t$|^time\b|\btime$")
 _TIME_TAIL = re.compile(r"^(t|.*\btime) (s|secs?|seconds?|ms|min|minutes?|h|hours?)$")
-_CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
+_CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)")
 NONE = "dimensionless"
 """Unit of a column without one."""
 _UNITS = {"%": "percent", "percent": "percent", "-": NONE, "1": NONE, "mm/mm": NONE, "m/m": NONE, "n/mm2": "N/mm^2",
@@ -109,7 +110,7 @@ class CurveTable:
         deformation, load: The two columns.
         x, y: Their raw numbers, shape (n,).
         lines: The line of each row.
-        time: Times in s, shape (n,); None without such a column, or where it cannot be used.
+        time: Times in s since the first row, shape (n,); None without such a column, or where it cannot be used.
         untimed: Why it cannot be used, a clause.
     """
 
@@ -298,19 +299,36 @@ def _numbers(sheet: Worksheet, after: int, columns: tuple[CurveColumn, ...], sur
 
 def _times(cells: Sequence[str], column: CurveColumn, sheet: Worksheet, lines: Sequence[int]) -> dict[str, Any]:
     """Return the times of `CurveTable`, or why they cannot be used: curves without a memory do not need them."""
-    values = []
+    values: list[float] = []
     for cell, number in zip(cells, lines, strict=True):
-        if clock := _CLOCK.fullmatch(cell):
-            hours, minutes, seconds = clock.groups()
-            values.append(3600 * int(hours or 0) + 60 * int(minutes) + float(seconds.replace(",", ".")))
-        elif _is_number(cell) and not cell.endswith("%") and math.isfinite(value := _value(cell, column, sheet)):
-            values.append(value)
-        else:
+        value = _seconds(cell, column, sheet)
+        if value is None:
             return {"untimed": f"{sheet.place(number)}: {cell!r} in the column {column.header!r} is no time"}
-        if values[-2:] != sorted(values[-2:]):
+        if values and value < values[-1]:
             return {"untimed": f"{sheet.place(number)}: the time falls to {cell} in the column {column.header!r}"}
-    clocks = any(":" in cell for cell in cells)
-    return {"time": np.array(values) if clocks or not column.unit else in_si(np.array(values), column)}
+        values.append(value)
+    since = np.array(values) - values[0]
+    if not column.unit or any(map(_CLOCK.fullmatch, cells)):
+        return {"time": since}
+    try:
+        return {"time": in_si(since, column)}
+    except TensileError as error:
+        return {"untimed": str(error)}
+
+
+def _seconds(cell: str, column: CurveColumn, sheet: Worksheet) -> float | None:
+    """Return a number of the column's unit, or a clock's time in s, perhaps with its date; None if it is neither."""
+    if clock := _CLOCK.fullmatch(cell):
+        day, hours, minutes, seconds = clock.groups()
+        try:
+            days = datetime.date.fromisoformat(day).toordinal() if day else 0
+        except ValueError:
+            return None
+        return 3600.0 * (24 * days + int(hours or 0)) + 60 * int(minutes) + float(seconds.replace(",", "."))
+    if not _is_number(cell) or cell.endswith("%"):
+        return None
+    value = _value(cell, column, sheet)
+    return value if math.isfinite(value) else None
 
 
 def _cell(row: Sequence[str], column: CurveColumn) -> str:
