@@ -14,7 +14,6 @@ import pytest
 
 from softmodels.case.materials import material_from
 from softmodels.cli import examples
-from softmodels.cli.example_cases import CASES
 
 PAGE = Path(__file__).parents[2] / "docs" / "pages" / "howto" / "fit-memory.md"
 
@@ -26,20 +25,14 @@ def done(tmp_path_factory):
     (folder / "examples").mkdir()
     for seed, name in enumerate(("cycles", "hold", "fast"), 31):
         (folder / "examples" / f"{name}.csv").write_text(examples.memory_curve(getattr(examples, name.upper()), seed))
-    (folder / "examples" / "loop.toml").write_text(CASES["loop.toml"])
     blocks = re.findall(r"^```sh\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
     lines = dict.fromkeys(line for block in blocks for line in block.splitlines())
     for line in lines:
         words = shlex.split(line)
-        assert words[:3] == ["uv", "run", "softmodels"]
-        if words[3] != "examples":
-            ended = subprocess.run(
-                [sys.executable, "-m", "softmodels", *words[3:]],
-                cwd=folder,
-                capture_output=True,
-                text=True,
-                check=False,
-            )
+        assert words[:2] == ["uv", "run"]
+        if words[2:] != ["softmodels", "examples"]:
+            command = [sys.executable, *(words[3:] if words[2] == "python" else ["-m", *words[2:]])]
+            ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
             assert ended.returncode == 0, ended.stderr
     return folder
 
@@ -64,7 +57,7 @@ def test_the_second_loop_of_the_device_is_smaller(done):
     for a, b in itertools.pairwise(rows):
         mean = (a["pressure_Pa"] + b["pressure_Pa"]) / 2
         work[a["time_s"] > middle - 1e-6] += mean * (b["added_volume_ml"] - a["added_volume_ml"])
-    assert 0.0 < work[1] < 0.6 * work[0]
+    assert 0.0 < work[1] < 0.8 * work[0]
     assert (folder / "loop.png").stat().st_size > 10_000
 
 
