@@ -82,7 +82,7 @@ def _check_files(words, folder, made):
     before = ""
     for word in words[1:]:
         named = FILE.search(word) and not word.startswith("-") and "+-" not in word and before not in ("-o", "--output")
-        none = re.search(r"\dN/m$", word) or (before == "--material" and not word.endswith(".toml"))
+        none = re.search(r"\d(N/m|\w+/s)$", word) or (before == "--material" and not word.endswith(".toml"))
         if named and not none:
             known = any(word.rstrip("/") == place or word.startswith(f"{place}/") for place in made)
             if not known:
