@@ -47,6 +47,8 @@ LEAST_SHARE = 1e-4
 """Weights below it are left out of the material."""
 DECISIVE = 10.0
 """Lead in AICc from which on a memory softens: no support for the other (Burnham & Anderson 2002, section 2.6)."""
+MOST_DURATIONS = 1.6
+"""Longest relaxation time over the longest test's duration, in which such a branch loses nearly half of its stress."""
 SEVERAL_RATES = 2.0
 """Ratio of rates that tell a law from its branches."""
 AMPLITUDES = 1.2
@@ -88,7 +90,7 @@ class Spectrum:
 
 
 def spectrum(curves: Sequence[TensileCurve]) -> Spectrum:
-    """Return a relaxation time per decade, from the sampling interval to the duration, that the stresses can show.
+    """Return a relaxation time per decade, from the sampling interval to about the duration, that the stresses can show.
 
     Raises:
         TensileError: No curve has times.
@@ -102,7 +104,7 @@ def spectrum(curves: Sequence[TensileCurve]) -> Spectrum:
         steps = np.diff(curve.time)
         intervals.append(float(np.quantile(steps[steps > 0.0], 0.05)))
     sampled, longest = min(intervals), max(float(np.ptp(c.time)) for c in timed)  # type: ignore[arg-type]
-    decades = range(math.ceil(math.log10(0.9 * sampled)), math.floor(math.log10(1.1 * longest)) + 1)
+    decades = range(math.ceil(math.log10(0.9 * sampled)), math.floor(math.log10(MOST_DURATIONS * longest)) + 1)
     times = np.array([float(f"1e{k}") for k in decades] or [math.sqrt(sampled * longest)])
     spring = NeoHookean(1.0, 0.5)
     largest = np.zeros(len(times))
@@ -122,7 +124,7 @@ def spectrum(curves: Sequence[TensileCurve]) -> Spectrum:
     lowest, reason = sampled, "the sampling interval"
     if kept[0] > times[0]:
         lowest, reason = kept[0] / math.sqrt(10.0), "no test is fast enough to show it"
-    return Spectrum(kept, (lowest, longest), (reason, "the longest test"))
+    return Spectrum(kept, (lowest, max(longest, kept[-1])), (reason, "the longest test"))
 
 
 def separates(curves: Sequence[TensileCurve]) -> bool:
