@@ -91,15 +91,15 @@ def measured(case: Case, pictures: list[np.ndarray], setup: Setup | None = None,
     setup = setup or setup_of(case, pictures[0])
     raised = list(pictures[2:])
     try:
-        flat = trace_image(pictures[1], setup, tone)
-        if flat.doubts:  # as `measuring.zero_line` does
-            flat = trace_image(pictures[1], setup, trace_image(raised[-1], setup, tone).tone)
-        zero = zero_of(flat)
+        # As `measuring.zero_line` does.
+        top = trace_image(raised[-1], setup, tone)
+        clear = None if top.doubts else top
+        zero = zero_of(trace_image(pictures[1], setup, tone), clear)
+        if zero.doubts:
+            zero = zero_of(trace_image(pictures[1], setup, top.tone), clear)
         if zero.sides is not None:
-            before, setup = setup, with_known_body(setup, zero, 2.0 * case.body.width)
-            flat.points = flat.points * (before.magnification / setup.magnification)
-            flat.setup = setup
-            zero = zero_of(flat)
+            setup = with_known_body(setup, zero, 2.0 * case.body.width)
+            zero = zero_of(trace_image(pictures[1], setup, zero.tone), clear)
     except Unmeasurable as error:
         return setup, [Refusal(f"zero: {error}", Path())] * len(raised)
     results = []
