@@ -490,8 +490,8 @@ class Level(Check, stage=ZERO):
                 f"{bows} if the lamp is large: its penumbra widens with the body's depth",
                 "use a smaller lamp or move it away, at the height of the surface, and repeat all photographs")  # fmt: skip
         return Doubt(
-            f"{bows} if the lamp or the body is at least {np.degrees(bow.rise / bow.radius):.1f} degrees off level: heights are too "
-            "small by at least that much",
+            f"{bows} if the lamp or the body is at least {np.degrees(bow.rise / bow.radius):.1f} degrees off level: heights "
+            "are too small by at least that much",
             "move the lamp to the height of the surface, level the body and repeat all photographs",
         )  # fmt: skip
 

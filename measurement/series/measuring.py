@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from measurement.camera.pictures import Pixels, Unmeasurable, read_photograph
+from measurement.edge.tracing import Traced
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine, with_known_body
 from measurement.screen.setup import Setup
@@ -32,7 +33,7 @@ from measurement.series.photo_list import Column, Photograph, read_photos
 from measurement.series.witness import Run
 
 MOST_ASKED = 4
-"""Photographs that are asked for the tone where the zero plane's does not tell it."""
+"""Raised photographs that are asked for what the camera does to an edge."""
 
 
 class NoZero(ValueError):

@@ -123,7 +123,7 @@ def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
     seen = ~traced.line.bridged
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
     # The body's sides are not deep along the light: their edge is at their half light.
-    placed, upwards = line.place((traced.points + traced.lift * traced.normals)[seen]), traced.normals[seen] @ line.normal
+    placed, upwards = line.place(traced.points + traced.lift * traced.normals)[seen], traced.normals[seen] @ line.normal
     line = dataclasses.replace(
         line,
         error=float(np.hypot(line.error, traced.shift_error)),
