@@ -283,7 +283,7 @@ DECISIVE = 12.0
 HELD = (0.015, 0.1, 0.2)
 """Standard errors by which e, the mask's amount and its radius in px differ between two photographs of one camera."""
 
-DEEP = 0.3
+DEEP = 0.5
 """Error of the correction for a surface that is deep along the light, as a share of it: q is one for all of the edge here."""
 
 CAMERA, CAMERA_TONE = 0.012, 0.4
@@ -303,6 +303,7 @@ class EdgeShape:
         mask: Amount and radius in px of the unsharp mask.
         lift: Distance in widths by which blur has drawn half of the light up from a level surface that is deep along the
             light; 0 where nothing shows that.
+        hidden: Standard error in widths by a depth that the profile would not show; 0 where the camera is not known.
     """
 
     values: Array
@@ -312,6 +313,7 @@ class EdgeShape:
     misfit: float = np.nan
     mask: tuple[float, float] = (0.0, MASK)
     lift: float = 0.0
+    hidden: float = 0.0
 
     @property
     def chi_square(self) -> float:
@@ -393,17 +395,19 @@ def common_shape(
     spread = np.hypot(error, np.hypot(FLOOR, INKED * inked))
     fits = [(lamp, _fitted(place, value, spread, lamp, stored)) for lamp in LAMPS]
     lamp, best = min(fits, key=lambda pair: float(pair[1].cost))
+    lift = hidden = 0.0
     if camera is not None:
         fits = [(lamp, _fitted(place, value, spread, lamp, stored, camera)) for lamp in (*LAMPS, BULB)]
-        deep = min(fits, key=lambda pair: float(pair[1].cost))
-        if 2.0 * (best.cost - deep[1].cost) >= DECISIVE * max(1.0, 2.0 * deep[1].cost / (len(place) - PARAMETERS)):
-            lamp, best = deep
+        bent, deep = min(fits, key=lambda pair: float(pair[1].cost))
+        lift = float(np.interp(0.5, _penumbra(deep.x, bent), nodes()))
+        if 2.0 * (best.cost - deep.cost) >= DECISIVE * max(1.0, 2.0 * deep.cost / (len(place) - PARAMETERS)):
+            lamp, best = bent, deep
+        else:
+            lift, hidden = 0.0, float(np.hypot(lift, _place_error(deep.jac)))
     misfit = float(np.sqrt(2.0 * best.cost / (len(place) - PARAMETERS)))
     # Neighbouring bins err together to an unknown extent; how far the profile lies off the shape shows how far each errs.
     share = float(np.sqrt(np.sum(best.fun[: len(place)] ** 2) / (len(place) - PARAMETERS)))
-    data, priors = best.jac[: len(place)] / share, best.jac[len(place) :]
-    own = float(np.sqrt(np.linalg.pinv(data.T @ data + priors.T @ priors)[0, 0]))
-    lift = float(np.interp(0.5, _penumbra(best.x, lamp), nodes())) if len(best.x) > DEPTH else 0.0
+    own = _place_error(np.vstack([best.jac[: len(place)] / share, best.jac[len(place) :]]))
     # An asymmetry that is no camera's may be the penumbra's own, as of a level surface that no other photograph explains.
     departure = abs(float(best.x[3]))
     strange = 0.6 * max(0.0, departure - 3.0 * TONE)
@@ -416,7 +420,13 @@ def common_shape(
         misfit,
         (float(best.x[4]), float(best.x[5])),
         lift,
+        hidden,
     )
+
+
+def _place_error(terms: Array) -> float:
+    """Return the standard error of the first parameter of a fit from the derivatives of its residuals."""
+    return float(np.sqrt(np.linalg.pinv(terms.T @ terms)[0, 0]))
 
 
 def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array, Array]:

@@ -141,7 +141,8 @@ class ZeroLine:
         tone: How the photograph that shows it stores light, one of `pixels.TONES`; empty without a photograph.
         doubts: What speaks against trusting it, one sentence each.
         sides: The body's sides below it; None where the photograph does not show both.
-        level_error: Standard error in m of all heights above it by a lamp or a body that is not level; see `Bow`.
+        level_error: Standard error in m of all heights above it by a lamp or a body that is not level (see `Bow`), or by a
+            depth of the body that its penumbra does not show.
         lift: Distance in m above it at which an edge on it is found, because the body is deep along the light; see
             `edge.profiles`.
     """

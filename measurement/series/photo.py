@@ -114,11 +114,14 @@ def find_zero(file: Path, setup: Setup, tone: str = AUTO, raised: Traced | None 
 
 def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
     """Return `find_zero` of an edge that has been traced already."""
+    hidden = 0.0
     if raised is not None:
         again = traced.of_level(raised)
         if again.lift and again.edge.shape.chi_square <= traced.edge.shape.chi_square - DECISIVE:
             again.tone_error, again.doubts = 0.0, doubts(EDGE, Evidence(again))
             traced = again
+        elif raised.tone == traced.tone:
+            hidden = again.edge.shape.hidden * again.width_px * again.scale
     errors = traced.own_error
     seen = ~traced.line.bridged
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
@@ -132,7 +135,7 @@ def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
         sides=sides_of(placed, upwards, errors[seen]),
     )
     evidence = Evidence(traced, line)
-    level = 0.0 if evidence.bow is None else evidence.bow.level_error
+    level = float(np.hypot(hidden, 0.0 if evidence.bow is None else evidence.bow.level_error))
     found = (*traced.doubts, *doubts(ZERO, evidence))
     return dataclasses.replace(line, doubts=found, level_error=level, lift=traced.lift)
 

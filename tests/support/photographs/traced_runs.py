@@ -73,6 +73,13 @@ def random_case(seed: int, lamp: str | None = None, camera: str | None = None) -
     return Case(lamp, camera, bench, sensor, body)
 
 
+def deep_case(case: Case, half: float = 10.5e-3) -> Case:
+    """The run with a level round body as deep along the light as wide, 1.5 mm from the screen."""
+    body = dataclasses.replace(case.body, width=half, depth=half, dome=min(case.body.dome, 0.76 * half))
+    bench = dataclasses.replace(case.bench, screen_distance=half + 1.5e-3)
+    return dataclasses.replace(case, body=body, bench=bench)
+
+
 def pictures_of(case: Case, seed: int) -> list[np.ndarray]:
     """The grid's photograph, and those of the body at `SHARES` of its height."""
     bodies = [None, *(dataclasses.replace(case.body, height=share * case.body.height) for share in SHARES)]
