@@ -97,13 +97,14 @@ def coarse_contour(mask: npt.NDArray[np.bool_], share: Array, factor: float, ori
     return (longest[:, ::-1] + 0.5) * factor - 0.5 + np.array(origin)
 
 
-def refine_edge(shading: Shading, contour: Array, factor: float) -> Edge:
+def refine_edge(shading: Shading, contour: Array, factor: float, camera: EdgeShape | None = None) -> Edge:
     """Find the edge near a coarse contour.
 
     Args:
         shading: The photograph as light.
         contour: Points along the edge (n, 2) in px, good to about ``factor``.
         factor: Error of the contour in px.
+        camera: Shape of a raised body's edge by the same camera, if this may be the edge of a level surface.
 
     Raises:
         Unmeasurable: The edge fades over more than the profiles can reach, or is nowhere clear.
@@ -122,7 +123,7 @@ def refine_edge(shading: Shading, contour: Array, factor: float) -> Edge:
     # The second look follows the first one's edge, so that its profiles need no room for the contour's error.
     spacing = max(3.0, float(np.linalg.norm(np.diff(edge.px, axis=0), axis=1).sum()) / MOST_STATIONS)
     reach = float(np.clip(4.5 * width + 2.0, 5.0, 250.0))
-    return _edge_in(Profiles.across(shading, edge.px, spacing, reach), shading)
+    return _edge_in(Profiles.across(shading, edge.px, spacing, reach), shading, camera)
 
 
 def _light_beside(shading: Shading, path: Array, reach: float) -> Array:
@@ -132,12 +133,13 @@ def _light_beside(shading: Shading, path: Array, reach: float) -> Array:
     return path if np.nanmedian(ahead - behind) > 0.0 else path[::-1]
 
 
-def _edge_in(profiles: Profiles, shading: Shading | None = None) -> Edge:
+def _edge_in(profiles: Profiles, shading: Shading | None = None, camera: EdgeShape | None = None) -> Edge:
     """Return the edge that profiles show, without the stations where it is not clear or something lies on it.
 
     Args:
         profiles: Light across the edge.
         shading: The photograph, for the shape of its edge and for what ink draws; None for only an error function.
+        camera: As of `refine_edge`.
     """
     shape, value = gaussian(), profiles.value
     fit, drawn = fit_profiles(profiles.offsets, value, profiles.weight), np.zeros(len(value))
@@ -150,7 +152,8 @@ def _edge_in(profiles: Profiles, shading: Shading | None = None) -> Edge:
         good = _clear(profiles, fit, fit.centre_error(fit.variance))
         if good.sum() >= 10:
             residual = fit.residual / np.maximum(fit.rise, 1e-12)[:, None]
-            shape = common_shape(fit.z[good], residual[good], profiles.weight[good] > 0.9, _stored(shading, fit, good))
+            clean, stored = profiles.weight[good] > 0.9, _stored(shading, fit, good)
+            shape = common_shape(fit.z[good], residual[good], clean, stored, camera)
             fit = fit_profiles(profiles.offsets, value, profiles.weight, shape)
     # Samples closer than a pixel repeat each other's noise.
     repeat = BETWEEN * max(1.0, 1.0 / (profiles.offsets[1] - profiles.offsets[0]))

@@ -238,6 +238,12 @@ def stations(path: Array, spacing: float) -> tuple[Array, Array]:
 #
 # The lamp's light over the distance t from its middle is (1 - t^2/R^2)^m: m = 1/2 is a uniform disc (the length of its
 # chords), m = 0 a square along its side, m = 3/2 stands for a turned square and for softer lamps.
+#
+# The penumbra of a level surface with the half depth r along the light, at the distance b from the screen, is not symmetric.
+# Light from the lamp's upper half passes the rim near the screen, that from its lower half the rim near the lamp: the penumbra
+# is 1 + q times as wide above the surface's plane and 1 - q times below, with q = r / b. The lens' blur then draws the half
+# light up from the plane. Neither r nor b is known here, but q shows in the profile once another photograph has told what the
+# camera does: the edge of the raised body, a dome, is tangent to the light in one place and has a symmetric penumbra.
 
 
 Mask = npt.NDArray[np.bool_]
@@ -245,8 +251,8 @@ Mask = npt.NDArray[np.bool_]
 STEP, FAR = 0.05, 9.0
 """Distance of the nodes of a tabulated shape, and the distance of the outermost from the edge, in its widths."""
 
-LAMPS = (0.5, 0.0, 1.5)
-"""Exponents m of the lamps that are tried."""
+LAMPS, BULB = (0.5, 0.0, 1.5), 6.0
+"""Exponents m of the lamps that are tried; that of a frosted bulb, whose outer light is not like blur in a deep penumbra."""
 
 BINS, PROFILE_REACH, MIN_SAMPLES_PER_BIN, KIN = 40, 4.0, 20, 4.0
 """Bins of the mean profile, the widths to which they reach on either side, the least number of samples in one, and how many
@@ -271,13 +277,22 @@ UNKNOWN = 0.03
 LEAST = 0.006
 """Error of the half light's place in widths beyond a photograph's noise: edges of one camera differ by that much."""
 
+DECISIVE = 12.0
+"""Difference of chi-squares from which a profile shows which of two models is right; a chance of 1 in 400 that it errs."""
+
+HELD = (0.015, 0.1, 0.2)
+"""Standard errors by which e, the mask's amount and its radius in px differ between two photographs of one camera."""
+
+DEEP = 0.5
+"""Error of the correction for a surface that is deep along the light, as a share of it: q is one for all of the edge here."""
+
 CAMERA, CAMERA_TONE = 0.012, 0.4
 """Error of the half light's place in widths that remains because the model is not the camera's, and its growth with e."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class EdgeShape:
-    """A symmetric or distorted step from 0 to 1 over the distance from the half light in widths.
+    """A symmetric or distorted step from 0 to 1 over the distance in widths from the place where half of the lamp is visible.
 
     Attributes:
         values: The step at the nodes of `nodes`.
@@ -285,6 +300,10 @@ class EdgeShape:
         model_error: The same by the model, which all photographs with one lamp and camera have in common.
         tone: e, by which the light differs from what the assumed tone curve gives.
         misfit: Root mean square of the mean profile's distance from it in its standard error, with the priors'.
+        mask: Amount and radius in px of the unsharp mask.
+        lift: Distance in widths by which blur has drawn half of the light up from a level surface that is deep along the
+            light; 0 where nothing shows that.
+        hidden: Standard error in widths by a depth that the profile would not show; 0 where the camera is not known.
     """
 
     values: Array
@@ -292,6 +311,9 @@ class EdgeShape:
     model_error: float = 0.0
     tone: float = 0.0
     misfit: float = np.nan
+    mask: tuple[float, float] = (0.0, MASK)
+    lift: float = 0.0
+    hidden: float = 0.0
 
     @property
     def chi_square(self) -> float:
@@ -350,7 +372,9 @@ class StoredLight:
         return np.asarray((back - self.low) / (self.high - self.low))
 
 
-def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight) -> EdgeShape:
+def common_shape(
+    z: Array, residual: Array, clean: Mask, stored: StoredLight, camera: EdgeShape | None = None
+) -> EdgeShape:
     """Return the shape that profiles have in common, from what error functions leave of them.
 
     Args:
@@ -358,6 +382,7 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight) ->
         residual: What that leaves of the profile over its rise, shape (n, k).
         clean: Samples that are clear of ink, shape (n, k).
         stored: How light became numbers.
+        camera: Shape of a raised body's edge by the same camera, for that of a level surface; None for any other edge.
     """
     sides = (np.abs(z + 1.5) < 1.0, np.abs(z - 1.5) < 1.0)
     # An edge that runs along a grid line, or just beside it, has hardly a sample off the ink on one side.
@@ -368,20 +393,40 @@ def common_shape(z: Array, residual: Array, clean: Mask, stored: StoredLight) ->
     # An edge far out of focus has a grid line in nearly all of its profiles, which leaves more there than e does.
     inked = 1.0 - float(clean.all(axis=1).mean())
     spread = np.hypot(error, np.hypot(FLOOR, INKED * inked))
-    fits = [_fitted(place, value, spread, lamp, stored) for lamp in LAMPS]
-    lamp, best = min(zip(LAMPS, fits, strict=True), key=lambda pair: float(pair[1].cost))
+    fits = [(lamp, _fitted(place, value, spread, lamp, stored)) for lamp in LAMPS]
+    lamp, best = min(fits, key=lambda pair: float(pair[1].cost))
+    lift = hidden = 0.0
+    if camera is not None:
+        fits = [(lamp, _fitted(place, value, spread, lamp, stored, camera)) for lamp in (*LAMPS, BULB)]
+        bent, deep = min(fits, key=lambda pair: float(pair[1].cost))
+        lift = float(np.interp(0.5, _penumbra(deep.x, bent), nodes()))
+        if 2.0 * (best.cost - deep.cost) >= DECISIVE * max(1.0, 2.0 * deep.cost / (len(place) - PARAMETERS)):
+            lamp, best = bent, deep
+        else:
+            lift, hidden = 0.0, float(np.hypot(lift, _place_error(deep.jac)))
     misfit = float(np.sqrt(2.0 * best.cost / (len(place) - PARAMETERS)))
     # Neighbouring bins err together to an unknown extent; how far the profile lies off the shape shows how far each errs.
     share = float(np.sqrt(np.sum(best.fun[: len(place)] ** 2) / (len(place) - PARAMETERS)))
-    data, priors = best.jac[: len(place)] / share, best.jac[len(place) :]
-    own = float(np.sqrt(np.linalg.pinv(data.T @ data + priors.T @ priors)[0, 0]))
-    # An asymmetry that is no camera's may be the penumbra's own, as of a deep body's level surface.
+    own = _place_error(np.vstack([best.jac[: len(place)] / share, best.jac[len(place) :]]))
+    # An asymmetry that is no camera's may be the penumbra's own, as of a level surface that no other photograph explains.
     departure = abs(float(best.x[3]))
     strange = 0.6 * max(0.0, departure - 3.0 * TONE)
     model = float(np.hypot(CAMERA, CAMERA_TONE * departure))
     return EdgeShape(
-        _shape(best.x, lamp, stored), float(np.linalg.norm([own, LEAST, strange])), model, float(best.x[3]), misfit
+        _shape(best.x, lamp, stored),
+        float(np.linalg.norm([own, LEAST, strange, DEEP * lift])),
+        model,
+        float(best.x[3]),
+        misfit,
+        (float(best.x[4]), float(best.x[5])),
+        lift,
+        hidden,
     )
+
+
+def _place_error(terms: Array) -> float:
+    """Return the standard error of the first parameter of a fit from the derivatives of its residuals."""
+    return float(np.sqrt(np.linalg.pinv(terms.T @ terms)[0, 0]))
 
 
 def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array, Array]:
@@ -401,15 +446,23 @@ def _mean_profile(z: Array, residual: Array, clean: Mask) -> tuple[Array, Array,
     return tuple(np.array(found).reshape(-1, 3).T)  # type: ignore[return-value]
 
 
-def _fitted(place: Array, value: Array, spread: Array, lamp: float, stored: StoredLight):  # type: ignore[no-untyped-def]
+DEPTH = 9
+"""Number of the parameter q of `_fitted`."""
+
+
+def _fitted(  # type: ignore[no-untyped-def]
+    place: Array, value: Array, spread: Array, lamp: float, stored: StoredLight, camera: EdgeShape | None = None
+):
     """Parameters: place of the half light, logarithm of the width, the lamp's share of the variance, e, the mask's amount and
-    radius, and what the profiles' own levels and fall of light have taken."""
+    radius, and what the profiles' own levels and fall of light have taken; with a known camera also q."""
+    usual, errors = (0.0, 0.0, MASK), (TONE, SHARPENING, MASK_SPREAD)
+    if camera is not None:
+        usual, errors = (camera.tone, *camera.mask), HELD
 
     def missed(p: Array) -> Array:
         step = np.interp(place - p[0], nodes(), _shape(p, lamp, stored))
         model = p[6] + (1.0 + p[7] + p[8] * place) * step
-        usual = (p[3] / TONE, p[4] / SHARPENING, (p[5] - MASK) / MASK_SPREAD, p[6] / 0.05, p[7] / 0.05, p[8] / 0.02)
-        return np.r_[(model - value) / spread, usual]
+        return np.r_[(model - value) / spread, (p[3:6] - usual) / errors, p[6:9] / (0.05, 0.05, 0.02)]
 
     start = [0.0, 0.0, 0.5, 0.0, 0.05, MASK, 0.0, 0.0, 0.0]
     low, high = (
@@ -417,15 +470,30 @@ def _fitted(place: Array, value: Array, spread: Array, lamp: float, stored: Stor
         [1.0, 1.0, 0.98, 1.0, 3.0, 4.0, 1.0, 1.0, 1.0],
     )
     scale = [0.01, 0.1, 0.3, 0.1, 0.3, 0.5, 0.01, 0.01, 0.01]
-    return least_squares(missed, start, bounds=(low, high), x_scale=scale, diff_step=1e-4, ftol=1e-4, max_nfev=40)
+    starts = [start]
+    if camera is not None:
+        low, high, scale = [*low, 0.0], [*high, 0.99], [*scale, 0.2]
+        held = np.clip(usual, [-0.99, 0.01, 0.41], [0.99, 2.99, 3.99])
+        starts = [[*start[:3], *held, *start[6:], q] for q in (0.1, 0.7)]
+    fits = [
+        least_squares(missed, start, bounds=(low, high), x_scale=scale, diff_step=1e-4, ftol=1e-4, max_nfev=40)
+        for start in starts
+    ]
+    return min(fits, key=lambda fit: float(fit.cost))
 
 
 def _shape(p: Array, lamp: float, stored: StoredLight) -> Array:
-    """Return the step at `nodes` for parameters of `_fitted`, its half light at 0."""
-    width, share = float(np.exp(p[1])), float(p[2])
-    bare = np.interp(nodes() / (width * np.sqrt(share) + 1e-3), *_lamp(lamp))
-    step = _blurred(bare, width * np.sqrt(1.0 - share))
+    """Return the step at `nodes` for parameters of `_fitted`, half of the lamp visible at 0."""
+    step = _penumbra(p, lamp)
     return stored.seen(step + p[3] * step * (1.0 - step), float(p[4]), float(p[5]))
+
+
+def _penumbra(p: Array, lamp: float) -> Array:
+    """Return the blurred penumbra at `nodes` as the camera receives it."""
+    width, share = float(np.exp(p[1])), float(p[2])
+    wider = np.where(nodes() > 0.0, 1.0 + p[DEPTH], 1.0 - p[DEPTH]) if len(p) > DEPTH else 1.0
+    bare = np.interp(nodes() / (width * np.sqrt(share) * wider + 1e-3), *_lamp(lamp))
+    return _blurred(bare, width * np.sqrt(1.0 - share))
 
 
 @functools.cache

@@ -17,7 +17,7 @@ from measurement.edge.edge import (
     refine_edge,
     smoothed,
 )
-from measurement.edge.profiles import Ink, Shading
+from measurement.edge.profiles import EdgeShape, Ink, Shading
 from measurement.edge.shadow import CoarseShadow, find_shadow, touched_by_thread
 from measurement.screen.look import (
     Flatness,
@@ -51,6 +51,7 @@ class Traced:
         tone: How the file stores light, one of `pictures.TONES`.
         tone_error: Distance in m by which the edge may be off because another tone fits as well.
         doubts: What speaks against trusting it, one sentence each.
+        camera: Shape of a raised body's edge by the same camera, if this may be the edge of a level surface.
     """
 
     image: Pixels
@@ -58,6 +59,15 @@ class Traced:
     tone: str
     tone_error: float = 0.0
     doubts: tuple[str, ...] = ()
+    camera: EdgeShape | None = None
+
+    def of_level(self, raised: Traced) -> Traced:
+        """Return this photograph of a level surface, traced again with what a raised body's shows of the camera."""
+        again = dataclasses.replace(self, tone=raised.tone, camera=raised.edge.shape)
+        if self.tone == raised.tone:
+            kept = ("view", "small", "coarse", "look", "ink")
+            vars(again).update({name: vars(self)[name] for name in kept if name in vars(self)})
+        return again
 
     @functools.cached_property
     def view(self) -> View:
@@ -122,7 +132,7 @@ class Traced:
         ink, coarse = self.ink, self.coarse
         shading = Shading(self.image, coarse.colour, ink, None if ink is None else ink.drawn, self.view.light)
         contour = coarse_contour(coarse.mask, coarse.share, self.factor, self.view.roi[:2])
-        edge = refine_edge(shading, contour, self.factor)
+        edge = refine_edge(shading, contour, self.factor, self.camera)
         return edge[self.view.inside(edge.px)]
 
     @property
@@ -137,6 +147,11 @@ class Traced:
     def width_px(self) -> float:
         """Usual width of the edge in px."""
         return float(np.median(self.edge.width))
+
+    @property
+    def lift(self) -> float:
+        """Distance in m by which the half light lies above a surface that is deep along the light; see `EdgeShape`."""
+        return self.edge.shape.lift * self.width_px * self.scale
 
     @property
     def shift_error(self) -> float:

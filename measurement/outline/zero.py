@@ -141,7 +141,10 @@ class ZeroLine:
         tone: How the photograph that shows it stores light, one of `pixels.TONES`; empty without a photograph.
         doubts: What speaks against trusting it, one sentence each.
         sides: The body's sides below it; None where the photograph does not show both.
-        level_error: Standard error in m of all heights above it by a lamp or a body that is not level; see `Bow`.
+        level_error: Standard error in m of all heights above it by a lamp or a body that is not level (see `Bow`), or by a
+            depth of the body that its penumbra does not show.
+        lift: Distance in m above it at which an edge on it is found, because the body is deep along the light; see
+            `edge.profiles`.
     """
 
     origin: Array
@@ -155,6 +158,7 @@ class ZeroLine:
     doubts: tuple[str, ...] = ()
     sides: Sides | None = None
     level_error: float = 0.0
+    lift: float = 0.0
 
     @property
     def normal(self) -> Array:

@@ -86,7 +86,12 @@ class Evidence:
     @functools.cached_property
     def placed(self) -> Array:
         """The smoothed edge as x along the surface and z above it in m, in order along the edge, shape (n, 2)."""
-        return self.zero.place(self.traced.points)
+        placed = self.zero.place(self.traced.points)
+        if self.zero.lift:
+            # Beside the bulge, and as far above as the penumbra reaches, the surface's own depth has drawn the edge up.
+            reach = self.traced.width_px * self.traced.scale
+            placed[:, 1] -= self.zero.lift * np.exp(-0.5 * (placed[:, 1] / reach) ** 2)
+        return placed
 
     @functools.cached_property
     def raw(self) -> Array:
@@ -479,10 +484,14 @@ class Level(Check, stage=ZERO):
             return Doubt(
                 "the surface reaches beyond what seem to be the body's sides, so that its level cannot be checked"
             )
+        bows = f"the undeformed surface bows up by {bow.rise * 1e6:.0f} um towards its middle, as the rim of a round body does"
+        if e.traced.lift:
+            return Doubt(
+                f"{bows} if the lamp is large: its penumbra widens with the body's depth",
+                "use a smaller lamp or move it away, at the height of the surface, and repeat all photographs")  # fmt: skip
         return Doubt(
-            f"the undeformed surface bows up by {bow.rise * 1e6:.0f} um towards its middle, as the rim of a round body does if "
-            f"the lamp or the body is at least {np.degrees(bow.rise / bow.radius):.1f} degrees off level: heights are too "
-            "small by at least that much",
+            f"{bows} if the lamp or the body is at least {np.degrees(bow.rise / bow.radius):.1f} degrees off level: heights "
+            "are too small by at least that much",
             "move the lamp to the height of the surface, level the body and repeat all photographs",
         )  # fmt: skip
 

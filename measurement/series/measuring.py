@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from measurement.camera.pictures import Pixels, Unmeasurable, read_photograph
+from measurement.edge.tracing import Traced
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine, with_known_body
 from measurement.screen.setup import Setup
@@ -32,7 +33,7 @@ from measurement.series.photo_list import Column, Photograph, read_photos
 from measurement.series.witness import Run
 
 MOST_ASKED = 4
-"""Photographs that are asked for the tone where the zero plane's does not tell it."""
+"""Raised photographs that are asked for what the camera does to an edge."""
 
 
 class NoZero(ValueError):
@@ -71,12 +72,13 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
             "(--zero)"
         )
     reasons, doubted = [], []
+    raised = clear_edge(photographs, setup, tone)
     for photo in candidates:
         try:
-            line = find_zero(photo.file, setup, tone)
-            if line.doubts:
-                # A surface that lies along a grid line does not show how the camera stores light; a bent one does.
-                line = find_zero(photo.file, setup, clear_tone(photographs, setup) if tone == AUTO else tone)
+            line = find_zero(photo.file, setup, tone, raised)
+            if line.doubts and raised is not None:
+                # A level surface may lie along a grid line, or be deep along the light: neither shows how the camera stores it.
+                line = find_zero(photo.file, setup, raised.tone, raised)
             if not line.doubts:
                 return line
             doubted.append(line)  # another photograph at zero may be better
@@ -89,15 +91,15 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
     raise NoZero(f"no photograph at zero pressure shows the undeformed surface; {'; '.join(reasons)}")
 
 
-def clear_tone(photographs: Sequence[Photograph], setup: Setup) -> str:
-    """Return how the camera stores light by the first of the highest photographs whose edge shows it; ``"auto"`` if none
-    does."""
-    for photo in sorted(photographs, key=lambda photo: photo.pressure, reverse=True)[:MOST_ASKED]:
-        with contextlib.suppress(Unmeasurable):
-            traced = trace(photo.file, setup)
+def clear_edge(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO) -> Traced | None:
+    """Return the first of the highest photographs whose edge is free of doubt; None if there is none."""
+    raised = [photo for photo in photographs if not photo.is_zero]
+    for photo in sorted(raised, key=lambda photo: photo.pressure, reverse=True)[:MOST_ASKED]:
+        with contextlib.suppress(Exception):  # what it is comes up when it is measured itself
+            traced = trace(photo.file, setup, tone)
             if not traced.doubts:
-                return traced.tone
-    return AUTO
+                return traced
+    return None
 
 
 def measure_all(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from measurement.camera.pictures import TONES, Pixels, Unmeasurable, read_photograph
+from measurement.edge.profiles import DECISIVE
 from measurement.edge.tracing import Traced
 from measurement.outline.outline import Outline, OutlineError
 from measurement.outline.zero import ZeroLine, sides_of
@@ -15,9 +16,6 @@ from measurement.screen.setup import Setup
 from measurement.series.checks import EDGE, OUTLINE, TONE, ZERO, Evidence, doubts
 
 AUTO = "auto"
-DECISIVE = 12.0
-"""Difference of the tones' chi-squares from which the edge's shape shows which is right; a chance of 1 in 400 that it errs."""
-
 WRONG = 3.5
 """Misfit of the edge's shape (`edge.profiles`) from which no tone is known to be right."""
 
@@ -99,21 +97,36 @@ def _traced(image: Pixels, setup: Setup, tone: str) -> Traced:
     return traced
 
 
-def find_zero(file: Path, setup: Setup, tone: str = AUTO) -> ZeroLine:
+def find_zero(file: Path, setup: Setup, tone: str = AUTO, raised: Traced | None = None) -> ZeroLine:
     """Return the undeformed surface from the photograph at zero pressure.
+
+    Args:
+        file: The photograph.
+        setup: Camera and screen.
+        tone: As of `trace`.
+        raised: A photograph of the raised body without doubts, which shows what the camera does to an edge.
 
     Raises:
         Unmeasurable: The photograph cannot be measured, or shows no straight surface.
     """
-    return zero_of(trace(file, setup, tone))
+    return zero_of(trace(file, setup, tone), raised)
 
 
-def zero_of(traced: Traced) -> ZeroLine:
+def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
     """Return `find_zero` of an edge that has been traced already."""
+    hidden = 0.0
+    if raised is not None:
+        again = traced.of_level(raised)
+        if again.lift and again.edge.shape.chi_square <= traced.edge.shape.chi_square - DECISIVE:
+            again.tone_error, again.doubts = 0.0, doubts(EDGE, Evidence(again))
+            traced = again
+        elif raised.tone == traced.tone:
+            hidden = again.edge.shape.hidden * again.width_px * again.scale
     errors = traced.own_error
     seen = ~traced.line.bridged
     line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
-    placed, upwards = line.place(traced.points[seen]), traced.normals[seen] @ line.normal
+    # The body's sides are not deep along the light: their edge is at their half light.
+    placed, upwards = line.place(traced.points + traced.lift * traced.normals)[seen], traced.normals[seen] @ line.normal
     line = dataclasses.replace(
         line,
         error=float(np.hypot(line.error, traced.shift_error)),
@@ -122,8 +135,9 @@ def zero_of(traced: Traced) -> ZeroLine:
         sides=sides_of(placed, upwards, errors[seen]),
     )
     evidence = Evidence(traced, line)
-    level = 0.0 if evidence.bow is None else evidence.bow.level_error
-    return dataclasses.replace(line, doubts=(*traced.doubts, *doubts(ZERO, evidence)), level_error=level)
+    level = float(np.hypot(hidden, 0.0 if evidence.bow is None else evidence.bow.level_error))
+    found = (*traced.doubts, *doubts(ZERO, evidence))
+    return dataclasses.replace(line, doubts=found, level_error=level, lift=traced.lift)
 
 
 def outline_of(traced: Traced, zero: ZeroLine, pressure: float, pressure_error: float, source: str) -> Outline:

@@ -31,6 +31,7 @@ def main() -> int:
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("--runs", type=int, default=67, help="runs of three photographs")
     words.add_argument("--seed", type=int, default=0, help="the first one's seed")
+    words.add_argument("--deep", action="store_true", help="a level round body, as deep along the light as wide")
     words.add_argument("--keep", type=Path, help="folder in which the pictures are kept")
     asked = words.parse_args()
     cv2.setNumThreads(1)
@@ -38,6 +39,7 @@ def main() -> int:
     count = refused = untrusted = wrong = without = 0
     for seed in range(asked.seed, asked.seed + asked.runs):
         case = runs.random_case(seed)
+        case = runs.deep_case(case) if asked.deep else case
         try:
             setup, outcomes = runs.measured(case, pictures(case, seed, asked.keep))
         except GridError as error:

@@ -44,6 +44,30 @@ def test_lamps_and_cameras_of_other_kinds_are_trusted_and_right(seed, lamp, came
     assert np.mean(np.abs(off) < 3.0 * outline.error) > 0.95
 
 
+@pytest.mark.parametrize(
+    ("seed", "lamp", "camera", "shape"),
+    [
+        (0, "disc", "srgb", "round"),
+        (0, "disc", "srgb", "block"),
+        (1, "square", "srgb", "block"),
+        (6, "disc", "phone", "block"),
+    ],
+)
+def test_the_depth_of_a_level_body_is_corrected_or_stated(seed, lamp, camera, shape):
+    """Its penumbra is wider above its plane than below, so that blur draws the half light up and heights seem too low."""
+    case = runs.deep_case(small(seed, lamp, camera), 9.5e-3)
+    case = dataclasses.replace(case, body=dataclasses.replace(case.body, round=shape == "round"))
+    _, outlines = runs.measured(case, runs.pictures_of(case, seed))
+    trusted = 0
+    for share, outline in zip(runs.SHARES[1:], outlines, strict=True):
+        assert isinstance(outline, Outline), outline.reason
+        off = outline.height - share * case.body.height
+        stated = np.linalg.norm([outline.height_error, outline.scale_error * outline.height, outline.level_error])
+        trusted += outline.trusted
+        assert not outline.trusted or abs(off) < 2.5 * stated
+    assert trusted >= 2
+
+
 def test_a_round_body_that_leans_is_not_trusted():
     lamp = runs.rays.Lamp("disc", 6e-3, points=80)
     case = small(0, "disc", "srgb", width=9.5e-3, depth=9.5e-3, lean=0.6)

@@ -111,7 +111,7 @@ def test_the_bow_of_a_round_body_shows_that_it_is_not_level(angle, seen):
     line = ZeroLine.fit(np.column_stack([x, z]), np.tile([0.0, 1.0], (400, 1)), np.full(400, 1e-6))
     line = dataclasses.replace(line, sides=sides)
     bow = Bow.of(line, line.place(np.column_stack([x, z])), np.ones(400))
-    doubt = Level().doubt(SimpleNamespace(bow=bow))
+    doubt = Level().doubt(SimpleNamespace(bow=bow, traced=SimpleNamespace(lift=0.0)))
     if angle == 0.0:
         assert doubt is None
         assert bow.level_error < 3e-6

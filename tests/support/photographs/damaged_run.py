@@ -137,12 +137,11 @@ class Run:
         return picture if change.stored is None else change.stored(picture)
 
     def _zero(self, pictures: list[Pixels], setup: Setup) -> ZeroLine:
-        line = zero_of(trace_image(pictures[0], setup))
-        if not line.doubts:
-            return line
-        # As `measuring.zero_line` does: a surface along a grid line does not tell how the camera stores light.
-        tone = trace_image(pictures[-1], setup).tone
-        return zero_of(trace_image(pictures[0], setup, tone))
+        # As `measuring.zero_line` does.
+        top = trace_image(pictures[-1], setup)
+        raised = None if top.doubts else top
+        line = zero_of(trace_image(pictures[0], setup), raised)
+        return zero_of(trace_image(pictures[0], setup, top.tone), raised) if line.doubts else line
 
     def _outcome(self, picture: Pixels, setup: Setup, zero: ZeroLine, number: int) -> Outline | Refusal:
         photo = self._photo(number)

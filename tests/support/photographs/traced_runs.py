@@ -73,6 +73,13 @@ def random_case(seed: int, lamp: str | None = None, camera: str | None = None) -
     return Case(lamp, camera, bench, sensor, body)
 
 
+def deep_case(case: Case, half: float = 10.5e-3) -> Case:
+    """The run with a level round body as deep along the light as wide, 1.5 mm from the screen."""
+    body = dataclasses.replace(case.body, width=half, depth=half, dome=min(case.body.dome, 0.76 * half))
+    bench = dataclasses.replace(case.bench, screen_distance=half + 1.5e-3)
+    return dataclasses.replace(case, body=body, bench=bench)
+
+
 def pictures_of(case: Case, seed: int) -> list[np.ndarray]:
     """The grid's photograph, and those of the body at `SHARES` of its height."""
     bodies = [None, *(dataclasses.replace(case.body, height=share * case.body.height) for share in SHARES)]
@@ -91,15 +98,15 @@ def measured(case: Case, pictures: list[np.ndarray], setup: Setup | None = None,
     setup = setup or setup_of(case, pictures[0])
     raised = list(pictures[2:])
     try:
-        flat = trace_image(pictures[1], setup, tone)
-        if flat.doubts:  # as `measuring.zero_line` does
-            flat = trace_image(pictures[1], setup, trace_image(raised[-1], setup, tone).tone)
-        zero = zero_of(flat)
+        # As `measuring.zero_line` does.
+        top = trace_image(raised[-1], setup, tone)
+        clear = None if top.doubts else top
+        zero = zero_of(trace_image(pictures[1], setup, tone), clear)
+        if zero.doubts:
+            zero = zero_of(trace_image(pictures[1], setup, top.tone), clear)
         if zero.sides is not None:
-            before, setup = setup, with_known_body(setup, zero, 2.0 * case.body.width)
-            flat.points = flat.points * (before.magnification / setup.magnification)
-            flat.setup = setup
-            zero = zero_of(flat)
+            setup = with_known_body(setup, zero, 2.0 * case.body.width)
+            zero = zero_of(trace_image(pictures[1], setup, zero.tone), clear)
     except Unmeasurable as error:
         return setup, [Refusal(f"zero: {error}", Path())] * len(raised)
     results = []
