@@ -91,10 +91,10 @@ class Mode:
 # that none is missed once it has as many.
 
 
-MOST_DIRECTIONS = 32
-"""Size of the space at which it restarts with the best modes."""
-MOST_SOLVES = 150
-"""Default maximum number of solves, after which an eigenvalue counts as not converged."""
+MOST_DIRECTIONS, PER_MODE = 32, 4
+"""Size of the space at which it restarts with the best modes; for many modes so many times as many."""
+MOST_SOLVES, SOLVES_PER_MODE = 150, 18
+"""Maximum number of solves, after which an eigenvalue counts as not converged; the same for many modes."""
 LOOSE, TIGHT = 1e-2, 1e-3
 """Tolerances of the solves: looser ones leave inconsistent p, tighter ones do not help."""
 LIFTED = 1e-9
@@ -207,7 +207,7 @@ def nearest(
     pencil: Pencil,
     start: Sequence[PETSc.Vec],
     tolerances: Sequence[float],
-    most: int = MOST_SOLVES,
+    most: int | None = None,
     negatives: int | None = None,
 ) -> Modes:
     """Return the eigenvalues nearest zero, and all negative ones.
@@ -218,24 +218,25 @@ def nearest(
         tolerances: Of the residual K^-1 (K x - lambda M x), length in the norm of M, for the lowest eigenvalue, the next,
             and so on; as many are looked for. An eigenvalue's error is about the residual's square. Infinite for one that
             is taken as the space has it where the others are found.
-        most: Solves after which an eigenvalue counts as not found.
+        most: Solves after which an eigenvalue counts as not found; see `MOST_SOLVES` if None.
         negatives: How many eigenvalues are negative, where that is known: then K^-1 is the exact one.
 
     Raises:
         NoConvergence: A residual did not fall below its tolerance, or more eigenvalues are negative.
     """
     space, count = Space(pencil), len(tolerances)
+    widest = max(MOST_DIRECTIONS, PER_MODE * count)
     for x in start:
         space.add(x.copy())
     first, found, polished = len(space.x), list[float](), dict[int, float]()
-    for _ in range(most):
+    for _ in range(most or max(MOST_SOLVES, SOLVES_PER_MODE * count)):
         values, shares = np.linalg.eigh(space.K)
         below = int(np.count_nonzero(values < 0.0))
         if negatives is not None and below > negatives:
             break
         chosen = _chosen(values, shares[:first] if negatives is None else shares, count)
         whole = len(chosen) >= count and negatives in (None, below)
-        if len(space.x) > MOST_DIRECTIONS:
+        if len(space.x) > widest:
             first = len(chosen)
             near = [k for k in np.argsort(np.abs(values)) if k not in chosen]
             space.cut(shares[:, [*chosen, *near[:count]]])
@@ -316,6 +317,13 @@ REFINED = 3e-5
 LOWEST, OTHERS, LOCATED = 3e-4, 5e-2, 1e-5
 """Residual tolerances of modes: the lowest along a path, those kept to start the next search,
 and all at a bifurcation."""
+NATURAL, HIGHER = [1e-4] * 8, 1e-3
+"""The same of natural modes, the first ones and those above: of high ones smaller corrections are noise of p."""
+
+
+def natural(count: int) -> list[float]:
+    """Return the tolerances of so many natural modes."""
+    return [*NATURAL[:count], *[HIGHER] * (count - len(NATURAL))]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -432,7 +440,7 @@ class Factorised(Spectrum):
         if springs is not None:
             pencil, removed = springs.added_to(pencil)
             negatives, seeds = negatives - removed, self.seeds
-        return nearest(pencil, [self._lifted(pencil, seed) for seed in seeds], tolerances, MOST_SOLVES, negatives)
+        return nearest(pencil, [self._lifted(pencil, seed) for seed in seeds], tolerances, negatives=negatives)
 
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
         bordered, others = self.solver.bordered, [math.inf] * (BLOCK - 1)
@@ -458,7 +466,8 @@ class Factorised(Spectrum):
         return float(nearest(Pencil(product, self.M, solve), modes, tolerances, MOST_CORRECTIONS).values[0])
 
     def pairs(self, count: int, springs: Springs | None = None) -> list[tuple[float, PETSc.Vec]]:
-        found = self._search([LOCATED] * count, refined=True, springs=springs)
+        tolerances = [LOCATED] * count if springs is None else natural(count)
+        found = self._search(tolerances, refined=True, springs=springs)
         return list(zip(map(float, found.values), found.vectors, strict=True))
 
 
@@ -526,7 +535,7 @@ class Iterated(Spectrum):
             found = self._take(nearest(self._pencil(), self._start(()), [LOCATED] * count))
         else:
             pencil, _ = springs.added_to(self._pencil())
-            found = nearest(pencil, [self._lifted(pencil, seed) for seed in self.seeds], [LOCATED] * count)
+            found = nearest(pencil, [self._lifted(pencil, seed) for seed in self.seeds], natural(count))
         return list(zip(map(float, found.values), found.vectors, strict=True))
 
 
