@@ -220,9 +220,10 @@ class Model:
         asked = in_unit(unit, values, what, self.case.cm)
         quantity = {f"{what}s_{unit}": asked, **({"pressures_cm": ()} if unit == "ml" else {})}
         case = dataclasses.replace(self.case, control=control, **quantity)  # type: ignore[arg-type]
-        return self._followed(case, what)
+        return self.followed(case, what)
 
-    def _followed(self, case: Case, quantity: str) -> Iterator[Equilibrium]:
+    def followed(self, case: Case, quantity: str) -> Iterator[Equilibrium]:
+        """Follow the device through the pressures or added volumes of a case; see `path`."""
         from softmodels.mechanics.newton import NoConvergence
         from softmodels.path.continuation import trace
         from softmodels.path.points import PathEnd
