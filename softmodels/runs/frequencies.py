@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.common.calls import read_only
 from softmodels.materials.silicones import sheet_of
@@ -67,11 +69,25 @@ class NaturalFrequencies:
         return found
 
 
-def case_for_modes(case: Case) -> Case:
-    """Return a case with only its pressures or added volumes as a load; at rest, or under its dead loads, if it has none."""
-    kind = Case if case.pressures_cm or case.volumes_ml else AtRest
-    values = {field.name: getattr(case, field.name) for field in dataclasses.fields(case)}
-    return kind(**{**values, "strokes_ml": (), "supply": None, "program": (), "driven": None, "load_unload": False, "band": None})
+def case_for_modes(case: Case, pressures_cm: Sequence[float] = ()) -> Case:
+    """Return a case with only its pressures or added volumes as a load; at rest, or under its dead loads, if it has none.
+
+    Args:
+        case: The case.
+        pressures_cm: Pressures in cm of the column, instead of its load.
+
+    Raises:
+        CaseError: It has another load.
+    """
+    load = {"pressures_cm": tuple(pressures_cm) or case.pressures_cm, "volumes_ml": () if pressures_cm else case.volumes_ml}
+    if case.values and not any(load.values()):
+        raise CaseError(
+            "frequencies are found at rest, or at rising pressures or added volumes, and not along a program, strokes or forces; "
+            "give the pressures (--pressure-cm)"
+        )
+    values = {field.name: getattr(case, field.name) for field in dataclasses.fields(case)} | load
+    others = {"strokes_ml": (), "supply": None, "program": (), "driven": None, "load_unload": False, "band": None}
+    return (Case if any(load.values()) else AtRest)(**{**values, **others})
 
 
 def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> NaturalFrequencies:
@@ -119,8 +135,8 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
 
 def _notes(case: Case, density: float, sealed: bool) -> list[str]:
     sheet = sheet_of(case.material)
-    source = f" ({sheet.source})" if sheet and sheet.density == density else ""
-    texts = [f"the silicone has {density:g} kg/m^3{source}, and no damping: a device swings at slightly less"]
+    source = " by its data sheet" if sheet and sheet.density == density else ""
+    texts = [f"the silicone has {density:g} kg/m^3{source}, and no damping"]
     if sealed:
         texts.append("the cavities are sealed, with air that keeps its temperature; adiabatic air is 1.4 times as stiff")
     if case.remembers:
