@@ -143,7 +143,7 @@ def run_of(folder: Path, ended: Ended, comm: MPI.Comm | None = None) -> Run:
     return Run(source, ended, comm, None if aside is None else Run(aside, Ended(), comm))
 
 
-for _option, _argument in (("output", "folder"), ("resume", "resume=True"), ("branch", "branch=True")):
+for _option, _argument in (("output", "folder"), ("resume", "resume=True"), ("branch", "branch=True"), ("sealed", "sealed=True")):
     errors.call(_option, _argument)
 
 type Told = bool | Callable[[Row], object] | None

@@ -58,12 +58,13 @@ def modes_options[Command: Callable[..., object]](command: Command) -> Command:
 
 HELP = """Find the natural frequencies of a device at rest and while it is inflated, and their modes.
 
-Vibrations are of small amplitude, without damping. They are found at every state of the path to the last pressure (0:40: steps
-chosen by the solver; 0:40:10: also every 10 cm), or without one at rest. --gravity makes the device hang under its weight, and sets
-the density; masses and rigid plates of a case file swing with the device. A symmetric slice has only modes with its symmetry.
+Vibrations are of small amplitude, without damping. They are found at every state of the path to the last pressure (0:40:
+steps chosen by the solver; 0:40:10: also every 10 cm), or at rest without one. --gravity makes the device hang under its
+weight, and sets the density; masses and rigid plates of a case file swing with the device. A symmetric slice has only modes
+with its symmetry.
 
-Results: modes.csv, with f1_Hz, f2_Hz ... over the pressure, nan of unstable modes; frequencies.png; shapes.png, the modes of the last
-state.
+Results: modes.csv, with f1_Hz, f2_Hz ... over the pressure, nan of unstable modes; frequencies.png; shapes.png, the modes of
+the last state.
 
 \b
 Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium at a requested value (limit point).
@@ -104,8 +105,8 @@ def _of_file(**values: object) -> None:
 
 def _command() -> click.Command:
     made = modes_options(_of_file)
-    made = click.option("--pressure-cm", "pressures", metavar="SERIES", help="Pressures in cm of the column, instead of the case's "
-                        "load: 0:40, 0:40:10 or 0,10,40.")(made)  # fmt: skip
+    made = click.option("--pressure-cm", "pressures", metavar="SERIES", help="Pressures in cm of the column, instead of the "
+                        "case's load: 0:40, 0:40:10 or 0,10,40.")(made)  # fmt: skip
     made = click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, or a TOML "
                         "file.")(made)  # fmt: skip
     text = f"A device, with options of its own, instead of a FILE: {', '.join(ACTUATORS)}."
@@ -205,7 +206,7 @@ def _draw(case: Case, found: NaturalFrequencies, sealed: bool, place: Path) -> N
     last, state = found.modes[-1][:DRAWN], len(found.modes) - 1
     at = _place(found, state, case.cm)
     titles = [f"f{k} = {mode.frequency:.4g} Hz" if mode.stable else f"f{k}: unstable" for k, mode in enumerate(last, 1)]
-    titles[0] += f", {at}"
+    titles[0] += f"\n{at}"
     moved, shapes = found.points + found.displacement[-1], [mode.displacement for mode in last]
     if case.actuator.dimension == 2:
         write_bytes(place / "shapes.png", png(section_shapes(moved, shapes, found.cells, titles)))

@@ -19,7 +19,16 @@ from geometries import Actuator
 from softmodels.common.arrays import Array
 from softmodels.common.files import write_bytes
 from softmodels.common.terminal import say
-from softmodels.pictures.offscreen import SOLID_STYLE, ViewCamera, across_cut, can_render, direction, lines, studio, surface
+from softmodels.pictures.offscreen import (
+    SOLID_STYLE,
+    ViewCamera,
+    across_cut,
+    can_render,
+    direction,
+    lines,
+    studio,
+    surface,
+)
 from softmodels.pictures.solid import tiled
 from softmodels.pictures.style import DPI, FAINT, INK, SOLID, STYLE, WIDTH, png
 from softmodels.runs.grid import Cells, outline, surface_of
@@ -62,11 +71,13 @@ def section_shapes(moved: Array, shapes: Sequence[Array], cells: Cells, titles: 
     size = AMOUNT * np.ptp(flat[:, 0])
     bent = [flat + size * shape[:, ::2] for shape in shapes]
     low, high = np.min([flat, *bent], axis=(0, 1)), np.max([flat, *bent], axis=(0, 1))
-    tall = WIDTH / 2 * (high - low)[1] / (high - low)[0] + 0.6
-    with matplotlib.rc_context(STYLE):
-        rows = -(-len(shapes) // 2)
-        figure = Figure((WIDTH, rows * min(tall, WIDTH)), dpi=DPI, layout="constrained")
-        for place, shape, title in zip(figure.subplots(rows, 2, squeeze=False).flat, bent, titles, strict=False):
+    shape_of_panel = (high - low)[1] / (high - low)[0]
+    columns = 2 if shape_of_panel < 0.8 else DRAWN
+    rows = -(-len(shapes) // columns)
+    with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 10}):
+        tall = rows * (min(WIDTH / columns * shape_of_panel, WIDTH) + 0.6)
+        figure = Figure((WIDTH, tall), dpi=DPI, layout="constrained")
+        for place, shape, title in zip(figure.subplots(rows, columns, squeeze=False).flat, bent, titles, strict=False):
             for shown, colour in ((flat, FAINT), (shape, INK)):
                 place.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
             place.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=title)

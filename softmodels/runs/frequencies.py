@@ -79,11 +79,14 @@ def case_for_modes(case: Case, pressures_cm: Sequence[float] = ()) -> Case:
     Raises:
         CaseError: It has another load.
     """
-    load = {"pressures_cm": tuple(pressures_cm) or case.pressures_cm, "volumes_ml": () if pressures_cm else case.volumes_ml}
+    load = {
+        "pressures_cm": tuple(pressures_cm) or case.pressures_cm,
+        "volumes_ml": () if pressures_cm else case.volumes_ml,
+    }
     if case.values and not any(load.values()):
         raise CaseError(
-            "frequencies are found at rest, or at rising pressures or added volumes, and not along a program, strokes or forces; "
-            "give the pressures (--pressure-cm)"
+            "frequencies are found at rest, or at rising pressures or added volumes, and not along a program, strokes or "
+            "forces; give the pressures (--pressure-cm)"
         )
     values = {field.name: getattr(case, field.name) for field in dataclasses.fields(case)} | load
     others = {"strokes_ml": (), "supply": None, "program": (), "driven": None, "load_unload": False, "band": None}
@@ -138,7 +141,9 @@ def _notes(case: Case, density: float, sealed: bool) -> list[str]:
     source = " by its data sheet" if sheet and sheet.density == density else ""
     texts = [f"the silicone has {density:g} kg/m^3{source}, and no damping"]
     if sealed:
-        texts.append("the cavities are sealed, with air that keeps its temperature; adiabatic air is 1.4 times as stiff")
+        texts.append(
+            "the cavities are sealed, with air that keeps its temperature; adiabatic air is 1.4 times as stiff"
+        )
     if case.remembers:
         texts.append(
             "the silicone has a memory, and these are the frequencies of the relaxed one: vibrations that are quicker than it "

@@ -355,10 +355,14 @@ class Model:
         """
         resting = next((part.where for part in self.components if part.lifted and part.weighs), "")
         if resting:
-            raise CaseError(f"{resting} rests on the device, and frequencies with it are not computed; leave out its mass")
+            raise CaseError(
+                f"{resting} rests on the device, and frequencies with it are not computed; leave out its mass"
+            )
         found = densities(self.system, self.components)
         if not found[0] > 0.0:
-            raise CaseError("the silicone has a density of 0 kg/m^3, and without mass no frequency; leave out the density")
+            raise CaseError(
+                "the silicone has a density of 0 kg/m^3, and without mass no frequency; leave out the density"
+            )
         return found
 
     @functools.cached_property
@@ -369,7 +373,8 @@ class Model:
         main, unit = self._densities[0], self._densities[0] * self.system.volume_unit
         heavy = [part for part in self.components if isinstance(part, HeavyPart) and part.weighs]
         inertia = Inertia(
-            tuple(density / main for density in self._densities), tuple((part.face, part.weighs / unit) for part in heavy)
+            tuple(density / main for density in self._densities),
+            tuple((part.face, part.weighs / unit) for part in heavy),
         )
         return Stability.of(self.solver) if inertia.plain else Stability(self.solver, inertia)
 
@@ -379,7 +384,7 @@ class Model:
 
         cavities = len(self.case.actuator.ratios) if sealed else 0
         if sealed and not cavities:
-            raise CaseError(f"{type(self.case.actuator).__name__} has no cavity to be sealed; leave out sealed=True")
+            raise CaseError(f"{type(self.case.actuator).__name__} has no cavity to be sealed; leave out --sealed")
         pressures = self.system.pressures_at(state)[:cavities] + AMBIENT / self.system.stress_unit
         return Springs(self.system.pressure_loads()[:cavities], pressures / self.system.volumes()[:cavities])
 

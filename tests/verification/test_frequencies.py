@@ -1,8 +1,8 @@
 """Natural frequencies against closed forms: slender beams, spheres at rest and inflated, and the laws of similarity.
 
-A sphere of an incompressible silicone breathes with one unknown c: a point at R moves to r with r^3 = R^3 + c. Its kinetic energy
-is that of 4 pi rho int R^2 (dr/dt)^2 dR / 2 with dr/dc = 1/(3 r^2). At a constant pressure P its potential is E(c) - P V(c), with
-dV/dc = 4 pi/3, so that P = E' / (4 pi/3) and m w^2 = E''. For a thin wall of thickness t that is
+A sphere of an incompressible silicone breathes with one unknown c: a point at R moves to r with r^3 = R^3 + c, dr/dc = 1/(3 r^2).
+Its kinetic energy is that of the mass m = 4 pi rho int R^2 (dr/dc)^2 dR. At a constant pressure P its potential is E(c) - P V(c),
+with dV/dc = 4 pi/3, so that P = E' / (4 pi/3) and m w^2 = E''. For a thin wall that is
 
     w^2 = 2 mu (7/s^6 - 1) / (rho R^2)
 
@@ -161,9 +161,7 @@ def test_laws_of_similarity(figure):
 
 
 def test_density_of_gravity_and_of_regions(figure):
-    known, heavy = (
-        beam(dataclasses.replace(WEIGHTLESS, density=density))[0].frequency for density in (1e3, 4e3)
-    )
+    known, heavy = (beam(dataclasses.replace(WEIGHTLESS, density=density))[0].frequency for density in (1e3, 4e3))
     figure("half the frequency", "a density four times as high", 2 * heavy / known - 1, 1e-8)
 
 
@@ -179,7 +177,9 @@ def test_mass_of_regions_and_plates(figure):
     u = system.body.displacement(ufl.split(system.w)[0])
     face = system.body.sheet_face("tip")[0]
     parts = [system.integral(fem.form(ufl.dot(u, u) * matter.dx)) for matter in system.matter]
-    area, swung = (system.integral(fem.form(form)) for form in (fem.Constant(system.body.mesh, 1.0) * face, ufl.dot(u, u) * face))
+    area, swung = (
+        system.integral(fem.form(form)) for form in (fem.Constant(system.body.mesh, 1.0) * face, ufl.dot(u, u) * face)
+    )
     density = model.modes(count=1)[0].density
     wanted = parts[0] + 4000.0 / density * parts[1] + 2e-3 / (density * system.volume_unit) / area * swung
     mass = model._stability.mass
