@@ -143,8 +143,9 @@ def run_of(folder: Path, ended: Ended, comm: MPI.Comm | None = None) -> Run:
     return Run(source, ended, comm, None if aside is None else Run(aside, Ended(), comm))
 
 
-for _option, _argument in (("output", "folder"), ("resume", "resume=True"), ("branch", "branch=True"), ("sealed", "sealed=True")):
-    errors.call(_option, _argument)
+errors.call("output", "folder")
+for _option in ("resume", "branch", "sealed"):
+    errors.call(_option, f"{_option}=True")
 
 type Told = bool | Callable[[Row], object] | None
 """Progress reports of each state: none, a bar on the terminal (True), or a function that gets its row of ``path.csv``."""

@@ -1,7 +1,7 @@
 """Natural frequencies against closed forms: slender beams, spheres at rest and inflated, and the laws of similarity.
 
-A sphere of an incompressible silicone breathes with one unknown c: a point at R moves to r with r^3 = R^3 + c, dr/dc = 1/(3 r^2).
-Its kinetic energy is that of the mass m = 4 pi rho int R^2 (dr/dc)^2 dR. At a constant pressure P its potential is E(c) - P V(c),
+A sphere of an incompressible silicone breathes with one unknown c: a point at R moves to r with r^3 = R^3 + c and
+dr/dc = 1/(3 r^2). Its mass is m = 4 pi rho int R^2 (dr/dc)^2 dR. At a constant pressure P its potential is E(c) - P V(c),
 with dV/dc = 4 pi/3, so that P = E' / (4 pi/3) and m w^2 = E''. For a thin wall that is
 
     w^2 = 2 mu (7/s^6 - 1) / (rho R^2)
@@ -60,15 +60,15 @@ def bending(mode, axis):
 
 def test_a_cantilever_bends(figure):
     found = [mode.frequency for mode in beam() if bending(mode, 2)]
-    figure(SLENDER, "first natural frequency", found[0] / cantilever(0) - 1, 5e-3)
-    figure(SLENDER, "second natural frequency", found[1] / cantilever(1) - 1, 1e-2)
+    figure(SLENDER, "first natural frequency", found[0] / cantilever(0) - 1, 1e-3)
+    figure(SLENDER, "second natural frequency", found[1] / cantilever(1) - 1, 6e-3)
 
 
 def test_a_mass_on_the_tip_swings_along(figure):
     own = DENSITY * BEAM.solid_volume
     for name, part in {"mass": sm.Mass("tip", own), "rigid plate": sm.Rigid("tip", mass=own)}.items():
         found = [mode.frequency for mode in beam((WEIGHTLESS, part)) if bending(mode, 2)]
-        figure(SLENDER, f"with a {name} as heavy as it on its tip", found[0] / cantilever(0, 1.0) - 1, 5e-3)
+        figure(SLENDER, f"with a {name} as heavy as it on its tip", found[0] / cantilever(0, 1.0) - 1, 6e-4)
 
 
 def test_equal_modes_are_told_apart():
@@ -118,7 +118,7 @@ def test_a_thick_sphere_breathes(sealed, figure):
         state = model.solve(pressure=pressure(stretch)) if stretch > 1 else None
         wanted = closed(device.inner, device.outer, stretch, pressure, sealed) ** 0.5 / (2 * math.pi)
         errors.append(breathing(model, state, sealed=sealed).frequency / wanted - 1)
-    figure(SPHERE, f"thick wall, to a stretch of 1.4{', sealed' if sealed else ''}", errors, 1e-3)
+    figure(SPHERE, f"thick wall, to a stretch of 1.4{', sealed' if sealed else ''}", errors, 3e-4)
 
 
 def test_a_thin_sphere_breathes(figure):
@@ -186,7 +186,7 @@ def test_mass_of_regions_and_plates(figure):
     x, y = mass.createVecRight(), mass.createVecLeft()
     x.array_w[:] = w[: system.n]
     mass.mult(x, y)
-    figure("integrals over each material and face", "kinetic energy", x.dot(y) / wanted - 1, 3e-3)
+    figure("integrals over each material and face", "kinetic energy", x.dot(y) / wanted - 1, 1.2e-4)
 
 
 def test_what_has_no_frequency():
