@@ -373,7 +373,7 @@ def modes(
         raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {MOST_MODES}")
     how = {"components": components, "formulation": formulation, "solver": solver}
     if pressures is None and volumes is None:
-        case = AtRest("modes", device, material, **how)  # type: ignore[arg-type]
+        case: Case = AtRest("modes", device, material, **how)  # type: ignore[arg-type]
     else:
         case = case_of(device, material, pressures, volumes, **how)  # type: ignore[arg-type]
     comm = start()

@@ -6,8 +6,9 @@ Solids are rendered in a separate process, because VTK and DOLFINx each bring th
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 import matplotlib
@@ -88,7 +89,7 @@ def section_shapes(moved: Array, shapes: Sequence[Array], cells: Cells, titles: 
 
 def solid_shapes(
     points: Array, cells: Cells, cell_name: str, actuator: Actuator, moved: Array, shapes: Sequence[Array]
-) -> dict[str, Array]:
+) -> dict[str, Any]:
     """Return what `main` renders of a slice: its state, shape (v, 3), and its modes, shape (modes, v, 3), by surface vertices.
 
     Args:
@@ -110,7 +111,7 @@ def solid_shapes(
     }  # fmt: skip
 
 
-def draw_solids(told: dict[str, Array], titles: Sequence[str]) -> Figure:
+def draw_solids(told: Mapping[str, Any], titles: Sequence[str]) -> Figure:
     """Render what `solid_shapes` has made."""
     camera, edges = ViewCamera.around([told["before"], *told["bent"]], told["towards"], told["up"]), told["edges"]
     with studio(camera) as shoot:

@@ -14,6 +14,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.calls import read_only
 from softmodels.materials.silicones import sheet_of
 from softmodels.mechanics.mpi import on_root
+from softmodels.runs.grid import Cells
 from softmodels.runs.model import AtRest, Equilibrium, Mode, Model, meshed
 from softmodels.runs.notes import unseen
 from softmodels.runs.outcomes import Ended, RunError
@@ -50,7 +51,7 @@ class NaturalFrequencies:
     modes: tuple[tuple[Mode, ...], ...]
     points: Array
     displacement: Array
-    cells: Array
+    cells: Cells
     cell_name: str
     notes: tuple[str, ...]
     ended: Ended
@@ -127,7 +128,7 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
             modes,
             read_only(points),
             read_only(moved),
-            read_only(cells),
+            cells,
             grid.cell_name,
             tuple(_notes(case, modes[0][0].density, sealed)),
             ended,
