@@ -343,26 +343,24 @@ def modes(
     device: Actuator,
     material: Material | str,
     pressures: Values | None = None,
-    volumes: Values | None = None,
     *,
     count: int = 4,
     sealed: bool = False,
-    formulation: str = "mixed",
     components: Component | Sequence[Component] = (),
     solver: str = "auto",
 ) -> NaturalFrequencies:
     """Find the natural frequencies of a device at rest and while it is inflated, and their modes.
 
     They are those of the silicone after a long time, without damping, see `Model.modes`. Masses and plates bonded to the device
-    swing with it; they need a `Gravity`, which also sets the density.
+    swing with it; they need a `Gravity`, which also sets the density. `Model.modes` finds those of states by their volume.
 
     Args:
         device: The device. One without a cavity is at rest, or hangs under its weight.
         material: Its silicone, or the name of one.
-        pressures, volumes: Pressures or added volumes to stop at, see `inflate`; with neither only the state at rest.
+        pressures: Pressures to stop at, see `inflate`; None for the state at rest.
         count: Number of modes, 1 to 20.
         sealed: Each cavity is closed, with air that keeps its temperature; else they keep their pressures.
-        formulation, components, solver: As of a `Case`.
+        components, solver: As of a `Case`.
 
     Raises:
         CaseError: Invalid input.
@@ -371,14 +369,14 @@ def modes(
     """
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_MODES:
         raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {MOST_MODES}")
-    how = {"components": components, "formulation": formulation, "solver": solver}
-    if pressures is None and volumes is None:
+    closed, how = flag("sealed", sealed), {"components": components, "solver": solver}
+    if pressures is None:
         case: Case = AtRest("modes", device, material, **how)  # type: ignore[arg-type]
     else:
-        case = case_of(device, material, pressures, volumes, **how)  # type: ignore[arg-type]
+        case = case_of(device, material, pressures, **how)  # type: ignore[arg-type]
     comm = start()
     with sentences():
-        return find_frequencies(case_for_modes(case), count, sealed, comm)
+        return find_frequencies(case_for_modes(case), count, closed, comm)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -213,7 +213,7 @@ def _draw(case: Case, found: NaturalFrequencies, sealed: bool, place: Path) -> N
         return
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "shapes.npz"
-        np.savez(file, **solid_shapes(found.points, found.cells, found.cell_name, case.actuator, moved, shapes))  # type: ignore[arg-type]
+        np.savez(file, **vars(solid_shapes(found.points, found.cells, found.cell_name, case.actuator, moved, shapes)))
         process = start_drawing(case, "softmodels.pictures.modes", str(file), str(place / "shapes.png"), *titles)
         try:
             out, errors = process.communicate()

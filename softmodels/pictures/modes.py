@@ -5,10 +5,10 @@ Solids are rendered in a separate process, because VTK and DOLFINx each bring th
 
 from __future__ import annotations
 
+import dataclasses
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 import matplotlib
@@ -38,6 +38,26 @@ AMOUNT = 0.15
 """Largest displacement of a mode as drawn, in sizes of the slice."""
 DRAWN = 4
 """Maximum number of modes drawn."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SolidShapes:
+    """What is rendered of a slice, by surface vertices.
+
+    Attributes:
+        before: The state, m, shape (v, 3).
+        bent, normals: The state with each mode added, and its normals, shape (modes, v, 3).
+        triangles, edges: Vertices, shape (t, 3) and (e, 2).
+        up, towards: Up in the picture, and from the slice to the viewer.
+    """
+
+    before: Array
+    bent: Array
+    normals: Array
+    triangles: Cells
+    edges: Cells
+    up: Array
+    towards: Array
 
 
 def frequency_figure(pressures: Array, frequencies: Array, sealed: bool) -> Figure:
@@ -89,8 +109,8 @@ def section_shapes(moved: Array, shapes: Sequence[Array], cells: Cells, titles: 
 
 def solid_shapes(
     points: Array, cells: Cells, cell_name: str, actuator: Actuator, moved: Array, shapes: Sequence[Array]
-) -> dict[str, Any]:
-    """Return what `main` renders of a slice: its state, shape (v, 3), and its modes, shape (modes, v, 3), by surface vertices.
+) -> SolidShapes:
+    """Return what `main` renders of a slice.
 
     Args:
         points: Undeformed nodes in m, shape (n, 3).
@@ -104,26 +124,30 @@ def solid_shapes(
     size = AMOUNT * np.ptp(points, axis=0).max()
     bent = np.array([skin.points(moved + size * shape) for shape in shapes])
     whole = direction(*((-45.0, 32.0) if actuator.axial else (-58.0, 24.0)), up)
-    return {
-        "before": skin.points(moved), "bent": bent, "normals": np.array([skin.normals(one) for one in bent]),
-        "triangles": skin.triangles, "edges": np.concatenate([skin.edges, skin.rims]), "up": up,
-        "towards": across_cut(skin, up) if len(skin.planes) else whole,
-    }  # fmt: skip
+    return SolidShapes(
+        before=skin.points(moved),
+        bent=bent,
+        normals=np.array([skin.normals(one) for one in bent]),
+        triangles=skin.triangles,
+        edges=np.concatenate([skin.edges, skin.rims]),
+        up=up,
+        towards=across_cut(skin, up) if len(skin.planes) else whole,
+    )
 
 
-def draw_solids(told: Mapping[str, Any], titles: Sequence[str]) -> Figure:
+def draw_solids(told: SolidShapes, titles: Sequence[str]) -> Figure:
     """Render what `solid_shapes` has made."""
-    camera, edges = ViewCamera.around([told["before"], *told["bent"]], told["towards"], told["up"]), told["edges"]
+    camera, edges = ViewCamera.around([told.before, *told.bent], told.towards, told.up), told.edges
     with studio(camera) as shoot:
         images = [
             shoot(
                 [
-                    (surface(bent, told["triangles"], normals), {**SOLID_STYLE, "color": SOLID}),
+                    (surface(bent, told.triangles, normals), {**SOLID_STYLE, "color": SOLID}),
                     (lines(bent, edges), {"color": INK, "line_width": 2.0}),
-                    (lines(told["before"], edges), {"color": FAINT, "line_width": 1.5}),
+                    (lines(told.before, edges), {"color": FAINT, "line_width": 1.5}),
                 ]
             )
-            for bent, normals in zip(told["bent"], told["normals"], strict=True)
+            for bent, normals in zip(told.bent, told.normals, strict=True)
         ]
     return tiled(list(zip(titles, images, strict=True)))
 
@@ -133,12 +157,12 @@ def draw_solids(told: Mapping[str, Any], titles: Sequence[str]) -> Figure:
 @click.argument("picture", type=click.Path(path_type=Path))
 @click.argument("titles", nargs=-1)
 def main(shapes: Path, picture: Path, titles: tuple[str, ...]) -> None:
-    """Render the SHAPES of `solid_shapes`, a file of numpy, into a PICTURE; each has one of the TITLES."""
+    """Render the SHAPES, a file of numpy, into a PICTURE; each has one of the TITLES."""
     if not can_render():
         say("this machine cannot render (no OpenGL)", err=True)
         sys.exit(1)
     with np.load(shapes) as told:
-        write_bytes(picture, png(draw_solids(dict(told), titles)))
+        write_bytes(picture, png(draw_solids(SolidShapes(**told), titles)))
 
 
 if __name__ == "__main__":

@@ -138,7 +138,7 @@ def find_frequencies(case: Case, count: int, sealed: bool, comm: MPI.Comm) -> Na
 
 
 def _notes(case: Case, density: float, sealed: bool) -> list[str]:
-    sheet = sheet_of(case.material)
+    sheet = sheet_of(case.material.relaxed)
     source = " by its data sheet" if sheet and sheet.density == density else ""
     texts = [f"the silicone has {density:g} kg/m^3{source}, and no damping"]
     if sealed:

@@ -87,7 +87,6 @@ def test_a_memory_is_relaxed():
         (DISK, {"count": 0}, "count is 0; it must be a whole number of modes from 1 to 20"),
         (BEAM, {"sealed": True}, "Beam has no cavity to be sealed; leave out sealed=True"),
         (BEAM, {"pressures": "1 kPa"}, "Beam has no cavity for a pressure"),
-        (DISK, {"pressures": "1 kPa", "volumes": "1 ml"}, "exactly one of these"),
     ],
 )
 def test_what_is_refused(device, asked, words):
