@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         inflate as inflate,
         limit as limit,
         load as load,
+        modes as modes,
         run as run,
     )
     from softmodels.api.run import Run as Run, SolvedState as SolvedState
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.component import ComponentError as ComponentError
     from softmodels.mechanics.mpi import StartError as StartError
     from softmodels.path.supply import SupplyError as SupplyError, Syringe as Syringe
+    from softmodels.runs.frequencies import NaturalFrequencies as NaturalFrequencies
     from softmodels.runs.limits import Limit as Limit
     from softmodels.runs.model import Equilibrium as Equilibrium, Mode as Mode, Model as Model
     from softmodels.runs.outcomes import RunError as RunError
@@ -132,13 +134,14 @@ _PLACES = {
     "softmodels.fitting.curves.curve": ("TensileCurve", "TensileError"),
     "softmodels.fitting.curves.fit": ("fit_curves",),
     "softmodels.fitting.scoring": ("score", "Score"),
+    "softmodels.runs.frequencies": ("NaturalFrequencies",),
     "softmodels.runs.limits": ("Limit",),
     "softmodels.runs.model": ("Model", "Equilibrium", "Mode"),
     "softmodels.runs.outcomes": ("RunError",),
     "softmodels.runs.store": ("ResultsError",),
     "softmodels.casting.settings": ("MouldError",),
     "softmodels.casting.files": ("mould",),
-    "softmodels.api.calls": ("export", "inflate", "run", "load", "limit"),
+    "softmodels.api.calls": ("export", "inflate", "run", "load", "limit", "modes"),
     "softmodels.api.run": ("Run", "SolvedState"),
 }
 _NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)

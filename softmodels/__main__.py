@@ -42,6 +42,10 @@ PLACES = {
         "softmodels.cli.limit_command", "command",
         "Find the largest pressure a device can take, and the place of its largest strain.",
     ),
+    "modes": CommandPlace(
+        "softmodels.cli.modes_command", "command",
+        "Find the natural frequencies of a device at rest and while it is inflated, and their modes.",
+    ),
     "mould": CommandPlace(
         "softmodels.cli.mould", "command",
         "Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.",
@@ -72,6 +76,7 @@ def softmodels() -> None:
     softmodels run case.toml            repeat a run from its case file
     softmodels run --device Membrane --pressure-cm 0:20   inflate any device of the library
     softmodels limit --help             how much pressure a design can bear
+    softmodels modes --help             natural frequencies at rest and under pressure
     softmodels design problem.toml      the device that does best what is asked for, within its limits
     softmodels mould case.toml          the bodies to cast a device in, and a sheet for the bench
     softmodels export case.toml -o x.inp    the same case for CalculiX or FEBio

@@ -1,4 +1,5 @@
 """The Python door: what a notebook calls.
 
-- `calls`: `sm.inflate`, `sm.run`, `sm.load`, `sm.limit`, `sm.export`. `run`: `Run`, the states as arrays in SI units.
+- `calls`: `sm.inflate`, `sm.run`, `sm.load`, `sm.limit`, `sm.modes`, `sm.export`. `run`: `Run`, the states as
+  arrays in SI units.
 """

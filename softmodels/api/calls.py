@@ -1,4 +1,4 @@
-"""The Python calls for notebooks: `inflate`, `run`, `load` and `limit`. They print nothing."""
+"""The Python calls for notebooks: `inflate`, `run`, `load`, `limit` and `modes`. They print nothing."""
 
 from __future__ import annotations
 
@@ -43,8 +43,9 @@ from softmodels.mechanics.mpi import is_root, start
 from softmodels.path.program import TOLERANCE, Program
 from softmodels.path.supply import AirSupply
 from softmodels.runs.columns import state_labels
+from softmodels.runs.frequencies import MOST_MODES, NaturalFrequencies, case_for_modes, find_frequencies
 from softmodels.runs.limits import Limit, check_hold, find_limit
-from softmodels.runs.model import temporary_folder
+from softmodels.runs.model import AtRest, temporary_folder
 from softmodels.runs.notes import no_branch, sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, RunError, UnwrittenError
 from softmodels.runs.progress import Progress
@@ -142,8 +143,9 @@ def run_of(folder: Path, ended: Ended, comm: MPI.Comm | None = None) -> Run:
     return Run(source, ended, comm, None if aside is None else Run(aside, Ended(), comm))
 
 
-for _option, _argument in (("output", "folder"), ("resume", "resume=True"), ("branch", "branch=True")):
-    errors.call(_option, _argument)
+errors.call("output", "folder")
+for _option in ("resume", "branch", "sealed"):
+    errors.call(_option, f"{_option}=True")
 
 type Told = bool | Callable[[Row], object] | None
 """Progress reports of each state: none, a bar on the terminal (True), or a function that gets its row of ``path.csv``."""
@@ -333,6 +335,48 @@ def limit(
     comm = start()
     with sentences():
         return find_limit(case, [case.material], comm, seconds)[0]
+
+
+@checked
+@one_at_a_time
+def modes(
+    device: Actuator,
+    material: Material | str,
+    pressures: Values | None = None,
+    *,
+    count: int = 4,
+    sealed: bool = False,
+    components: Component | Sequence[Component] = (),
+    solver: str = "auto",
+) -> NaturalFrequencies:
+    """Find the natural frequencies of a device at rest and while it is inflated, and their modes.
+
+    They are those of the silicone after a long time, without damping, see `Model.modes`. Masses and plates bonded to the device
+    swing with it; they need a `Gravity`, which also sets the density. `Model.modes` finds those of states by their volume.
+
+    Args:
+        device: The device. One without a cavity is at rest, or hangs under its weight.
+        material: Its silicone, or the name of one.
+        pressures: Pressures to stop at, see `inflate`; None for the state at rest.
+        count: Number of modes, 1 to 20.
+        sealed: Each cavity is closed, with air that keeps its temperature; else they keep their pressures.
+        components, solver: As of a `Case`.
+
+    Raises:
+        CaseError: Invalid input.
+        RunError: No state was found, or not its modes.
+        MeshingError, MeshFileError: The device cannot be meshed.
+    """
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_MODES:
+        raise CaseError(f"count is {count!r}; it must be a whole number of modes from 1 to {MOST_MODES}")
+    closed, how = flag("sealed", sealed), {"components": components, "solver": solver}
+    if pressures is None:
+        case: Case = AtRest("modes", device, material, **how)  # type: ignore[arg-type]
+    else:
+        case = case_of(device, material, pressures, **how)  # type: ignore[arg-type]
+    comm = start()
+    with sentences():
+        return find_frequencies(case_for_modes(case), count, closed, comm)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -391,7 +391,7 @@ class Case:
         try:
             self._settle()
             self._take_times()
-            self.load.check(self.actuator)
+            self._check_load()
             self.gauges.check(self.actuator)
             object.__setattr__(self, "components", with_walls(self.components, self.actuator))
             check_parts(self.components, self.actuator)
@@ -403,6 +403,9 @@ class Case:
             check_rest(self.material)
         except PART_ERRORS as error:
             raise CaseError(str(error)) from None
+
+    def _check_load(self) -> None:
+        self.load.check(self.actuator)
 
     def _settle(self) -> None:
         """Convert each field to its type: read texts with units, look up silicones by name.

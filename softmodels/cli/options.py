@@ -136,8 +136,8 @@ class CaseOptions:
             command = field_option(option.name, option.about, option.default, option.metavar)(command)
         return command
 
-    def case(self, values: Values) -> Case:
-        """Return the case defined by a command's values.
+    def case(self, values: Values, kind: type[Case] = Case) -> Case:
+        """Return the case defined by a command's values, as the class given.
 
         Raises:
             CaseError and what else is in `softmodels.case.entries.INPUT_ERRORS`: Invalid values.
@@ -146,7 +146,7 @@ class CaseOptions:
         assert named is None or isinstance(named, str)
         read = {name: entry.take(values) for name, entry in entries().items()}
         given = {name: value for name, value in read.items() if value is not MISSING}
-        return Case(
+        return kind(
             name=self.device.stem,
             actuator=device_told(self.device, values),
             material=material_from(self.silicone if named is None else named, law),

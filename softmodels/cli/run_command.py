@@ -58,10 +58,10 @@ def run(file: Path, material: str | None, band: str | None, solver: str | None, 
       softmodels run --device HollowDisk --pressure-cm 0:177 --section axisymmetric
       softmodels run --device HollowDisk --help
     """
-    execute(lambda: _of_file(file, material, band, solver), taken(RunOptions, values), [file])
+    execute(lambda: case_of_file(file, material, band, solver), taken(RunOptions, values), [file])
 
 
-def _of_file(file: Path, material: str | None, band: str | None, solver: str | None) -> Case:
+def case_of_file(file: Path, material: str | None, band: str | None = None, solver: str | None = None) -> Case:
     """Return a case file's case, with the given material, band or solver."""
     more: dict[str, Mapping[str, object]] = {}
     if material is not None:

@@ -35,6 +35,7 @@ from softmodels.mechanics.dead_loads import (
     LOADS_ENERGY,
     DistributedLoad,
     HeavyPart,
+    Loaded,
     LoadPart,
     RequestedValue,
     Weighed,
@@ -156,12 +157,11 @@ class Gravity(DirectedLoad):
 
     def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
         along = in_section(self.vector, on.body.actuator.dimension)
-        density = density_of(on.system.material) if self.density is None else self.density
-        own = {part.name: part.own_density for part in components if isinstance(part, RegionPart)}
-        masses = []
-        for matter in on.system.matter:
-            heavy = density if (known := own.get(matter.name)) is None else known
-            masses += [Weighed([on.mean(along, matter)], heavy * on.volume(matter))] if heavy else []
+        masses = [
+            Weighed([on.mean(along, matter)], density * on.volume(matter))
+            for matter, density in zip(on.system.matter, densities(on.system, components), strict=True)
+            if density
+        ]
         masses += [one for part in components if isinstance(part, HeavyPart) for one in part.masses(on, along)]
         whole = sum(one.amount for one in masses)
         if not whole > 0.0:
@@ -332,6 +332,15 @@ def weighed(components: Sequence[Component], material: Material) -> tuple[Compon
         else part
         for part in components
     )
+
+
+def densities(system: Loaded, components: Sequence[Component]) -> list[float]:
+    """Return the density in kg/m3 of each of a body's materials, as in ``system.matter``: a region's own, else that of gravity,
+    else that of the silicone's data sheet."""
+    gravity = next((part.density for part in components if isinstance(part, Gravity)), None)
+    main = density_of(system.material) if gravity is None else gravity
+    own = {part.name: part.own_density for part in components if isinstance(part, RegionPart)}
+    return [main if (known := own.get(matter.name)) is None else known for matter in system.matter]
 
 
 def check_density(density: float, where: str) -> None:

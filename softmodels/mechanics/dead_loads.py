@@ -145,7 +145,13 @@ class LoadPart(Component):
 
 
 class HeavyPart(Component):
-    """A part with its own mass, on which gravity acts."""
+    """A part with its own mass, on which gravity acts, spread evenly over a face.
+
+    Attributes:
+        face: Role of the facets.
+    """
+
+    face: str
 
     @abc.abstractmethod
     def masses(self, on: DistributedLoad, along: Array) -> list[Weighed]:

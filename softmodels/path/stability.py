@@ -10,7 +10,8 @@ volume if it is so on those that keep the volume. Both follow from the inertia o
 * Volumes held independently of the control are accounted for in both (`Bordered.negative_eigenvalues`).
 
 Eigenvalues are of K x = lambda M x with the displacement's mass matrix M (of unit density): they do not depend on the mesh's
-cells, and lambda / density is the square of a natural frequency. M has no entries for p, which is then slaved to u.
+cells, and lambda / density is the square of a natural frequency. M has no entries for p, which is then slaved to u. With
+`Inertia` M also has what other regions and plates weigh.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from softmodels.mechanics.assembly import entries_of, sparse_matrix
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import State
+from softmodels.mechanics.system import State, System
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -90,12 +91,14 @@ class Mode:
 # that none is missed once it has as many.
 
 
-MOST_DIRECTIONS = 32
-"""Size of the space at which it restarts with the best modes."""
-MOST_SOLVES = 150
-"""Default maximum number of solves, after which an eigenvalue counts as not converged."""
+MOST_DIRECTIONS, PER_MODE = 32, 4
+"""Size of the space at which it restarts with the best modes; for many modes so many times as many."""
+MOST_SOLVES, SOLVES_PER_MODE = 150, 18
+"""Maximum number of solves, after which an eigenvalue counts as not converged; the same for many modes."""
 LOOSE, TIGHT = 1e-2, 1e-3
 """Tolerances of the solves: looser ones leave inconsistent p, tighter ones do not help."""
+LIFTED = 1e-9
+"""Tolerance of the solves for added stiffnesses."""
 POLISH = 1e-2
 """Maximum relative change of an eigenvalue by its last correction, whose p may be inconsistent with its displacement."""
 DEPENDENT = 1e-8
@@ -115,6 +118,34 @@ class Pencil:
     product: Callable[[PETSc.Vec, PETSc.Vec], None]
     M: PETSc.Mat
     solve: Callable[[PETSc.Vec, PETSc.Vec, float], object]
+
+
+def stiffened(pencil: Pencil, columns: Sequence[PETSc.Vec], stiffnesses: Array) -> tuple[Pencil, int]:
+    """Return K + sum k q q^T with M, and how many negative eigenvalues that takes away.
+
+    Its inverse is Woodbury's; the inertia of [[K, q], [q^T, -1/k]] counts them (Haynsworth 1968).
+
+    Args:
+        pencil: K and M.
+        columns: The q.
+        stiffnesses: The k, above 0.
+    """
+    lifted = [pencil.M.createVecRight() for _ in columns]
+    for column, x in zip(columns, lifted, strict=True):
+        pencil.solve(column, x, LIFTED)
+    inner = np.diag(1 / stiffnesses) + np.array([[column.dot(x) for x in lifted] for column in columns])
+
+    def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
+        pencil.product(x, y)
+        for column, k in zip(columns, stiffnesses, strict=True):
+            y.axpy(float(k) * column.dot(x), column)
+
+    def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
+        pencil.solve(b, x, tolerance)
+        shares = np.linalg.solve(inner, [column.dot(x) for column in columns])
+        x.maxpy([-float(share) for share in shares], lifted)
+
+    return Pencil(product, pencil.M, solve), int(np.count_nonzero(np.linalg.eigvalsh(inner) < 0.0))
 
 
 class Space:
@@ -176,7 +207,7 @@ def nearest(
     pencil: Pencil,
     start: Sequence[PETSc.Vec],
     tolerances: Sequence[float],
-    most: int = MOST_SOLVES,
+    most: int | None = None,
     negatives: int | None = None,
 ) -> Modes:
     """Return the eigenvalues nearest zero, and all negative ones.
@@ -187,24 +218,25 @@ def nearest(
         tolerances: Of the residual K^-1 (K x - lambda M x), length in the norm of M, for the lowest eigenvalue, the next,
             and so on; as many are looked for. An eigenvalue's error is about the residual's square. Infinite for one that
             is taken as the space has it where the others are found.
-        most: Solves after which an eigenvalue counts as not found.
+        most: Solves after which an eigenvalue counts as not found; see `MOST_SOLVES` if None.
         negatives: How many eigenvalues are negative, where that is known: then K^-1 is the exact one.
 
     Raises:
         NoConvergence: A residual did not fall below its tolerance, or more eigenvalues are negative.
     """
     space, count = Space(pencil), len(tolerances)
+    widest = max(MOST_DIRECTIONS, PER_MODE * count)
     for x in start:
         space.add(x.copy())
     first, found, polished = len(space.x), list[float](), dict[int, float]()
-    for _ in range(most):
+    for _ in range(most or max(MOST_SOLVES, SOLVES_PER_MODE * count)):
         values, shares = np.linalg.eigh(space.K)
         below = int(np.count_nonzero(values < 0.0))
         if negatives is not None and below > negatives:
             break
         chosen = _chosen(values, shares[:first] if negatives is None else shares, count)
         whole = len(chosen) >= count and negatives in (None, below)
-        if len(space.x) > MOST_DIRECTIONS:
+        if len(space.x) > widest:
             first = len(chosen)
             near = [k for k in np.argsort(np.abs(values)) if k not in chosen]
             space.cut(shares[:, [*chosen, *near[:count]]])
@@ -285,6 +317,35 @@ REFINED = 3e-5
 LOWEST, OTHERS, LOCATED = 3e-4, 5e-2, 1e-5
 """Residual tolerances of modes: the lowest along a path, those kept to start the next search,
 and all at a bifurcation."""
+NATURAL, HIGHER = [1e-4] * 8, 1e-3
+"""The same of natural modes, the first ones and those above: of high ones smaller corrections are noise of p."""
+
+
+def natural(count: int) -> list[float]:
+    """Return the tolerances of so many natural modes."""
+    return [*NATURAL[:count], *[HIGHER] * (count - len(NATURAL))]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Springs:
+    """Stiffnesses k q q^T added to K.
+
+    Attributes:
+        columns: The q by K's unknowns, shape (springs, n); none leave K as it is.
+        stiffnesses: The k, above 0, shape (springs,).
+    """
+
+    columns: Array
+    stiffnesses: Array
+
+    def added_to(self, pencil: Pencil) -> tuple[Pencil, int]:
+        """See `stiffened`."""
+        if not len(self.columns):
+            return pencil, 0
+        vectors = [pencil.M.createVecLeft() for _ in self.columns]
+        for vector, column in zip(vectors, self.columns, strict=True):
+            vector.array_w[:] = column
+        return stiffened(pencil, vectors, self.stiffnesses)
 
 
 class Spectrum(abc.ABC):
@@ -295,13 +356,21 @@ class Spectrum(abc.ABC):
         M: Mass matrix by its unknowns; its values may change.
 
     Attributes:
-        seed: A vector with a part of every mode, with which a search begins.
+        seeds: Vectors with a part of every mode. A search begins with the first one; where modes of equal eigenvalues are to be
+            told apart, with all.
     """
 
-    seed: PETSc.Vec
+    seeds: Sequence[PETSc.Vec]
 
     def __init__(self, solver: Solver, M: PETSc.Mat):
         self.solver, self.M = solver, M
+
+    def _lifted(self, pencil: Pencil, seed: PETSc.Vec) -> PETSc.Vec:
+        """Return K^-1 M times a seed."""
+        image, lifted = self.M.createVecLeft(), self.M.createVecRight()
+        self.M.mult(seed, image)
+        pencil.solve(image, lifted, OTHERS)
+        return lifted
 
     @property
     @abc.abstractmethod
@@ -328,8 +397,12 @@ class Spectrum(abc.ABC):
         """
 
     @abc.abstractmethod
-    def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
+    def pairs(self, count: int, springs: Springs | None = None) -> list[tuple[float, PETSc.Vec]]:
         """Return at least so many eigenvalues nearest zero with their vectors, at the state where K was factorised.
+
+        Args:
+            count: How many.
+            springs: Stiffnesses added to K; then modes of equal eigenvalues are told apart.
 
         Raises:
             NoConvergence: They were not found.
@@ -353,8 +426,8 @@ class Factorised(Spectrum):
     def negative_eigenvalues(self) -> int:
         return self.solver.bordered.negative_eigenvalues() - self.constraints
 
-    def _search(self, tolerances: Sequence[float], refined: bool) -> Modes:
-        """Return the modes of the factorised K, by back-substitutions that are refined or not."""
+    def _search(self, tolerances: Sequence[float], refined: bool, springs: Springs | None = None) -> Modes:
+        """Return the modes of the factorised K, by back-substitutions that are refined or not; see `pairs`."""
         bordered, negatives = self.solver.bordered, self.negative_eigenvalues
 
         def solve(b: PETSc.Vec, x: PETSc.Vec, tolerance: float) -> None:
@@ -363,10 +436,11 @@ class Factorised(Spectrum):
             else:
                 bordered.solve_roughly(b, x)
 
-        image, lifted = self.M.createVecLeft(), self.M.createVecRight()
-        self.M.mult(self.seed, image)
-        solve(image, lifted, 0.0)
-        return nearest(Pencil(bordered.K.mult, self.M, solve), [lifted], tolerances, MOST_SOLVES, negatives)
+        pencil, seeds = Pencil(bordered.K.mult, self.M, solve), self.seeds[:1]
+        if springs is not None:
+            pencil, removed = springs.added_to(pencil)
+            negatives, seeds = negatives - removed, self.seeds
+        return nearest(pencil, [self._lifted(pencil, seed) for seed in seeds], tolerances, negatives=negatives)
 
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
         bordered, others = self.solver.bordered, [math.inf] * (BLOCK - 1)
@@ -391,8 +465,9 @@ class Factorised(Spectrum):
         tolerances = [CORRECTED, *[math.inf] * (len(modes) - 1)]
         return float(nearest(Pencil(product, self.M, solve), modes, tolerances, MOST_CORRECTIONS).values[0])
 
-    def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
-        found = self._search([LOCATED] * count, refined=True)
+    def pairs(self, count: int, springs: Springs | None = None) -> list[tuple[float, PETSc.Vec]]:
+        tolerances = [LOCATED] * count if springs is None else natural(count)
+        found = self._search(tolerances, refined=True, springs=springs)
         return list(zip(map(float, found.values), found.vectors, strict=True))
 
 
@@ -440,10 +515,7 @@ class Iterated(Spectrum):
             for mode in kept:
                 self.solver.bordered.keep_volumes(mode)
             return kept
-        image, lifted = self.M.createVecLeft(), self.M.createVecRight()
-        self.M.mult(self.seed, image)
-        self.solver.bordered.iterate(image, lifted, OTHERS)
-        return [lifted]
+        return [self._lifted(self._pencil(), self.seeds[0])]
 
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
         tolerances = [LOWEST, *[OTHERS] * (BLOCK - 1)]
@@ -458,9 +530,57 @@ class Iterated(Spectrum):
     def corrected(self, state: State, modes: Sequence[PETSc.Vec]) -> float:
         raise NoConvergence("every state is examined separately, at the cost of a few solves")
 
-    def pairs(self, count: int) -> list[tuple[float, PETSc.Vec]]:
-        found = self._take(nearest(self._pencil(), self._start(()), [LOCATED] * count))
+    def pairs(self, count: int, springs: Springs | None = None) -> list[tuple[float, PETSc.Vec]]:
+        if springs is None:
+            found = self._take(nearest(self._pencil(), self._start(()), [LOCATED] * count))
+        else:
+            pencil, _ = springs.added_to(self._pencil())
+            found = nearest(pencil, [self._lifted(pencil, seed) for seed in self.seeds], natural(count))
         return list(zip(map(float, found.values), found.vectors, strict=True))
+
+
+@dataclasses.dataclass(frozen=True)
+class Inertia:
+    """What a device weighs, in densities of its main material and sizes of the device.
+
+    Attributes:
+        densities: Of each of its materials, as in `System.matter`.
+        faces: Faces with masses spread evenly over them, and these, of the slice.
+    """
+
+    densities: tuple[float, ...]
+    faces: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether it is that of unit density."""
+        return not self.faces and set(self.densities) == {1.0}
+
+
+def mass_matrix(system: System, inertia: Inertia | None = None) -> PETSc.Mat:
+    """Return the displacement's mass matrix by all dofs, of unit density if no inertia is given."""
+    import ufl
+    from dolfinx import fem
+
+    test, trial = ufl.TestFunction(system.space), ufl.TrialFunction(system.space)
+    u, v = (system.body.displacement(ufl.split(f)[0] if system.mixed else f) for f in (trial, test))
+    work, mesh = ufl.inner(u, v) * system.body.hoop, system.body.mesh
+    form = work * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
+    if inertia is not None and set(inertia.densities) != {1.0}:
+        density = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+        for region, value in zip(system.matter, inertia.densities, strict=True):
+            density.x.array[region.cells] = value
+        density.x.scatter_forward()
+        form = density * work * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
+    matrix = sparse_matrix(fem.form(form, jit_options=JIT), system.bcs, 0.0)
+    for face, mass in inertia.faces if inertia else ():
+        measure, one = system.body.sheet_face(face)[0], fem.Constant(mesh, 1.0)
+        area = system.integral(fem.form(one * system.body.hoop * measure, jit_options=JIT))
+        spread = fem.form(fem.Constant(mesh, mass / area) * work * measure, jit_options=JIT)
+        plate = sparse_matrix(spread, system.bcs, 0.0)
+        matrix.axpy(1.0, plate, matrix.Structure.DIFFERENT)  # type: ignore[arg-type]
+        plate.destroy()
+    return matrix
 
 
 ALWAYS = 6000
@@ -492,20 +612,17 @@ class Signature:
 
 
 class Stability:
-    """Signatures of a device's states. One per `Solver`; see `of`."""
+    """Signatures of a device's states. One per `Solver`; see `of`.
 
-    def __init__(self, solver: Solver):
-        import ufl
-        from dolfinx import fem
+    Args:
+        solver: The device.
+        inertia: Its masses; of unit density if None, as along a path.
+    """
 
+    def __init__(self, solver: Solver, inertia: Inertia | None = None):
         self.solver = solver
         eq = solver.system
-        test, trial = ufl.TestFunction(eq.space), ufl.TrialFunction(eq.space)
-        u, v = (ufl.split(f)[0] if eq.mixed else f for f in (trial, test))
-        dx = ufl.Measure("dx", eq.body.mesh, metadata={"quadrature_degree": 4})
-        mass = ufl.inner(eq.body.displacement(u), eq.body.displacement(v)) * eq.body.hoop * dx
-        form = fem.form(mass, jit_options=JIT)
-        self.mass = sparse_matrix(form, eq.bcs, 0.0)
+        self.mass = mass_matrix(eq, inertia)
         self.M = eq.unknowns.projected(self.mass)
         self.unknowns = eq.K.getSize()[0]
         self.spectrum = spectrum_of(solver, self.M)
@@ -528,20 +645,21 @@ class Stability:
         from dolfinx import fem
 
         eq = self.solver.system
-        seed, d = fem.Function(eq.space), eq.body.mesh.geometry.dim
+        shape, d = fem.Function(eq.space), eq.body.mesh.geometry.dim
+        seeds = [self.M.createVecRight() for _ in range(d)]
 
         def rough(x: Array) -> Array:
             waves = np.array([[1.7, 2.3, 2.9], [3.1, 1.3, 2.1], [2.7, 3.3, 1.9]])
             return np.sin(waves[:d] @ x + 0.5) + 0.3 * np.sin(3.7 * waves[:d] @ x)
 
-        (seed.sub(0) if eq.mixed else seed).interpolate(rough)
-        for bc in eq.bcs:
-            bc.set(seed.x.array, alpha=0.0)
-        self.seed = self.M.createVecRight()
-        self.spectrum.seed = self.seed
-        self.seed.array_w[:] = eq.unknowns.nearest(seed.x.array)
+        for turn, seed in enumerate(seeds):
+            (shape.sub(0) if eq.mixed else shape).interpolate(lambda x, turn=turn: np.roll(rough(x), turn, axis=0))
+            for bc in eq.bcs:
+                bc.set(shape.x.array, alpha=0.0)
+            seed.array_w[:] = eq.unknowns.nearest(shape.x.array)
+        self.spectrum.seeds = seeds
         self.sense = self.M.createVecLeft()  # fixes the sign of a mode
-        self.M.mult(self.seed, self.sense)
+        self.M.mult(seeds[0], self.sense)
         self.reference = self.largest = self._guess = 0.0
         self.modes: Sequence[PETSc.Vec] = []
 
@@ -600,23 +718,20 @@ class Stability:
 
     # -- at one state -------------------------------------------------------------------------------------------------
 
-    def eigenpairs(self, state: State, count: int = 4) -> list[tuple[float, Array]]:
+    def eigenpairs(self, state: State, count: int = 4, springs: Springs | None = None) -> list[tuple[float, Array]]:
         """Return the eigenvalues nearest zero and their modes at a state, rising, by shift and invert through the factorised K.
 
         Args:
             state: The state; K is factorised there.
             count: How many at least.
+            springs: Stiffnesses added to K; see `Spectrum.pairs`.
 
         Returns:
             Pairs of eigenvalue (dimensionless) and mode: shape as `State.w`, largest entry 1 or -1.
         """
         self.solver.factorise(state)
-        return self._pairs(count)
-
-    def _pairs(self, count: int) -> list[tuple[float, Array]]:
-        """Return `eigenpairs` of the factorised K."""
         self.solver.system.unknowns.projected(self.mass, self.M)
-        pairs = [(value, self._mode(vector)) for value, vector in self.spectrum.pairs(count)]
+        pairs = [(value, self._mode(vector)) for value, vector in self.spectrum.pairs(count, springs)]
         return sorted(pairs, key=lambda pair: pair[0])
 
     def _mode(self, vector: PETSc.Vec) -> Array:

@@ -28,7 +28,7 @@ from softmodels.pictures.style import (
     load,
     number,
 )
-from softmodels.runs.grid import CUT, OUTSIDE, Cells
+from softmodels.runs.grid import CUT, OUTSIDE, Cells, Surface
 from softmodels.runs.stored import States
 
 if TYPE_CHECKING:
@@ -571,14 +571,18 @@ def look(states: States) -> Look:
 
 
 def towards_slice(states: States) -> Array:
-    """Return the view of a slice: across its first cut plane, a little from the side and from above."""
-    up = np.asarray(states.actuator.lift)
-    planes = states.skin.planes
-    if not len(planes):
+    """Return the view of a slice; that of a whole device if it is one."""
+    if not len(states.skin.planes):
         return look(states).direction
+    return across_cut(states.skin, np.asarray(states.actuator.lift))
+
+
+def across_cut(skin: Surface, up: Array) -> Array:
+    """Return the view across the first cut plane of a slice, a little from the side and from above."""
+    planes = skin.planes
     # A wide slice shows its second cut plane too, unless the view is edge-on to it.
     side = np.cross(up, planes[0])
-    turned = np.radians(28.0 if len(planes) > 1 and len(states.skin.images) >= 4 else 14.0)
+    turned = np.radians(28.0 if len(planes) > 1 and len(skin.images) >= 4 else 14.0)
     flat = np.cos(turned) * planes[0] + np.sin(turned) * side
     return np.cos(np.radians(24.0)) * flat + np.sin(np.radians(24.0)) * up
 

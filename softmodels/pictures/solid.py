@@ -301,12 +301,19 @@ def stress(look: Look) -> tuple[list[tuple[int, Image]], ViewCamera, Scale]:
 
 def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateLabels, scale: Scale) -> Figure:
     """Return the images of `stress` side by side over one colour bar."""
+    figure = tiled([(load(rows[step], words), image) for step, image in images], FOOT)
+    scale.bar(figure)
+    return figure
+
+
+def tiled(images: Sequence[tuple[str, Image]], foot: float = 0.0) -> Figure:
+    """Return up to four images side by side under their titles, with ``foot`` inches free below them."""
     columns = COLUMNS[len(images)]
     rows_ = -(-len(images) // columns)
     wide = WIDTH / columns
     tall = wide * images[0][1].shape[0] / images[0][1].shape[1]
-    titles = [wrapped(load(rows[step], words), wide, 12) for step, _ in images]
-    head, foot = 0.4 + 0.2 * max(title.count("\n") for title in titles), FOOT
+    titles = [wrapped(title, wide, 12) for title, _ in images]
+    head = 0.4 + 0.2 * max(title.count("\n") for title in titles)
     whole = rows_ * (tall + head) + foot
     figure = Figure((WIDTH, whole), dpi=DPI)
     for k, (_, image) in enumerate(images):
@@ -315,7 +322,6 @@ def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateLabe
         figure.add_artist(Pixels(np.asarray(small), round((top - head - tall) * DPI), round(left * DPI)))
         place = (left + wide / 2) / WIDTH, (top - 0.6 * head) / whole
         figure.text(*place, titles[k], ha="center", va="center", color=title_colour(titles[k]))
-    scale.bar(figure)
     return figure
 
 

@@ -6,5 +6,6 @@ Begin with `simulation`, which yields states; `recording` writes them.
 - `columns`, `row`: what stands in ``path.csv``. `notes`: warnings and explanations. `outcomes`: exit statuses.
 - `store`, `formats`, `stored`, `resume`: the results folder: written, in which formats, read, continued. `progress`: the bar.
 - `model`: `sm.Model`: equilibria, paths and modes without files.
-- `limits`: limit pressure and its scatter. `band`: 95 % bands and the sources of a silicone.
+- `frequencies`: natural frequencies along a path. `limits`: limit pressure and its scatter.
+- `band`: 95 % bands and the sources of a silicone.
 """

@@ -1,10 +1,11 @@
-"""A device whose equations are made: its equilibria, its path and its modes, without files."""
+"""A device whose equations are made: its equilibria, its path, its natural frequencies and modes, without files."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
 import functools
+import math
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,9 +22,11 @@ from softmodels.case.entries import (
 from softmodels.common.arrays import Array
 from softmodels.common.calls import checked, read_only
 from softmodels.common.processes import one_at_a_time
+from softmodels.components.loads import densities
 from softmodels.materials.laws import Material
 from softmodels.mechanics.compiling import CompilingError, compiling
 from softmodels.mechanics.component import Component
+from softmodels.mechanics.dead_loads import HeavyPart
 from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.path.points import DeadForce, LoadDisplacement, Pressure
 from softmodels.runs.notes import sentences
@@ -38,6 +41,7 @@ if TYPE_CHECKING:
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
     from softmodels.path.schedule import StageEnd
+    from softmodels.path.stability import Springs, Stability
     from softmodels.runs.fields import Figures
 
 
@@ -80,6 +84,18 @@ def body_of(device: Actuator, mesh: Path, comm: MPI.Comm) -> Body:
         raise RunError(str(error)) from error
 
 
+AMBIENT = 101325.0
+"""Pressure in Pa around a device, above which its cavities' are counted."""
+
+
+class AtRest(Case):
+    """A case of a device without a cavity, of which nothing is requested but how it hangs under its dead loads."""
+
+    def _check_load(self) -> None:
+        if self.load.values:
+            super()._check_load()
+
+
 @checked
 class Model:
     """A device, meshed, and the equations of its equilibrium.
@@ -87,7 +103,7 @@ class Model:
     Under weights and other dead loads every path begins where the device hangs under them. Every call is made by all ranks.
 
     Args:
-        device: The device, with a cavity.
+        device: The device. One without a cavity has only the state at rest, or under its dead loads.
         material: Its silicone, or the name of one.
         components: Components added to it: `Gravity`, `Rigid`, `Fibres` and others, one or several.
         formulation: ``"mixed"`` (displacement and pressure) or ``"displacement"``.
@@ -113,8 +129,9 @@ class Model:
         *,
         solver: str = "auto",
     ):
-        case = Case(
-            "model", device, material, pressures_cm=(1.0,), components=components,  # type: ignore[arg-type]
+        kind, pressures = (Case, (1.0,)) if getattr(device, "ratios", True) else (AtRest, ())
+        case = kind(
+            "model", device, material, pressures_cm=pressures, components=components,  # type: ignore[arg-type]
             formulation=formulation, solver=solver,
         )  # fmt: skip
         comm = start()
@@ -141,6 +158,7 @@ class Model:
         from softmodels.runs.fields import Fields
 
         self.case, self.body = case, body
+        self.components = components
         try:
             with compiling():
                 self.system = System(body, material, case.formulation, components, creeping=case.timed)
@@ -202,9 +220,10 @@ class Model:
         asked = in_unit(unit, values, what, self.case.cm)
         quantity = {f"{what}s_{unit}": asked, **({"pressures_cm": ()} if unit == "ml" else {})}
         case = dataclasses.replace(self.case, control=control, **quantity)  # type: ignore[arg-type]
-        return self._followed(case, what)
+        return self.followed(case, what)
 
-    def _followed(self, case: Case, quantity: str) -> Iterator[Equilibrium]:
+    def followed(self, case: Case, quantity: str) -> Iterator[Equilibrium]:
+        """Follow the device through the pressures or added volumes of a case; see `path`."""
         from softmodels.mechanics.newton import NoConvergence
         from softmodels.path.continuation import trace
         from softmodels.path.points import PathEnd
@@ -298,20 +317,76 @@ class Model:
 
     @checked
     @one_at_a_time
-    def modes(self, equilibrium: Equilibrium | None = None, count: int = 4) -> list[Mode]:
-        """The modes whose eigenvalues are nearest zero, rising: of K v = lambda M v at a given pressure, M of unit density.
+    def modes(self, equilibrium: Equilibrium | None = None, count: int = 4, *, sealed: bool = False) -> list[Mode]:
+        """The natural modes of a state, from the lowest frequency up; unstable ones first.
+
+        They are the vibrations of small amplitude, without damping. The silicone has the density of `Gravity`, or of its data
+        sheet, or 1070 kg/m3; regions have their own, and masses and plates bonded to the device swing with it.
 
         Args:
             equilibrium: A state of this model; that of `solve` without arguments if None.
             count: At least how many.
-        """
-        from softmodels.path.stability import Stability
+            sealed: Each cavity is closed, with air that keeps its temperature (at 101325 Pa around the device). Else the
+                cavities keep their pressures.
 
+        Raises:
+            CaseError: A device without mass, or a sealed one without a cavity.
+            RunError: There is no such state, or the modes do not converge.
+        """
+        from softmodels.mechanics.newton import NoConvergence
+
+        density = self._densities[0]
         state = (equilibrium or self.solve()).state
         self.system.load(state)
-        pairs = Stability.of(self.solver).eigenpairs(state, count)
+        springs = self._springs(state, sealed)
+        try:
+            pairs = self._stability.eigenpairs(state, count, springs)
+        except NoConvergence as failure:
+            raise RunError(f"the modes were not found ({failure}); ask for fewer, or use smaller cells") from failure
         unit = self.system.stress_unit / self.system.length_unit**2
-        return [Mode(value * unit, self._shape(w)) for value, w in pairs]
+        return [Mode(value * unit, density, self._shape(w)) for value, w in pairs]
+
+    @functools.cached_property
+    def _densities(self) -> list[float]:
+        """Densities in kg/m3 of the materials.
+
+        Raises:
+            CaseError: The main one has none, or a mass rests on the device.
+        """
+        resting = next((part.where for part in self.components if part.lifted and part.weighs), "")
+        if resting:
+            raise CaseError(
+                f"{resting} rests on the device, and frequencies with it are not computed; leave out its mass"
+            )
+        found = densities(self.system, self.components)
+        if not found[0] > 0.0:
+            raise CaseError(
+                "the silicone has a density of 0 kg/m^3, and without mass no frequency; leave out the density"
+            )
+        return found
+
+    @functools.cached_property
+    def _stability(self) -> Stability:
+        """Finds the modes with the device's masses."""
+        from softmodels.path.stability import Inertia, Stability
+
+        main, unit = self._densities[0], self._densities[0] * self.system.volume_unit
+        heavy = [part for part in self.components if isinstance(part, HeavyPart) and part.weighs]
+        inertia = Inertia(
+            tuple(density / main for density in self._densities),
+            tuple((part.face, part.weighs / unit) for part in heavy),
+        )
+        return Stability.of(self.solver) if inertia.plain else Stability(self.solver, inertia)
+
+    def _springs(self, state: State, sealed: bool) -> Springs:
+        """The stiffness of sealed air, of the loaded state: -dP/dV = P/V at constant temperature, with P above vacuum."""
+        from softmodels.path.stability import Springs
+
+        cavities = len(self.case.actuator.ratios) if sealed else 0
+        if sealed and not cavities:
+            raise CaseError(f"{type(self.case.actuator).__name__} has no cavity to be sealed; leave out --sealed")
+        pressures = self.system.pressures_at(state)[:cavities] + AMBIENT / self.system.stress_unit
+        return Springs(self.system.pressure_loads()[:cavities], pressures / self.system.volumes()[:cavities])
 
     def _shape(self, w: Array) -> Array:
         shape = self.fields.shape(w)
@@ -324,12 +399,29 @@ class Mode:
     """A mode of a device at an equilibrium.
 
     Attributes:
-        eigenvalue: In Pa/m2; negative where the equilibrium is not stable at its pressure.
+        eigenvalue: Square of its angular frequency times the density, Pa/m2; negative where the equilibrium is not stable.
+        density: Of the silicone, kg/m3.
         displacement: Its shape in device coordinates, shape (n, 3), largest entry 1 or -1.
     """
 
     eigenvalue: float
+    density: float
     displacement: Array
+
+    @property
+    def stable(self) -> bool:
+        """Whether the device swings in it, and does not leave its state."""
+        return self.eigenvalue > 0.0
+
+    @property
+    def frequency(self) -> float:
+        """Natural frequency in Hz; nan of an unstable mode."""
+        return self.rate / (2 * math.pi) if self.stable else math.nan
+
+    @property
+    def rate(self) -> float:
+        """Angular frequency in 1/s; of an unstable mode how fast it grows, as exp(rate t)."""
+        return math.sqrt(abs(self.eigenvalue) / self.density)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -214,6 +214,12 @@ def calls(loaded):
          "formulation": "choice", "solver": "choice"},
     )  # fmt: skip
     yield Call(
+        sm.modes, base,
+        {"device": "device", "material": "material", "pressures": "values", "components": "components", "solver": "choice",
+         "sealed": "flag"},
+        takes=[None],
+    )  # fmt: skip
+    yield Call(
         sm.Model, base,
         {"device": "device", "material": "material", "components": "components",
          "formulation": "choice", "solver": "choice"},
@@ -415,7 +421,7 @@ def test_every_public_name_is_called_wrongly(loaded):
     errors = {
         name for name in public if isinstance(getattr(sm, name), type) and issubclass(getattr(sm, name), Exception)
     }
-    results = {"Run", "SolvedState", "Score", "Limit", "Equilibrium", "Mode"}
+    results = {"Run", "SolvedState", "Score", "Limit", "NaturalFrequencies", "Equilibrium", "Mode"}
     below = {
         "Material",
         "ImportedActuator",

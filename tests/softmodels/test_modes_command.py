@@ -1,0 +1,94 @@
+"""``softmodels modes`` and `sm.modes`: a table of frequencies, pictures, exit statuses and what is refused."""
+
+from __future__ import annotations
+
+import csv
+import re
+
+import numpy as np
+import pytest
+
+import softmodels as sm
+from softmodels.case.load import LoadRequest
+from tests.support import runs
+
+DISK = sm.HollowDisk.variant("shadow", section="axisymmetric", cell_size=6e-3, refinement=1.0)
+WORDS = (
+    "--device",
+    "HollowDisk",
+    "--variant",
+    "shadow",
+    "--section",
+    "axisymmetric",
+    "--cell-size",
+    "6mm",
+    "--refinement",
+    "1",
+)
+LAW = sm.NeoHookean(20e3, 0.49)
+BEAM = sm.Beam(length=0.03, width=0.006, thickness=0.006, cell_size=0.003)
+
+
+def rows_of(folder):
+    with (folder / "modes.csv").open() as file:
+        return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+
+
+def test_a_table_and_pictures_as_python_has_them(tmp_path):
+    law = ("--shear-modulus", "20kPa", "--poisson", "0.49", "--material", "neo-hookean")
+    done = runs.run(
+        "-m", "softmodels", "modes", *WORDS, *law, "--pressure-cm", "0:10:5", "--count", "3", "-o", tmp_path
+    )
+    assert done.status == 0 and done.err == ""
+    found, rows = sm.modes(DISK, LAW, "0:10:5 cm", count=3), rows_of(tmp_path)
+    assert [row["pressure_cm"] for row in rows if row["requested"]] == pytest.approx([0.0, 5.0, 10.0])
+    written = np.array([[row[f"f{k}_Hz"] for k in (1, 2, 3)] for row in rows])
+    assert written == pytest.approx(found.frequency, rel=1e-6) and "f4_Hz" not in rows[0]
+    assert [row["pressure_Pa"] for row in rows] == pytest.approx(found.pressure)
+    assert f"no pressure: {found.frequency[0, 0]:.4g}, " in done.out and "--angle 360deg" in done.out
+    assert {file.name for file in tmp_path.iterdir()} >= {"modes.csv", "frequencies.png", "shapes.png"}
+    assert found.displacement.shape == (len(rows), *found.points.shape) and found.modes[0][0].stable
+    assert not found.frequency.flags.writeable
+
+
+def test_a_path_that_ends_says_what_is_unstable(tmp_path):
+    where = ("--output", tmp_path, "--no-pictures")
+    done = runs.run("-m", "softmodels", "modes", *WORDS, "--shear-modulus", "20kPa", "--pressure-cm", "0:60", *where)
+    assert done.status == 3 and "limit point" in done.err
+    assert re.search(r"^unstable at \S+ Pa and \S+ ml: 1 of the modes have no frequency", done.out, re.MULTILINE)
+    assert np.isnan(rows_of(tmp_path)[-1]["f1_Hz"]) and not (tmp_path / "shapes.png").exists()
+    closed = sm.modes(DISK, sm.NeoHookean(20e3), "0:60 cm", sealed=True, count=1)
+    assert closed.ended.status == 3 and np.isfinite(closed.frequency).all() and not closed.unstable
+
+
+def test_a_solid_is_drawn_and_a_case_file_read(tmp_path):
+    case = sm.Case("beam", BEAM, LAW, components=sm.Gravity("-z"), driven=LoadRequest("share", (1.0,)))
+    (tmp_path / "beam.toml").write_text(case.to_toml())
+    refused = runs.run("-m", "softmodels", "modes", tmp_path / "beam.toml", "-o", tmp_path / "out")
+    assert refused.status == 2 and "give the pressures" in refused.err
+    words = ("--device", "Beam", "--length", "30mm", "--width", "6mm", "--thickness", "6mm", "--cell-size", "3mm")
+    done = runs.run("-m", "softmodels", "modes", *words, "--gravity", "-z", "--quiet", "-o", tmp_path / "out")
+    assert done.status == 0 and done.out == "" and done.err == ""
+    assert (tmp_path / "out" / "shapes.png").stat().st_size > 10_000 and len(rows_of(tmp_path / "out")) == 1
+
+
+def test_a_memory_is_relaxed():
+    relaxed = sm.modes(DISK, LAW, count=2)
+    creeping = sm.modes(DISK, LAW.with_memory(branches=[(0.5, 1.0)]), count=2)
+    assert creeping.frequency == pytest.approx(relaxed.frequency, rel=1e-9)
+    assert any("has a memory" in note for note in creeping.notes) and not any(
+        "has a memory" in note for note in relaxed.notes
+    )
+
+
+@pytest.mark.parametrize(
+    ("device", "asked", "words"),
+    [
+        (DISK, {"count": 0}, "count is 0; it must be a whole number of modes from 1 to 20"),
+        (BEAM, {"sealed": True}, "Beam has no cavity to be sealed; leave out sealed=True"),
+        (BEAM, {"pressures": "1 kPa"}, "Beam has no cavity for a pressure"),
+    ],
+)
+def test_what_is_refused(device, asked, words):
+    with pytest.raises(sm.CaseError, match=re.escape(words)):
+        sm.modes(device, LAW, **asked)
