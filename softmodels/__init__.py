@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     from softmodels.materials.silicones import silicone as silicone
     from softmodels.mechanics.component import ComponentError as ComponentError
     from softmodels.mechanics.mpi import StartError as StartError
+    from softmodels.path.air_flow import Reservoir as Reservoir
     from softmodels.path.supply import SupplyError as SupplyError, Syringe as Syringe
     from softmodels.runs.frequencies import NaturalFrequencies as NaturalFrequencies
     from softmodels.runs.limits import Limit as Limit
@@ -122,6 +123,7 @@ _PLACES = {
     "softmodels.components.rigid": ("Rigid",),
     "softmodels.components.sheets": ("Sheet",),
     "softmodels.components.walls": ("Walls",),
+    "softmodels.path.air_flow": ("Reservoir",),
     "softmodels.path.supply": ("SupplyError", "Syringe"),
     "softmodels.case.case": ("Case",),
     "softmodels.case.entries": ("CaseError",),

@@ -166,6 +166,7 @@ def inflate(
     strokes: Values | None = None,
     driven: LoadRequest | None = None,
     supply: AirSupply | None = None,
+    valve: Values | None = None,
     control: str = "auto",
     formulation: str = "mixed",
     solver: str = "auto",
@@ -196,7 +197,8 @@ def inflate(
         time_tolerance: Error of the stress by one step in time, over the largest stress.
         strokes: The same for strokes of the supply: ``"0:20 ml"``, or numbers in m3.
         driven: Requested forces, travels or shares of a dead load among the parts, instead of pressures.
-        supply: Air supply driven by strokes, such as a `Syringe`.
+        supply: Air supply driven by strokes, such as a `Syringe`; or a `Reservoir`: the pressures are those of its source then.
+        valve: Opening of the supply's valve at the times, from 0 (closed) to 1; open if None.
         control: What the path follows: ``"auto"``, ``"pressure"``, ``"volume"`` or ``"arc-length"``.
         formulation: ``"mixed"`` (displacement and pressure) or ``"displacement"``.
         solver: How linear equations are solved: ``"auto"``, ``"direct"`` or ``"iterative"``.
@@ -225,7 +227,7 @@ def inflate(
     """
     case = case_of(
         device, material, pressures, volumes, times, rate=rate, hold=hold, cycles=cycles, time_tolerance=time_tolerance,
-        strokes=strokes, driven=driven, supply=supply, control=control,
+        strokes=strokes, driven=driven, supply=supply, valve=valve, control=control,
         formulation=formulation, solver=solver, components=components, gauges=gauges, band=band,
         load_unload=load_unload, program=program, water_density=water_density, name=name,
     )  # fmt: skip

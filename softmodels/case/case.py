@@ -86,7 +86,7 @@ from softmodels.mechanics.dead_loads import requestable
 from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.solver import METHODS
 from softmodels.path import program as programs
-from softmodels.path.program import TIME_KEY, TOLERANCE, Program, Series, timed
+from softmodels.path.program import SUPPLY_KEYS, TIME_KEY, TOLERANCE, Program, Series, timed
 from softmodels.path.supply import AirSupply
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -133,7 +133,7 @@ class ProgramEntry(Entry[Program]):
     tables = ("load",)
 
     def known(self, key: str) -> bool:
-        return key.startswith("cavity") or key in requestable() or key == TIME_KEY
+        return key.startswith("cavity") or key in requestable() or key in (TIME_KEY, *SUPPLY_KEYS)
 
     def read(self, tables: Tables) -> Program | Missing:
         series = {key: value for key, value in table_of(tables, "load").items() if self.known(key)}

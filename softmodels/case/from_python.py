@@ -21,7 +21,7 @@ from softmodels.case.entries import (
     series,
     split_text,
 )
-from softmodels.case.load import LoadRequest
+from softmodels.case.load import LoadRequest, of_cavities
 from softmodels.case.materials import AnyBand, band_of
 from softmodels.case.requests import Probes
 from softmodels.common.calls import doubt, one_of
@@ -38,7 +38,7 @@ from softmodels.common.units import (
 )
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
-from softmodels.path.program import TIME_KEY, Program, from_tables
+from softmodels.path.program import TIME_KEY, VALVE, Program, from_tables
 from softmodels.path.supply import AirSupply
 
 type Values = str | float | Sequence[float | str] | npt.NDArray[np.float64]
@@ -54,6 +54,7 @@ class RequestOptions(TypedDict, total=False):
     strokes: Values | None
     driven: LoadRequest | None
     supply: AirSupply | None
+    valve: Values | None
     name: str | None
     control: str
     formulation: str
@@ -86,7 +87,8 @@ def case_of(
         pressures: Requested pressures: numbers in Pa, or a text in cm of the water column or in a unit of pressure.
         volumes: Requested added volumes of the cavity: numbers in m3, or a text.
         times: When they are reached, in s or as texts; then they may fall too. A value that repeats is a hold.
-        options: ``strokes`` of a syringe (m3, or a text) with the ``supply``; other fields of a `Case` by their names.
+        options: ``strokes`` of a syringe (m3, or a text) with the ``supply``; the opening of a supply's ``valve`` at the times;
+            other fields of a `Case` by their names.
 
     Raises:
         ArgumentError, CaseError: Invalid input.
@@ -104,8 +106,11 @@ def case_of(
         "volumes_ml": in_unit("ml", volumes, "volume", cm, falls),
     }
     if times is not None:
-        chosen["program"] = _in_time(asked, times, len(device.ratios))
+        chosen["program"] = _in_time(asked, times, len(device.ratios), options.get("supply"), options.get("valve"))
+        chosen.pop("valve", None)
         asked = {}
+    elif "valve" in chosen:
+        raise CaseError("the valve opens and closes at times; give times too, one for each value")
     fields = {
         "name": device.stem,
         **({"pressures_cm": ()} if times is not None else asked),
@@ -119,7 +124,9 @@ def case_of(
     return case
 
 
-def _in_time(asked: dict[str, tuple[float, ...]], times: Values, cavities: int) -> Program:
+def _in_time(
+    asked: dict[str, tuple[float, ...]], times: Values, cavities: int, supply: AirSupply | None, valve: Values | None
+) -> Program:
     """Return the program of requested values and their times."""
     given = {key: values for key, values in asked.items() if values}
     if len(given) != 1:
@@ -128,6 +135,12 @@ def _in_time(asked: dict[str, tuple[float, ...]], times: Values, cavities: int) 
     if len(at) != len(values):
         raise CaseError(f"there are {len(values)} values but {len(at)} times; give one for each")
     key = {"pressures_cm": "pressure_cm", "volumes_ml": "volume_ml"}[key]
+    if valve is not None and (supply is None or not supply.in_time):
+        raise CaseError("a valve belongs to a supply in time; add supply=Reservoir()")
+    if supply is not None and supply.in_time:
+        (series, *_) = of_cavities(key, values, tuple(at), cavities, supply)
+        opening = {} if valve is None else {VALVE: _listed(valve, "valve")}
+        return from_tables({series.key: values, **opening, TIME_KEY: at})
     return from_tables({**{f"cavity{i}": {key: values} for i in range(1, cavities + 1)}, TIME_KEY: at})
 
 

@@ -30,8 +30,9 @@ from softmodels.common.units import UnitError, brief, pascal_per_cm, quantity
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.dead_loads import LoadPart, RequestedValue, requestable
 from softmodels.path import program as programs
+from softmodels.path.air_flow import Reservoir
 from softmodels.path.points import DeadForce, LoadDisplacement
-from softmodels.path.program import TIME_KEY, Program, Series
+from softmodels.path.program import SOURCE, TIME_KEY, VALVE, Program, Series, source_key
 from softmodels.path.supply import AirSupply
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -215,7 +216,7 @@ class Load:
     @property
     def has_pressure(self) -> bool:
         """Whether the device is pressurised; it is not if only weights, forces and moments are requested."""
-        of_cavities = any(not series.target for series in self.program)
+        of_cavities = any(series.target in ("", SOURCE) for series in self.program)
         kept = self.driven is not None and self.driven.at_pressure_cm > 0.0
         return bool(self.pressures_cm or self.volumes_ml or self.strokes_ml or of_cavities or kept)
 
@@ -280,8 +281,10 @@ class Load:
             raise CaseError("--load-unload chooses the control itself; leave out --control")
         self._check_supply(actuator)
         self._check_lifted()
-        if self.supply is not None and any(
-            isinstance(part, LoadPart) and not part.idle(self.components) for part in self.components
+        if (
+            self.supply is not None
+            and not self.supply.in_time
+            and any(isinstance(part, LoadPart) and not part.idle(self.components) for part in self.components)
         ):
             raise CaseError(
                 "strokes of a supply count from the undeformed cavity, but a device with weights or forces starts "
@@ -343,6 +346,21 @@ class Load:
             raise CaseError("--branch and --load-unload cannot be combined; leave out one of them")
 
     def _check_supply(self, actuator: Actuator) -> None:
+        timed = self.supply is not None and self.supply.in_time
+        if timed or source_key(self.program):
+            if not timed:
+                raise CaseError(
+                    f"{source_key(self.program)} is the series of a supply in time; add one (a [supply] of kind "
+                    f'"{Reservoir.name}", or supply=Reservoir())'
+                )
+            if not source_key(self.program):
+                raise CaseError(
+                    f"a {self.driver} needs its source in time: source_pressure_cm (or flow_ml_per_min) and time_s in [load], "
+                    "or --pressure-cm with --rate or --hold"
+                )
+            if not actuator.ratios:
+                raise CaseError(f"{type(actuator).__name__} has no cavity for a {self.driver}; leave out the supply")
+            return
         if bool(self.strokes_ml) != (self.supply is not None):
             owner = "syringe" if self.supply is None else self.supply.name
             raise CaseError(f"a {owner} (--supply {owner}) and its strokes (--stroke-ml) belong together")
@@ -368,6 +386,8 @@ class Load:
                 f"[load] has series for {len(of_cavities)} cavities, but the device has {count}; give one for each"
             )
         for series in programs.drivers(self.program):
+            if series.target in (SOURCE, VALVE):
+                continue
             if series.target and series.target not in known:
                 table, _, name = series.target.partition(".")
                 raise CaseError(
@@ -460,8 +480,23 @@ def in_time(load: Load, rate: str, hold: float, cycles: float, cavities: int) ->
         if cycles:
             go(0.0)
     key = "pressure_cm" if load.pressures_cm else "volume_ml"
-    series = Series(key, tuple(value for value, _ in way))
-    return (*(series for _ in range(cavities)), Series(TIME_KEY, tuple(time for _, time in way), programs.TIME))
+    series, times = (tuple(one) for one in zip(*way, strict=True))
+    return of_cavities(key, series, times, cavities, load.supply)
+
+
+def of_cavities(
+    key: str, values: tuple[float, ...], times: tuple[float, ...], cavities: int, supply: AirSupply | None
+) -> Program:
+    """Return the program in which all cavities go through the same values, or the source of a supply in time does."""
+    if supply is not None and supply.in_time:
+        if key != "pressure_cm":
+            raise CaseError(
+                f"a {supply.name} supplies pressures, not added volumes; request pressures, those of its source"
+            )
+        driven = [Series("source_pressure_cm", values, SOURCE)]
+    else:
+        driven = [Series(key, values)] * cavities
+    return (*driven, Series(TIME_KEY, times, programs.TIME))
 
 
 def _rate(text: str, load: Load) -> float:

@@ -2,7 +2,8 @@
 
 Each cavity, and each dead load that changes, has a series of values, one for each step; from step to step all of them change
 together, in proportion. A step changes either pressures, forces and the like, or volumes and travels. A series of times says
-when; a step between equal values is then a hold, and one between equal times a jump. A device is taken through it by
+when; a step between equal values is then a hold, and one between equal times a jump. With an air supply in time
+(`softmodels.path.air_flow`) the series is that of its source, not of the cavities. A device is taken through it by
 `softmodels.path.schedule`.
 """
 
@@ -32,15 +33,24 @@ KEYS = {"pressure_cm": RequestedValue("cm"), "volume_ml": RequestedValue("ml", T
 TIME, TIME_KEY = "time", "time_s"
 """Target and key of the series of times, which drives nothing."""
 TIME_VALUE = RequestedValue("s")
+SOURCE, VALVE = "source", "valve"
+"""Targets of the series of an air supply's source and of its valve."""
+SOURCE_KEYS = {
+    "source_pressure_cm": RequestedValue("cm"),
+    "flow_ml_per_min": RequestedValue("ml/min", scale=1e-6 / 60.0),
+}
+"""Quantities of a source: one of them is given."""
+SUPPLY_KEYS = {**SOURCE_KEYS, VALVE: RequestedValue("open")}
+"""Quantities of an air supply in time."""
 MOST_STEPS = 1000
 TOLERANCE = 5e-5
 """Maximum error of the silicone's stress by one step in time, over the largest stress so far."""
 
 
 def every_key() -> dict[str, RequestedValue]:
-    """Return the quantities that series may prescribe, of cavities and of dead loads, and the time."""
+    """Return the quantities that series may prescribe, of cavities, dead loads and air supplies, and the time."""
     known = {key: asked for keys in (KEYS, *requestable().values()) for key, asked in keys.items()}
-    return {**known, TIME_KEY: TIME_VALUE}
+    return {**known, TIME_KEY: TIME_VALUE, **SUPPLY_KEYS}
 
 
 class ProgramError(Spoken, ValueError):
@@ -55,7 +65,8 @@ class Series:
     Attributes:
         key: One of `every_key`.
         values: Pressures in cm of water, added volumes in ml and so on, one for each step.
-        target: The dead load, such as ``"force.tip"``; empty for a cavity, whose place among these counts; `TIME` for times.
+        target: The dead load, such as ``"force.tip"``; empty for a cavity, whose place among these counts; `TIME` for times;
+            `SOURCE` and `VALVE` for an air supply.
     """
 
     key: str
@@ -81,7 +92,7 @@ Program = tuple[Series, ...]
 
 def from_tables(tables: Mapping[str, object]) -> Program:
     """Return the program of a case file's tables: ``cavity1`` and so on by name, ``gravity``, ``force.NAME``,
-    ``moment.NAME``, and ``time_s``.
+    ``moment.NAME``, or ``source_pressure_cm`` or ``flow_ml_per_min``, with ``valve``; and ``time_s``.
 
     Raises:
         ProgramError: Unknown entries, values that are no numbers, pressures below zero, series of unlike lengths, times that
@@ -91,6 +102,7 @@ def from_tables(tables: Mapping[str, object]) -> Program:
     times = tables.pop(TIME_KEY, None)
     if times is not None and not tables:
         raise ProgramError(f"{TIME_KEY} needs a series that changes in time, such as cavity1.pressure_cm = [0, 40, 0]")
+    supplied = _of_supply({key: tables.pop(key) for key in SUPPLY_KEYS if key in tables}, tables, times is not None)
     cavities = [name for name in tables if name not in keys]
     names = [f"cavity{i + 1}" for i in range(len(cavities))]
     if sorted(cavities) != sorted(names):
@@ -99,6 +111,7 @@ def from_tables(tables: Mapping[str, object]) -> Program:
     given = {name: _series(name, tables[name], KEYS) for name in names}
     for target, table in loads.items():
         given[target] = dataclasses.replace(_series(target, table, keys[target.partition(".")[0]]), target=target)
+    given |= supplied
     if times is not None:
         given[TIME] = dataclasses.replace(_series(TIME, {TIME_KEY: times}, {TIME_KEY: TIME_VALUE}), target=TIME)
     count = max(len(series.values) for series in given.values())
@@ -119,6 +132,32 @@ def from_tables(tables: Mapping[str, object]) -> Program:
             )
     _check_steps(program)
     return program
+
+
+def _of_supply(given: Mapping[str, object], others: Mapping[str, object], timed: bool) -> dict[str, Series]:
+    """Return the series of an air supply in time, none unless there are any."""
+    if not given:
+        return {}
+    sources = [key for key in SOURCE_KEYS if key in given]
+    if len(sources) != 1:
+        raise ProgramError(
+            f"[load] needs one of {' and '.join(SOURCE_KEYS)} for its supply; it has {' and '.join(given)}"
+        )
+    if others:
+        raise ProgramError(f"{sources[0]} is that of the whole load; leave out {' and '.join(others)}")
+    if not timed:
+        raise ProgramError(f"{sources[0]} needs the times of its values, such as {TIME_KEY} = [0, 0.5, 20]")
+    if VALVE in given and sources[0] not in ("source_pressure_cm",):
+        raise ProgramError(
+            f"a valve belongs to a source of pressure (source_pressure_cm); leave it out with {sources[0]}"
+        )
+    found = {}
+    for target, key in ((SOURCE, sources[0]), (VALVE, VALVE)):
+        if key in given:
+            found[target] = dataclasses.replace(_series(key, {key: given[key]}, {key: SUPPLY_KEYS[key]}), target=target)
+    if VALVE in found and not all(0.0 <= value <= 1.0 for value in found[VALVE].values):
+        raise ProgramError(f"valve {brief(given[VALVE])} must be between 0 (closed) and 1 (open)")
+    return found
 
 
 def _of_loads(kind: str, table: object) -> list[tuple[str, object]]:
@@ -149,21 +188,21 @@ def _series(name: str, table: object, keys: Mapping[str, RequestedValue]) -> Ser
         raise ProgramError(
             f"{name} needs one of {' or '.join(keys)}, such as {name}.{next(iter(keys))} = [20, 40]{_in_cm(name, table)}"
         )
-    text = table[key]
+    text, where = table[key], name if name == key else f"{name}.{key}"
     values = text.split(",") if isinstance(text, str) else text if isinstance(text, list | tuple) else [text]
     try:
         numbers = tuple(as_numbers(values))
     except UnitError as error:
         raise ProgramError(
-            f"{name}.{key} {brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
+            f"{where} {brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
         ) from None
-    if not numbers or (keys is KEYS and min(numbers) < 0.0):
-        raise ProgramError(f"{name}.{key} {brief(text)} must be numbers of 0 or more, because suction is not modelled")
+    if not numbers or (key in (*KEYS, "source_pressure_cm") and min(numbers) < 0.0):
+        raise ProgramError(f"{where} {brief(text)} must be numbers of 0 or more, because suction is not modelled")
     return Series(key, numbers)
 
 
 def _check_steps(program: Program) -> None:
-    if not changes(drivers(program)).any():
+    if not changes(tuple(series for series in drivers(program) if series.target != VALVE)).any():
         raise ProgramError("the program contains only zeros; add a value above 0")
     times = times_of(program)
     if times is not None and (times[0] < 0.0 or (np.diff(times) < 0.0).any()):
@@ -200,15 +239,24 @@ def timed(program: Program) -> bool:
 
 def time_at(program: Program, come: float) -> float:
     """Return the time in s after so many steps, 1.5 for half of the second."""
-    times = times_of(program)
-    assert times is not None
-    ends = times if begins_at_rest(program) else np.concatenate([[0.0], times])
+    return value_at(program, TIME, come)
+
+
+def value_at(program: Program, target: str, come: float) -> float:
+    """Return the value of a target's series after so many steps; before the first one it is 0, a valve's as there."""
+    values = next(series.values for series in program if series.target == target)
+    ends = values if begins_at_rest(program) else (values[0] if target == VALVE else 0.0, *values)
     return float(np.interp(come, np.arange(len(ends)), ends))
 
 
+def source_key(program: Program) -> str:
+    """Return the key of the series of an air supply's source; empty if there is none."""
+    return next((series.key for series in program if series.target == SOURCE), "")
+
+
 def begins_at_rest(program: Program) -> bool:
-    """Return whether the first values are all zero: the undeformed state, as step 0."""
-    return not any(series.values[0] for series in program)
+    """Return whether the first values are all zero: the undeformed state, as step 0; a valve may be open."""
+    return not any(series.values[0] for series in program if series.target != VALVE)
 
 
 def changes(program: Program) -> npt.NDArray[np.float64]:
@@ -228,12 +276,16 @@ def goes_on(program: Program, old: Program) -> bool:
 def to_tables(program: Program) -> dict[str, object]:
     """Return the tables that `from_tables` takes back."""
     written: dict[str, dict[str, object]] = {}
+    flat: dict[str, object] = {}
     for name, series in named(drivers(program)).items():
         kind, _, own = name.partition(".")
+        if series.target in (SOURCE, VALVE):
+            flat[series.key] = list(series.values)
+            continue
         table = written.setdefault(kind, {})
         (table if not own else table.setdefault(own, {})).update({series.key: list(series.values)})  # type: ignore[attr-defined]
     times = times_of(program)
-    return {**written, **({} if times is None else {TIME_KEY: times.tolist()})}
+    return {**written, **flat, **({} if times is None else {TIME_KEY: times.tolist()})}
 
 
 def named(program: Program) -> dict[str, Series]:

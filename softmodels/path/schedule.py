@@ -18,6 +18,7 @@ from softmodels.mechanics.controls import Coupling
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
+from softmodels.path.air_flow import Gas, Source
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import (
     ArcLength,
@@ -27,7 +28,19 @@ from softmodels.path.points import (
     Pressure,
     VolumeGain,
 )
-from softmodels.path.program import TOLERANCE, Program, begins_at_rest, drivers, time_at, timed
+from softmodels.path.program import (
+    SOURCE,
+    SOURCE_KEYS,
+    TOLERANCE,
+    VALVE,
+    Program,
+    begins_at_rest,
+    drivers,
+    source_key,
+    time_at,
+    timed,
+    value_at,
+)
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Load stages: all drivers change proportionally from one state to another, as one path.
@@ -155,9 +168,9 @@ class Stage:
         largest = self.goal / POINTS_PER_STAGE
         path = Continuation(solver, self.requested, control, largest, start=start, report=report)
         if self.duration:
-            from softmodels.path.time_steps import march
+            from softmodels.path.time_steps import Ramp, march
 
-            yield from march(path, self.goal, self.duration, tolerance)
+            yield from march(path, Ramp(self.goal, self.duration), tolerance)
             return
         for point in trace(path, [self.goal]):
             yield path.value(point.state) / self.goal, point
@@ -276,6 +289,75 @@ def follow(
                 yield 0.0, dataclasses.replace(point, requested=bool(first))
             here = stage.stop(solver, point, number)
         before = row
+
+
+def supply(
+    solver: Solver,
+    program: Program,
+    gas: Gas,
+    pascal_per_cm: float,
+    report: Callable[[str], None],
+    begin: StageEnd | None = None,
+    hung: StageEnd | None = None,
+    tolerance: float = TOLERANCE,
+) -> Iterator[tuple[float, Point]]:
+    """Follow a device that gas is supplied to in time; see `follow`.
+
+    Args:
+        solver: The device, at rest; the coupling of its cavities is changed.
+        program: The series of the source and of the times, perhaps one of the valve.
+        gas: The gas of the supply.
+        pascal_per_cm, report, begin, hung, tolerance: As of `follow`.
+
+    Yields:
+        How far the program has come, and its point. A jump of the source leaves the device where it is.
+
+    Raises:
+        PathEnd: The device snaps through, or no step was found.
+    """
+    from softmodels.path.time_steps import Filling, march
+
+    here, first = begin or hung or at_rest(solver), int(begins_at_rest(program))
+    steps = range(1, len(program[0].values) + 1 - first)
+    sources = [source_at(program, float(step), pascal_per_cm) for step in (0, *steps)]
+    times = [time_at(program, float(step)) for step in (0, *steps)]
+    inflate_from(solver, here)
+    rest = gas.value(solver.system.rest().V, 0.0)
+    pumped = (
+        np.trapezoid([source.flow or 0.0 for source in sources], times) / (rest * gas.volume_unit) * gas.supply.ambient
+    )
+    largest = max(1.0, abs(float(pumped)), *(abs(source.pressure) for source in sources))
+    point: Point | None = None
+    for number in steps:
+        if number <= here.number:
+            continue
+        duration = times[number] - times[number - 1]
+        start = inflate_from(solver, here)
+        start = dataclasses.replace(start, P=here.drives[0] / solver.system.body.actuator.ratios[0])
+        path = Continuation(solver, gas, start=start, report=report)
+        if not duration:
+            point = path.begin() if point is None else point
+            yield float(number), dataclasses.replace(point, requested=True)
+            here = dataclasses.replace(here, number=number)
+            continue
+        filling = Filling(gas, (sources[number - 1], sources[number]), duration, rest, largest)
+        for share, point in march(path, filling, tolerance):
+            if share:
+                yield float(number) if point.requested else number - 1 + share, point
+            elif number == 1 and begin is None:
+                yield 0.0, dataclasses.replace(point, requested=bool(first))
+        assert point is not None
+        solver.system.load(point.state)
+        here = StageEnd(number, point.state, solver.system.drives_at(point.state), solver.system.driven())
+
+
+def source_at(program: Program, come: float, pascal_per_cm: float) -> Source:
+    """Return what the source of an air supply does after so many steps of a program."""
+    value = value_at(program, SOURCE, come)
+    if (key := source_key(program)) != "source_pressure_cm":
+        return Source(flow=value * SOURCE_KEYS[key].scale)
+    opening = value_at(program, VALVE, come) if any(series.target == VALVE for series in program) else 1.0
+    return Source(value * pascal_per_cm, opening)
 
 
 def in_drivers(

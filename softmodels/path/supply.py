@@ -49,6 +49,7 @@ class AirSupply:
         name: What case files (``kind``) and ``--supply`` call it, and sentences too.
         its_gas: What its gas is called where it has a limit point; the gas of the supply if empty.
         gentler: What else can be taken where its stroke has a limit point, such as "a smaller bottle"; empty if nothing.
+        in_time: Whether series in time drive it (`softmodels.path.air_flow`) instead of strokes.
 
     Raises:
         SupplyError: From the constructor, if its fields make no supply.
@@ -57,6 +58,7 @@ class AirSupply:
     name: ClassVar[str]
     its_gas: ClassVar[str] = ""
     gentler: ClassVar[str] = ""
+    in_time: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         settle(self, SupplyError)

@@ -1,7 +1,9 @@
-"""A device in time: silicone that creeps, under a pressure, a volume or a force that changes at a constant rate or is held.
+"""A device in time: silicone that creeps, under a pressure, a volume or a force that changes at a constant rate or is held; or
+air that comes through a tube.
 
-Each step ends at its own time, at the value that is prescribed then; how long it is, the error of the silicone's memory says.
-What the memory remembers moves on with every accepted state.
+Each step ends at its own time, on a curve in the plane of volume and pressure: the value that is prescribed then, or the gas
+that has come. Its length follows from the errors of the silicone's memory and of that gas. What the memory remembers moves on
+with every accepted state.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.newton import NoConvergence
@@ -17,8 +19,8 @@ from softmodels.path.points import PathEnd, Point, Pressure
 from softmodels.path.program import TOLERANCE
 
 if TYPE_CHECKING:
-    from softmodels.common.arrays import Array
     from softmodels.mechanics.system import State
+    from softmodels.path.air_flow import Gas, GasStep, Source
     from softmodels.path.continuation import Continuation
 
 FEWEST_STEPS = 12
@@ -28,6 +30,12 @@ SAFETY, SHORTER, LONGER = 0.8, 0.2, 2.5
 LOCATED = 1e-3
 """Error of the time at which an equilibrium is lost, over the time since the stage began; `FIRST` of the stage at least."""
 FIRST = 1e-5
+FIRST_CHANGE = 1e-3
+"""Gas that comes in the first step, over what brings the largest pressure into a rigid cavity."""
+SHORTEST = 1e-9
+"""Shortest step with gas that comes, over the stage."""
+SNAPPING = 0.05
+"""Rate of the gas along the path, over its parts, below which a snap-through with that gas is what ends it."""
 GROWTH, MOST_GROWTH = 1e-3, 1.0
 """First and last volume, over the cavity's, that a lost equilibrium is looked for at beyond its last state."""
 
@@ -45,30 +53,178 @@ class LostInTime(PathEnd):
         self.time = time
 
 
-def march(
-    path: Continuation, rise: float, duration: float, tolerance: float = TOLERANCE
-) -> Iterator[tuple[float, Point]]:
+class SnapInTime(PathEnd):
+    """The device snaps through with the gas it holds, faster than any gas can come."""
+
+
+class Drive(Protocol):
+    """What drives a device through a stage in time.
+
+    Attributes:
+        duration: Of the stage in s, above 0.
+        recovers: Whether steps may grow again after one that failed.
+    """
+
+    duration: float
+    recovers: bool
+
+    def begin(self, path: Continuation, first: Point) -> float:
+        """Begin at the first point of a path; return the length of the first step in s."""
+
+    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: Earlier | None) -> State:
+        """Return the state at the end of a step that begins at a time, the stage's own end if ``end``."""
+
+    def error(self, state: State) -> float:
+        """Return the error of this state by the length of its step, of the drive's own, as `TOLERANCE` counts it."""
+
+    def check(self, point: Point, first: Point) -> None:
+        """Raise `NoConvergence` where a device does not stay in a state."""
+
+    def shortest(self, time: float) -> float:
+        """Return the length in s of a step that is not halved any more at a time."""
+
+    def ended(self, path: Continuation, time: float, step: float, failure: NoConvergence) -> PathEnd:
+        """Return the end of a path of which not even the shortest step converged."""
+
+
+Earlier = tuple[float, "State"]
+"""Length of the step before, and the state where it began."""
+
+
+class Ramp:
+    """A requested quantity that changes at a constant rate, or is held.
+
+    Args:
+        rise: By how much it rises, dimensionless; 0 holds it.
+        duration: In s, above 0.
+    """
+
+    recovers = False
+
+    def __init__(self, rise: float, duration: float):
+        self.rise, self.duration = rise, duration
+
+    def begin(self, path: Continuation, first: Point) -> float:
+        self.start, self.by_pressure = path.value(first.state), isinstance(path.requested, Pressure)
+        return self.duration / FEWEST_STEPS
+
+    def _value(self, time: float) -> float:
+        return self.start + self.rise * time / self.duration
+
+    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: Earlier | None) -> State:
+        value = self.start + self.rise if end else self._value(time + step)
+        last, requested = path.last, path.requested
+        w, P = last.state.w, last.state.P
+        if earlier is not None:
+            ratio = min(step / earlier[0], LONGER)
+            w, P = w + ratio * (w - earlier[1].w), P + ratio * (P - earlier[1].P)
+        elif self.rise:
+            ratio = (value - path.value(last.state)) / requested.rate(last.state, last.tangent)
+            w, P = w + ratio * last.tangent.w, P + ratio * last.tangent.P
+        return requested.exactly(path.corrector.solve_from(requested.curve(value), w, P, last.state), value)
+
+    def error(self, state: State) -> float:
+        return 0.0
+
+    def check(self, point: Point, first: Point) -> None:
+        if self.by_pressure and point.signature.negative_eigenvalues > first.signature.negative_eigenvalues:
+            raise NoConvergence("no stable state")
+
+    def shortest(self, time: float) -> float:
+        return max(LOCATED * time, FIRST * self.duration)
+
+    def ended(self, path: Continuation, time: float, step: float, failure: NoConvergence) -> PathEnd:
+        if self.by_pressure and _none(path, self._value(time + 2 * step), 2 * step):
+            return LostInTime(time, dataclasses.replace(path.last, limit=True))
+        return PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
+
+
+class Filling:
+    """Gas that comes from a source, whose pressure and valve change at constant rates, and leaks.
+
+    Args:
+        gas: The gas.
+        sources: What the source does where the stage begins, and where it ends.
+        duration: In s, above 0.
+        rest: Gas at rest, dimensionless.
+        largest: Largest gauge pressure of the source in Pa. The error of the gas counts over what brings that pressure into a
+            rigid cavity, or over what has come so far, if that is more.
+    """
+
+    recovers = True
+
+    def __init__(self, gas: Gas, sources: tuple[Source, Source], duration: float, rest: float, largest: float):
+        self.gas, self.sources, self.duration, self.rest, self.largest = gas, sources, duration, rest, largest
+        self.scale = 0.0
+        self.curve: GasStep
+        self.earlier: Earlier | None = None
+
+    def _grow(self, state: State) -> None:
+        """Let the scale of the gas grow with what has come."""
+        rigid = self.gas.value(state.V, 0.0) * self.largest / self.gas.supply.ambient
+        self.scale = max(self.scale, rigid, abs(self.gas.value(state.V, state.P) - self.rest))
+
+    def begin(self, path: Continuation, first: Point) -> float:
+        self._grow(first.state)
+        come = max(abs(self.gas.flow(self._source(t), first.state.P)[0]) for t in (0.0, FIRST * self.duration))
+        return float(min(self.duration / FEWEST_STEPS, FIRST_CHANGE * self.scale / come if come else math.inf))
+
+    def _source(self, time: float) -> Source:
+        return self.sources[0].toward(self.sources[1], min(time / self.duration, 1.0))
+
+    def solved(self, path: Continuation, time: float, step: float, end: bool, earlier: Earlier | None) -> State:
+        last = path.last
+        sources = self._source(time), self.sources[1] if end else self._source(time + step)
+        self.curve, self.earlier = self.gas.step(last, sources, step), earlier
+        V, P, t = last.state.V, last.state.P, last.tangent
+        a, b = self.curve.slopes(V, P)
+        ratio = (self.curve.target - self.curve.value(V, P)) / (a * t.V + b * t.P)
+        return path.corrector.solve_from(self.curve, last.state.w + ratio * t.w, P + ratio * t.P, last.state)
+
+    def error(self, state: State) -> float:
+        # Rounded, so that the steps do not depend on the rounding errors of a state.
+        return float(f"{self.curve.error(state, self.earlier) / self.scale:.2g}")
+
+    def check(self, point: Point, first: Point) -> None:
+        a, b = self.curve.slopes(point.state.V, point.state.P)
+        if a * point.tangent.V + b * point.tangent.P <= 0.0:
+            raise NoConvergence("no stable state with this gas")
+        self._grow(point.state)
+
+    def shortest(self, time: float) -> float:
+        return SHORTEST * self.duration
+
+    def ended(self, path: Continuation, time: float, step: float, failure: NoConvergence) -> PathEnd:
+        t, (a, b) = path.last.tangent, self.gas.slopes(path.last.state.V, path.last.state.P)
+        if a * t.V + b * t.P <= SNAPPING * (abs(a * t.V) + abs(b * t.P)):
+            why = (
+                "the device snaps through with the gas that tubes and cavity hold, faster than any flow; a smaller dead volume "
+                "holds less"
+            )
+            return SnapInTime(why, dataclasses.replace(path.last, turn=True))
+        return PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
+
+
+def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Iterator[tuple[float, Point]]:
     """Follow a device through one stage.
 
     Args:
         path: A path that begins where the stage does; its own control is not looked at.
-        rise: By how much the requested quantity rises, at a constant rate, dimensionless; 0 holds it.
-        duration: In s, above 0.
+        drive: What drives it.
         tolerance: See `TOLERANCE`.
 
     Yields:
         Which share of the stage is done, and the point; the first one is its beginning.
 
     Raises:
-        LostInTime: There is no equilibrium any more.
+        LostInTime, SnapInTime: There is no equilibrium any more.
         PathEnd: A step failed, however short.
     """
     first = path.begin()
     yield 0.0, first
-    potential, corrector = path.solver.system.potential, path.corrector
-    begin, by_pressure = path.value(first.state), isinstance(path.requested, Pressure)
-    time, step, largest, shrunk = 0.0, duration / FEWEST_STEPS, 0.0, False
-    earlier: tuple[float, State] | None = None
+    potential, corrector, duration = path.solver.system.potential, path.corrector, drive.duration
+    time, step, largest, shrunk = 0.0, drive.begin(path, first), 0.0, False
+    earlier: Earlier | None = None
     while time < duration:
         left = duration - time
         step = min(step, duration / FEWEST_STEPS)
@@ -78,30 +234,29 @@ def march(
         since = potential.remembered()
         try:
             potential.pass_time(step)
-            state = _solved(path, begin + rise * share, rise, step, earlier)
+            state = drive.solved(path, time, step, share == 1.0, earlier)
             error, size = potential.memory_error(state.w)
             largest = max(largest, size)
-            wanted = step * _change(error / largest if largest else 0.0, tolerance)
-            if wanted < SAFETY * step and step > FIRST * duration:
+            error = max(error / largest if largest else 0.0, drive.error(state))
+            wanted = step * _change(error, tolerance)
+            if wanted < SAFETY * step and step > min(FIRST * duration, drive.shortest(time)):
                 step = wanted
                 continue
             corrector.check_whole(state)
             potential.keep(state.w)
             point = corrector.point(state, requested=share == 1.0)
-            if by_pressure and point.signature.negative_eigenvalues > first.signature.negative_eigenvalues:
-                raise NoConvergence("no stable state")
+            drive.check(point, first)
         except NoConvergence as failure:
             potential.forget(since)
             step, shrunk = step / 2, True
-            if step < max(LOCATED * time, FIRST * duration):
-                if by_pressure and _none(path, begin + rise * share, 2 * step):
-                    raise LostInTime(time, dataclasses.replace(last, limit=True)) from failure
-                raise PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})") from failure
+            if step < drive.shortest(time):
+                raise drive.ended(path, time, step, failure) from failure
             continue
         earlier, time = (step, last.state), duration if share == 1.0 else time + step
         path.trail.add(point)
         yield share, point
         step = min(wanted, step) if shrunk else wanted
+        shrunk = shrunk and not drive.recovers
 
 
 def _change(error: float, tolerance: float) -> float:
@@ -129,17 +284,3 @@ def _none(path: Continuation, pressure: float, step: float) -> bool:
     finally:
         potential.forget(since)
     return False
-
-
-def _solved(path: Continuation, value: float, rise: float, step: float, earlier: tuple[float, State] | None) -> State:
-    """Return the state at a value and the end of a step, guessed along the last step, or else the tangent."""
-    last, corrector = path.last, path.corrector
-    line, w, P = path.requested.curve(value), last.state.w, last.state.P
-    if earlier is not None:
-        ratio = min(step / earlier[0], LONGER)
-        w, P = w + ratio * (w - earlier[1].w), P + ratio * (P - earlier[1].P)
-    elif rise:
-        ratio = (value - path.value(last.state)) / path.requested.rate(last.state, last.tangent)
-        w, P = w + ratio * last.tangent.w, P + ratio * last.tangent.P
-    guess: Array = w
-    return path.requested.exactly(corrector.solve_from(line, guess, P, last.state), value)

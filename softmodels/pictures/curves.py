@@ -254,6 +254,10 @@ def smooth(path: Array, count: int = 400) -> Array:
 # Plots of a program: loads of each cavity and response of the device, over the program's steps.
 
 
+SUPPLIED = {"source_pressure_cm": "source pressure\nin cm of water", "flow_ml_per_min": "flow in\nml/min"}
+"""Columns of a supply in time, with their labels."""
+
+
 def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
     """Plot the gauge's rise, the cavities' pressures, their added volumes and the loads over the steps, in panels.
 
@@ -265,6 +269,7 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
         ([f"{words.gauge}_mm"], f"{words.gauge} rise in mm"),
         (words.pressures(rows[0]), "pressure in\ncm of water"),
         (words.volumes(rows[0]), "added volume\nin ml"),
+        *(([name], label) for name, label in SUPPLIED.items() if rows[0].get(name) is not None),
         *(([name], str(term(name))) for name in load_columns(rows[0])),
     ]
     panels = [panel for panel in panels if panel[0]]

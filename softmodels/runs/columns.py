@@ -21,8 +21,10 @@ from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.component import COMPONENTS
+from softmodels.path.air_flow import Reservoir, Source
 from softmodels.path.points import Supply
-from softmodels.path.program import time_at
+from softmodels.path.program import SOURCE, time_at, value_at
+from softmodels.path.schedule import source_at
 from softmodels.runs.fields import (
     OUTPUTS,
     Extreme,
@@ -321,6 +323,36 @@ def _supplied(case: Case) -> bool:
     return case.supply is not None
 
 
+def _by_strokes(case: Case) -> bool:
+    return case.supply is not None and not case.supply.in_time
+
+
+def _in_time(case: Case) -> bool:
+    return case.supply is not None and case.supply.in_time
+
+
+def _source(solved: Solved) -> Source:
+    """Return what the source of the supply does."""
+    return source_at(solved.case.program, solved.load_step, solved.case.cm)
+
+
+def _source_height(solved: Solved) -> float | None:
+    flows = _source(solved).flow is not None
+    return None if flows else value_at(solved.case.program, SOURCE, solved.load_step)
+
+
+def _flow(solved: Solved) -> float:
+    """Return the flow from the source in ml/min at ambient pressure."""
+    supply = solved.case.supply
+    assert isinstance(supply, Reservoir)
+    return supply.supplied(_source(solved), solved.figures.pressure)[0] / supply.ambient * 60e6
+
+
+def _gas_held(solved: Solved) -> float:
+    V, P, curve = _on_supply(solved)
+    return curve.value(V, P) * solved.fields.system.volume_unit * 1e6
+
+
 def _gas(case: Case) -> bool:
     return case.supply is not None and case.supply.stores_energy
 
@@ -340,11 +372,16 @@ _COLUMNS: tuple[PathColumn | Columns, ...] = (
     PathColumn("added_volume_ml", "added volume", "volume of the whole device's cavities minus that at rest; with pressure "
            "ratios, the work-conjugate of the common pressure", lambda s: s.figures.added_volume * 1e6),
     PathColumn("stroke_ml", "stroke", "volume that the {supply} has displaced or let in",
-           lambda s: _stroke(s) * 1e6, _supplied),
+           lambda s: _stroke(s) * 1e6, _by_strokes),
+    PathColumn("source_pressure_cm", "source pressure", "of the {supply}, as the height of the water column that balances it",
+           _source_height, _in_time),
+    PathColumn("flow_ml_per_min", "flow", "from the source towards the device, as volume at ambient pressure", _flow, _in_time),
+    PathColumn("gas_ml", "gas", "amount of gas in tubes, fittings and cavity, as its volume at ambient pressure",
+           _gas_held, _in_time),
     PathColumn("gas_energy_mJ", "gas energy", "work stored in the gas of {supply}, tubes and cavity", _gas_energy, _gas),
     PathColumn("stroke_limit", "stroke limit",
            "1 where the stroke has a limit point: beyond it the device snaps through",
-           lambda s: int(s.point.turn), _supplied),
+           lambda s: int(s.point.turn), _by_strokes),
     PathColumn("stable_under_supply", "stable under the {supply}",
            "1 if this state is stable with the gas of the supply, 0 if the device snaps through", _held, _supplied),
     PathColumn("load_step", "load step", "number of the step in a program of several cavities",

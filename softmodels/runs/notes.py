@@ -48,7 +48,8 @@ from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import PathFailure, names_in
 from softmodels.mechanics.dead_loads import requestable
 from softmodels.mechanics.mpi import petsc_reason
-from softmodels.path.program import drivers, step_text, time_at
+from softmodels.path.air_flow import TURBULENT_FROM, Reservoir
+from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
 from softmodels.runs.band import SourceRows, span_sentence
 from softmodels.runs.columns import StateLabels, loads_words, state_labels
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
@@ -91,6 +92,7 @@ def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxy
         *place_notes(case, rows),
         *band_notes(rows),
         *time_notes(case, rows),
+        *supply_notes(case, rows),
     ]
 
 
@@ -143,9 +145,9 @@ def time_notes(case: Case, rows: Sequence[Row]) -> list[str]:
             "for what happens before"
         ]
     if not case.timed or not case.remembers:
-        return [
-            "the load has times, but the silicone has no memory ([material.memory]): they change nothing"
-        ] * case.timed
+        return ["the load has times, but the silicone has no memory ([material.memory]): they change nothing"] * (
+            case.timed and case.supply is None
+        )
     found, gauge = cycles(rows), f"{case.actuator.gauge}_mm"
     told = []
     if found and found[-1].closed and found[-1].work:
@@ -167,6 +169,54 @@ def _holds(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
     asked = [row for row in rows if row["requested"]] + list(rows[-1:])
     pairs = itertools.pairwise(asked)
     return [(a, b) for a, b in pairs if 0.0 < a["pressure_Pa"] == b["pressure_Pa"] and b["time_s"] > a["time_s"]]
+
+
+def supply_notes(case: Case, rows: Sequence[Row]) -> list[str]:
+    """Return sentences on a supply in time: how long it fills the device, how the device leaks, and whether a tube's flow is
+    turbulent."""
+    supply = case.supply
+    if not isinstance(supply, Reservoir) or not rows:
+        return []
+    found = []
+    time, pressure = (np.array([row[name] for row in rows]) for name in ("time_s", "pressure_cm"))
+    if (seconds := fill_time(rows)) is not None:
+        most = max(row["source_pressure_cm"] for row in rows)
+        found.append(f"the device takes {seconds:.3g} s to {FILLED:.0%} of the source's {most:.4g} cm")
+    opening = any(series.target == VALVE for series in case.program)
+    closed = np.array([opening and value_at(case.program, VALVE, row["load_step"]) == 0.0 for row in rows])
+    if supply.leak is not None and closed.any():
+        first = int(np.argmax(closed))
+        length = int(np.argmin(np.append(closed[first:], False)))
+        left, since = pressure[first : first + length], time[first : first + length] - time[first]
+        if left[0] > 0.0 and left.min() <= left[0] / 2:
+            half = float(np.interp(-left[0] / 2, -left, since))
+            found.append(f"with the valve closed the leak takes {half:.3g} s to half of {left[0]:.4g} cm")
+        elif left[0] > 0.0 and since[-1] > 0.0:
+            lost = 1 - left[-1] / left[0]
+            found.append(f"with the valve closed the leak takes {lost:.1%} of {left[0]:.4g} cm in {since[-1]:.3g} s")
+    most = max(abs(row["flow_ml_per_min"]) for row in rows) * supply.ambient / 60e6
+    if supply.tube is not None and (number := supply.tube.reynolds(most)) > TURBULENT_FROM:
+        found.append(
+            f"warning: the flow in the tube has a Reynolds number up to {number:.0f} and is turbulent above "
+            f"{TURBULENT_FROM:.0f}; it is computed as laminar, which is too fast"
+        )
+    return found
+
+
+FILLED = 0.9
+"""Share of the source's pressure at which a device counts as filled."""
+
+
+def fill_time(rows: Sequence[Row]) -> float | None:
+    """Return the time in s in which a device fills to `FILLED` of the source's largest pressure; None if it does not."""
+    sources = [row["source_pressure_cm"] for row in rows]
+    if None in sources or not (most := max(sources)) > 0.0:
+        return None
+    for before, after in itertools.pairwise(rows):
+        low, high = before["pressure_cm"], after["pressure_cm"]
+        if low < (wanted := FILLED * most) <= high:
+            return float(before["time_s"] + (wanted - low) / (high - low) * (after["time_s"] - before["time_s"]))
+    return None
 
 
 def typed_notes(case: Case) -> list[str]:
@@ -635,8 +685,13 @@ def explain_step(case: Case, end: PathEnd, rows: Sequence[Row], come: float, pet
             f"{_not_met(asked, end.cause)}: {end.cause.clause}. The last state has {place}, and {moved}. "
             f"{mended(case, end.cause, float(at['max_stretch']))}"
         )
-    from softmodels.path.time_steps import LostInTime
+    from softmodels.path.time_steps import LostInTime, SnapInTime
 
+    if isinstance(end, SnapInTime):
+        return (
+            f"{asked} was not reached: at {time_at(case.program, come):.4g} s, {place}, where {moved}, {end}. Stay below, use "
+            f"{case.actuator.stiffer} or a stiffer silicone, or request added volumes without the supply (volume_ml)"
+        )
     if isinstance(end, LostInTime):
         time = time_at(case.program, come)
         return (

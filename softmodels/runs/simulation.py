@@ -299,8 +299,9 @@ class Simulation:
     def _program(self, begun: Begun) -> Iterator[Step]:
         """Follow the device's program."""
         from softmodels.mechanics.newton import NoConvergence
+        from softmodels.path import schedule
+        from softmodels.path.air_flow import Gas
         from softmodels.path.points import PathEnd
-        from softmodels.path.schedule import follow
 
         case, rows = self.case, list(begun.rows)
         come = float(begun.stop.number) if begun.stop else 0.0
@@ -308,9 +309,16 @@ class Simulation:
             say = self.listener.say
             hung = self.model.preload(say)
             begun.recall()
-            for come, point in follow(
-                self.solver, case.program, case.cm, case.control, say, begun.stop, hung, case.time_tolerance
-            ):
+            gas = self.quantity(Gas.name) if case.supply else None
+            if isinstance(gas, Gas):
+                points = schedule.supply(
+                    self.solver, case.program, gas, case.cm, say, begun.stop, hung, case.time_tolerance
+                )
+            else:
+                points = schedule.follow(
+                    self.solver, case.program, case.cm, case.control, say, begun.stop, hung, case.time_tolerance
+                )
+            for come, point in points:
                 step = self.step_of(point, len(rows), come)
                 rows.append(step.row)
                 yield step
