@@ -197,7 +197,7 @@ def supply_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     most = max(abs(row["flow_ml_per_min"]) for row in rows) * supply.ambient / 60e6
     if supply.tube is not None and (number := supply.tube.reynolds(most)) > TURBULENT_FROM:
         found.append(
-            f"warning: the flow in the tube has a Reynolds number up to {number:.0f} and is turbulent above "
+            f"the flow in the tube has a Reynolds number up to {number:.0f} and is turbulent above "
             f"{TURBULENT_FROM:.0f}; it is computed as laminar, which is too fast"
         )
     return found

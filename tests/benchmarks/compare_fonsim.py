@@ -2,7 +2,7 @@
 
     LD_LIBRARY_PATH=.venv/lib uv run --with fonsim python tests/benchmarks/compare_fonsim.py
 
-(with the path to where MPI's library is). FONSim steps by implicit Euler, so the two come together in proportion to its step: 3.3e-2 of the
+(with the path to MPI's library). FONSim steps by implicit Euler, so the two come together as its step shrinks: 3.3e-2 of the
 largest pressure at 1 s, 9.9e-3 at 0.25 s, 4.2e-3 at 0.1 s (FONSim 0.6.0).
 """
 
