@@ -191,7 +191,7 @@ def calls(loaded):
         sm.RigidShape: {"faces": "top", "at": (0, 0, 0.05), "radius": 0.01, "name": "ball"},
         sm.Sheet: {"face": "top", "stiffness": 1e3}, sm.Obstacle: {"faces": "top", "plane": "z = 30 mm"},
         sm.Fabric: {"face": "top", "stiffness_1": 1e3, "stiffness_2": 1e3}, sm.Walls: {"faces": "cavity"},
-        sm.Syringe: {}, sm.Fibres: {}, sm.Clamp: {"face": "top"},
+        sm.Syringe: {}, sm.Reservoir: {}, sm.Fibres: {}, sm.Clamp: {"face": "top"},
     }  # fmt: skip
     for part, right in components.items():
         yield Call(
