@@ -94,7 +94,7 @@ class Mode:
 MOST_DIRECTIONS, PER_MODE = 32, 4
 """Size of the space at which it restarts with the best modes; for many modes so many times as many."""
 MOST_SOLVES, SOLVES_PER_MODE = 150, 18
-"""Maximum number of solves, after which an eigenvalue counts as not converged; the same for many modes."""
+"""Default maximum number of solves, after which an eigenvalue counts as not converged; that for each of many modes."""
 LOOSE, TIGHT = 1e-2, 1e-3
 """Tolerances of the solves: looser ones leave inconsistent p, tighter ones do not help."""
 LIFTED = 1e-9
@@ -207,7 +207,7 @@ def nearest(
     pencil: Pencil,
     start: Sequence[PETSc.Vec],
     tolerances: Sequence[float],
-    most: int | None = None,
+    most: int = MOST_SOLVES,
     negatives: int | None = None,
 ) -> Modes:
     """Return the eigenvalues nearest zero, and all negative ones.
@@ -218,7 +218,7 @@ def nearest(
         tolerances: Of the residual K^-1 (K x - lambda M x), length in the norm of M, for the lowest eigenvalue, the next,
             and so on; as many are looked for. An eigenvalue's error is about the residual's square. Infinite for one that
             is taken as the space has it where the others are found.
-        most: Solves after which an eigenvalue counts as not found; see `MOST_SOLVES` if None.
+        most: Solves after which an eigenvalue counts as not found.
         negatives: How many eigenvalues are negative, where that is known: then K^-1 is the exact one.
 
     Raises:
@@ -229,7 +229,7 @@ def nearest(
     for x in start:
         space.add(x.copy())
     first, found, polished = len(space.x), list[float](), dict[int, float]()
-    for _ in range(most or max(MOST_SOLVES, SOLVES_PER_MODE * count)):
+    for _ in range(most):
         values, shares = np.linalg.eigh(space.K)
         below = int(np.count_nonzero(values < 0.0))
         if negatives is not None and below > negatives:
@@ -436,11 +436,11 @@ class Factorised(Spectrum):
             else:
                 bordered.solve_roughly(b, x)
 
-        pencil, seeds = Pencil(bordered.K.mult, self.M, solve), self.seeds[:1]
+        pencil, seeds, most = Pencil(bordered.K.mult, self.M, solve), self.seeds[:1], MOST_SOLVES
         if springs is not None:
             pencil, removed = springs.added_to(pencil)
-            negatives, seeds = negatives - removed, self.seeds
-        return nearest(pencil, [self._lifted(pencil, seed) for seed in seeds], tolerances, negatives=negatives)
+            negatives, seeds, most = negatives - removed, self.seeds, max(most, SOLVES_PER_MODE * len(tolerances))
+        return nearest(pencil, [self._lifted(pencil, seed) for seed in seeds], tolerances, most, negatives)
 
     def lowest(self, modes: Sequence[PETSc.Vec]) -> tuple[float, list[PETSc.Vec]]:
         bordered, others = self.solver.bordered, [math.inf] * (BLOCK - 1)
@@ -535,7 +535,8 @@ class Iterated(Spectrum):
             found = self._take(nearest(self._pencil(), self._start(()), [LOCATED] * count))
         else:
             pencil, _ = springs.added_to(self._pencil())
-            found = nearest(pencil, [self._lifted(pencil, seed) for seed in self.seeds], natural(count))
+            most = max(MOST_SOLVES, SOLVES_PER_MODE * count)
+            found = nearest(pencil, [self._lifted(pencil, seed) for seed in self.seeds], natural(count), most)
         return list(zip(map(float, found.values), found.vectors, strict=True))
 
 
