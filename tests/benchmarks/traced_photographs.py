@@ -9,6 +9,9 @@ raised one each. Rendering takes 8 s of one core a run, measuring 7 s; ``--keep`
 Found on 27 photographs of nine runs (seeds 11 to 26 without 13, 16, 19, 20, 23 and 25): all trusted, none wrong, apexes 1.8 um
 rms and 1.02 of their stated errors, outlines 1.9 um rms, 97 % of all points within their 95 % interval. One further run had no
 setup: an ink of a fifth of the light on a screen lit unevenly.
+
+With ``--deep`` the body is round, level and 21 mm deep along the light, 1.5 mm from the screen. Found on 15 photographs
+(seeds 0 to 4): 12 trusted, none wrong, apexes 3.3 um rms and 0.72 of their stated errors.
 """
 
 from __future__ import annotations
