@@ -6,7 +6,7 @@ import dataclasses
 import json
 from collections.abc import Iterator, Mapping, MutableMapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -196,7 +196,7 @@ def from_table(table: Mapping[str, object]) -> Material:
     if not isinstance(name, str) or name not in LAWS:
         raise MaterialError(f"law {name!r} is unknown; {known_are(name, LAWS)}")
     law = LAWS[name]
-    further: dict[str, Any] = {
+    further: dict[str, object] = {
         FITTED: _range(name, values.pop(FITTED, None)),
         MEMORY: _memory(name, values.pop(MEMORY, None)),
     }
@@ -219,7 +219,7 @@ def from_table(table: Mapping[str, object]) -> Material:
                 raise MaterialError(f"{name} needs {key} ({field.metadata['help']}); give it with {_flag(key)}")
     made = law.from_values(parameters, convention)
     further = {key: value for key, value in further.items() if value is not None}
-    return dataclasses.replace(made, **further) if further else made
+    return dataclasses.replace(made, **further) if further else made  # type: ignore[arg-type]
 
 
 def _memory(law: str, table: object) -> Memory | None:

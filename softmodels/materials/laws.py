@@ -218,7 +218,7 @@ class Material:
         return ()
 
     @checked
-    def with_memory(self, branches: Any = (), softening: Any = None) -> Self:
+    def with_memory(self, branches: object = (), softening: object = None) -> Self:
         """Return the material with a memory, which acts where loads have times.
 
         Args:

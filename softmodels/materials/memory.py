@@ -22,7 +22,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -178,6 +178,17 @@ class Functions(Protocol):
         """Return ``then`` where x < y, ``other`` elsewhere."""
 
 
+class SofteningValues(Protocol):
+    """`Softening`, or constants in its place."""
+
+    @property
+    def r(self) -> Expression: ...
+    @property
+    def m(self) -> Expression: ...
+    @property
+    def beta(self) -> Expression: ...
+
+
 class InUfl:
     """`Functions` of UFL."""
 
@@ -314,7 +325,7 @@ def _entry(A: Six, i: int, j: int) -> Expression:
     return A[i] if i == j else A[2 + i + j]
 
 
-def softened(W: Expression, Wm: Expression, values: Any, of: Functions) -> Expression:
+def softened(W: Expression, Wm: Expression, values: SofteningValues, of: Functions) -> Expression:
     """Return the softened energy, whose derivative by W is the share of the stress that is left.
 
     Args:

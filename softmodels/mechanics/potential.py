@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +38,10 @@ if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
     from softmodels.mechanics.memory import History
+
+
+type Remembered = tuple[npt.NDArray[np.float64], list[tuple[npt.NDArray[np.float64], float]]]
+"""A state's dofs, and what each history remembers there and has dissipated."""
 
 
 class Potential:
@@ -245,17 +249,18 @@ class Potential:
         self.pass_time(0.0)
         self.w.x.array[:] = here
 
-    def remembered(self) -> tuple[Any, ...]:
+    def remembered(self) -> Remembered | None:
         """Return a copy of all that the silicone remembers, for `forget`."""
         if not self.histories:
-            return ()
-        return (self._before.x.array.copy(), *(history.copied() for history in self.histories))
+            return None
+        return self._before.x.array.copy(), [history.copied() for history in self.histories]
 
-    def forget(self, since: tuple[Any, ...]) -> None:
+    def forget(self, since: Remembered | None) -> None:
         """Go back to what `remembered` has copied."""
-        if since:
-            self._before.x.array[:], self.step.value = since[0], 0.0
-        for history, kept in zip(self.histories, since[1:], strict=True):
+        if since is None:
+            return
+        self._before.x.array[:], self.step.value = since[0], 0.0
+        for history, kept in zip(self.histories, since[1], strict=True):
             history.restore(kept)
 
     @property

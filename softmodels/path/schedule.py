@@ -231,27 +231,38 @@ def load_from(solver: Solver, hung: StageEnd, driver: int) -> State:
     return solver.couple(Coupling.by_pressure(hung.drives, change, (), hung.driven), hung.state, hung.drives)
 
 
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """How a program is followed.
+
+    Attributes:
+        pascal_per_cm: Pa in one cm of the column.
+        control: What each step follows, as in `Continuation`.
+        report: Takes sentences on what is going on.
+        tolerance: Of steps in time, see `softmodels.path.time_steps.march`.
+    """
+
+    pascal_per_cm: float
+    control: str = "auto"
+    report: Callable[[str], None] = lambda text: None
+    tolerance: float = TOLERANCE
+
+
 def follow(
     solver: Solver,
     program: Program,
-    pascal_per_cm: float,
-    control: str,
-    report: Callable[[str], None],
+    settings: Settings,
     begin: StageEnd | None = None,
     hung: StageEnd | None = None,
-    tolerance: float = TOLERANCE,
 ) -> Iterator[tuple[float, Point]]:
     """Follow a device through a program.
 
     Args:
         solver: The device, at rest; the coupling of its cavities is changed.
         program: One series for each of its cavities, or none for them, and series for dead loads.
-        pascal_per_cm: Pa in one cm of the column.
-        control: What each step follows, as in `Continuation`.
-        report: Takes sentences on what is going on.
+        settings: How.
         begin: The end of a step to go on from; where it hangs if None.
         hung: Where it hangs under the loads that the program does not change; the undeformed state if None.
-        tolerance: Of steps in time, see `march`.
 
     Yields:
         How far the program has come (1.5 is half way through the second step), and its point.
@@ -264,7 +275,7 @@ def follow(
     eq.load(eq.rest())
     rest = eq.driven()
     rest[len(eq.volumes()) :] = hung.driven[len(eq.volumes()) :]
-    values, held = in_drivers(solver, program, pascal_per_cm, hung.drives)
+    values, held = in_drivers(solver, program, settings.pascal_per_cm, hung.drives)
     first, here = int(begins_at_rest(program)), begin or hung
     # A held volume counts from the undeformed cavity, a travel from the preloaded state, and 0 means the preloaded state
     # for both; all other values are magnitudes.
@@ -282,7 +293,9 @@ def follow(
             continue
         duration = durations[number - 1] if durations else 0.0
         stage = Stage.between(here, row - before, held, rest + before, duration, last)
-        for place, (come, point) in enumerate(stage.follow(solver, control, report, tolerance)):
+        for place, (come, point) in enumerate(
+            stage.follow(solver, settings.control, settings.report, settings.tolerance)
+        ):
             if place:
                 yield float(number) if point.requested else number - 1 + come, point
             elif number == 1 and begin is None:
@@ -295,11 +308,9 @@ def supply(
     solver: Solver,
     program: Program,
     gas: Gas,
-    pascal_per_cm: float,
-    report: Callable[[str], None],
+    settings: Settings,
     begin: StageEnd | None = None,
     hung: StageEnd | None = None,
-    tolerance: float = TOLERANCE,
 ) -> Iterator[tuple[float, Point]]:
     """Follow a device that gas is supplied to in time; see `follow`.
 
@@ -307,7 +318,7 @@ def supply(
         solver: The device, at rest; the coupling of its cavities is changed.
         program: The series of the source and of the times, perhaps one of the valve.
         gas: The gas of the supply.
-        pascal_per_cm, report, begin, hung, tolerance: As of `follow`.
+        settings, begin, hung: As of `follow`.
 
     Yields:
         How far the program has come, and its point. A jump of the source leaves the device where it is.
@@ -319,7 +330,7 @@ def supply(
 
     here, first = begin or hung or at_rest(solver), int(begins_at_rest(program))
     steps = range(1, len(program[0].values) + 1 - first)
-    sources = [source_at(program, float(step), pascal_per_cm) for step in (0, *steps)]
+    sources = [source_at(program, float(step), settings.pascal_per_cm) for step in (0, *steps)]
     times = [time_at(program, float(step)) for step in (0, *steps)]
     inflate_from(solver, here)
     rest = gas.value(solver.system.rest().V, 0.0)
@@ -334,14 +345,14 @@ def supply(
         duration = times[number] - times[number - 1]
         start = inflate_from(solver, here)
         start = dataclasses.replace(start, P=here.drives[0] / solver.system.body.actuator.ratios[0])
-        path = Continuation(solver, gas, start=start, report=report)
+        path = Continuation(solver, gas, start=start, report=settings.report)
         if not duration:
             point = path.begin() if point is None else point
             yield float(number), dataclasses.replace(point, requested=True)
             here = dataclasses.replace(here, number=number)
             continue
         filling = Filling(gas, (sources[number - 1], sources[number]), duration, rest, largest)
-        for share, point in march(path, filling, tolerance):
+        for share, point in march(path, filling, settings.tolerance):
             if share:
                 yield float(number) if point.requested else number - 1 + share, point
             elif number == 1 and begin is None:

@@ -154,7 +154,7 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
     silicone and of one that does not creep at all."""
     from softmodels.path.points import PathEnd
     from softmodels.path.program import TIME_KEY, from_tables
-    from softmodels.path.schedule import follow
+    from softmodels.path.schedule import Settings, follow
     from softmodels.path.time_steps import LostInTime
 
     load = {"pressures_cm": (1.0,), "hold": hold}
@@ -173,12 +173,7 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
             potential.keep(rest.w, anew=True)
             try:
                 for _, point in follow(
-                    model.solver,
-                    from_tables({**series, TIME_KEY: [0.0, hold]}),
-                    case.cm,
-                    "auto",
-                    lambda text: None,
-                    hung=hung,
+                    model.solver, from_tables({**series, TIME_KEY: [0.0, hold]}), Settings(case.cm), hung=hung
                 ):
                     last = point
             except PathEnd as end:

@@ -8,7 +8,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from softmodels.case.case import Case
 from softmodels.common.errors import Spoken, reason
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-Summary = dict[str, Any]  # what ``summary.json`` holds
+Summary = dict[str, object]  # what ``summary.json`` holds
 
 
 def gather(case: Case, results: Results, ended: Ended) -> Summary:

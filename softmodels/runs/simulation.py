@@ -309,15 +309,12 @@ class Simulation:
             say = self.listener.say
             hung = self.model.preload(say)
             begun.recall()
+            settings = schedule.Settings(case.cm, case.control, say, case.time_tolerance)
             gas = self.quantity(Gas.name) if case.supply else None
             if isinstance(gas, Gas):
-                points = schedule.supply(
-                    self.solver, case.program, gas, case.cm, say, begun.stop, hung, case.time_tolerance
-                )
+                points = schedule.supply(self.solver, case.program, gas, settings, begun.stop, hung)
             else:
-                points = schedule.follow(
-                    self.solver, case.program, case.cm, case.control, say, begun.stop, hung, case.time_tolerance
-                )
+                points = schedule.follow(self.solver, case.program, settings, begun.stop, hung)
             for come, point in points:
                 step = self.step_of(point, len(rows), come)
                 rows.append(step.row)

@@ -25,7 +25,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.air_flow import VISCOSITY, Gas, Reservoir
 from softmodels.path.program import from_tables, time_at
-from softmodels.path.schedule import supply
+from softmodels.path.schedule import Settings, supply
 from tests.support.bodies import Sphere
 
 LAW = Yeoh(15e3, 0.0, 20.0, 0.5)
@@ -75,7 +75,7 @@ def by_softmodels() -> tuple[np.ndarray, np.ndarray]:
     system = solver.system
     gas = Gas(reservoir, system.stress_unit, system.volume_unit)
     program = from_tables({"source_pressure_cm": [SOURCE / CM] * 2, "time_s": [0.0, SECONDS]})
-    path = supply(solver, program, gas, CM, lambda text: None)
+    path = supply(solver, program, gas, Settings(CM))
     rows = [(time_at(program, come), point.state.P * system.stress_unit) for come, point in path]
     return tuple(np.array(rows).T)  # type: ignore[return-value]
 
@@ -87,4 +87,6 @@ if __name__ == "__main__":
         times, pressures = by_fonsim(step)
         apart = np.interp(times, *ours) - pressures
         inside = times > 0.02 * SECONDS
-        print(f"FONSim, step {step:g} s: apart by {np.abs(apart[inside]).max() / ours[1].max():.2e} of the largest pressure")
+        print(
+            f"FONSim, step {step:g} s: apart by {np.abs(apart[inside]).max() / ours[1].max():.2e} of the largest pressure"
+        )

@@ -79,9 +79,7 @@ def test_95_percent_intervals_hold_the_truth(exact, error):
             dataclasses.replace(one, stress=one.stress + generator.normal(0.0, 100.0, len(one.stress))) for one in exact
         ]
         sources, extra = memory.memory_residuals(noisy, stresses, choice, size, 0.0, spectrum)
-        found = memory.fit_memory(
-            choice, sources, extra, {}, modulus=16e3, errors="stated" if size.stated else "unknown"
-        )
+        found = memory.fit_memory(sources, extra, {}, modulus=16e3, errors="stated" if size.stated else "unknown")
         held.append([found.interval(name)[0] <= value <= found.interval(name)[1] for name, value in TRUTH.items()])
     shares = np.mean(held, axis=0)
     assert 0.93 <= shares.mean() <= 0.97 and shares.min() >= 0.9 and shares.max() <= 0.99

@@ -20,7 +20,7 @@ from softmodels.path import time_steps
 from softmodels.path.air_flow import Gas, InSeries, Orifice, Reservoir, Tube, end_weight
 from softmodels.path.points import PathEnd
 from softmodels.path.program import from_tables, time_at
-from softmodels.path.schedule import source_at, supply
+from softmodels.path.schedule import Settings, source_at, supply
 from softmodels.path.time_steps import TOLERANCE, Filling
 from tests.support import bodies
 from tests.support.on_ranks import filling
@@ -96,7 +96,7 @@ def filled(body_of):
 
             patch.setattr(time_steps.Filling, "check", check)
             try:
-                for place, point in supply(solver, program, gas, CM, lambda text: None, tolerance=tolerance):
+                for place, point in supply(solver, program, gas, Settings(CM, tolerance=tolerance)):
                     state = point.state
                     amount = gas.value(state.V, state.P) * system.volume_unit
                     rows.append(

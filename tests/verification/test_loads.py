@@ -30,6 +30,7 @@ from softmodels.path.points import DIRECT, PathEnd
 from softmodels.path.program import Series
 from softmodels.path.schedule import (
     HangingEnd,
+    Settings,
     follow,
     hang,
     inflate_from,
@@ -253,7 +254,7 @@ def test_any_steps_lead_to_the_same(hanging, body_of, figure):
     )
     travel = wanted[1] - moved(solver, hung.state)[1]
     series = (Series("travel_mm", (travel * 1e3,), "force.tip"),)
-    *_, (_, last) = follow(solver, series, 98.0, "auto", lambda text: None, hung=hung)
+    *_, (_, last) = follow(solver, series, Settings(98.0), hung=hung)
     ways = [stop.driven * solver.system.dead.moved_units for stop in (both, turned)] + [moved(solver, last.state)]
     figure("the same loads in other steps", "what they move", np.array(ways) / wanted - 1, 1e-9)
     assert solver.system.drives_at(last.state)[1] * solver.system.dead.units[1] == pytest.approx(weight, rel=1e-9)

@@ -20,7 +20,7 @@ from softmodels.materials.memory import InNumpy, Softening
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.program import from_tables, time_at
-from softmodels.path.schedule import follow
+from softmodels.path.schedule import Settings, follow
 from softmodels.path.time_steps import LostInTime
 from tests.support import bodies
 from tests.support.on_ranks import creeping
@@ -196,7 +196,7 @@ def followed(body, law, tables, tolerance):
     program = from_tables(tables)
     unit = system.stress_unit * system.volume_unit
     try:
-        for come, point in follow(solver, program, 95.1, "auto", lambda text: None, tolerance=tolerance):
+        for come, point in follow(solver, program, Settings(95.1, tolerance=tolerance)):
             system.load(point.state)
             energies = system.stored_energy() * unit, system.potential.dissipated * unit
             pressure = system.pressures_at(point.state)[0] * system.stress_unit

@@ -98,7 +98,7 @@ def run(balloons, body_of):
         eq = Solver(System(body_of(device), RUBBER))
         fields, points = Fields(eq), []
         try:
-            for come, point in schedule.follow(eq, series, CM, "auto", lambda text: None):
+            for come, point in schedule.follow(eq, series, schedule.Settings(CM)):
                 points.append((come, point, fields.figures(point.state)))
         except PathEnd as end:
             return points, end

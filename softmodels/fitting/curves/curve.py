@@ -9,7 +9,6 @@ import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -294,10 +293,10 @@ def _numbers(sheet: Worksheet, after: int, columns: tuple[CurveColumn, ...], sur
     if not x:
         raise TensileError(f"there are no numbers below the header ({columns[0].header!r}, {columns[1].header!r})")
     made = CurveTable(columns[0], columns[1], np.array(x), np.array(y), tuple(lines))
-    return dataclasses.replace(made, **_times(times, columns[2], sheet, lines)) if times else made
+    return dataclasses.replace(made, **_times(times, columns[2], sheet, lines)) if times else made  # type: ignore[arg-type]
 
 
-def _times(cells: Sequence[str], column: CurveColumn, sheet: Worksheet, lines: Sequence[int]) -> dict[str, Any]:
+def _times(cells: Sequence[str], column: CurveColumn, sheet: Worksheet, lines: Sequence[int]) -> dict[str, object]:
     """Return the times of `CurveTable`, or why they cannot be used: curves without a memory do not need them."""
     values: list[float] = []
     for cell, number in zip(cells, lines, strict=True):

@@ -379,9 +379,7 @@ class _MemoryTask(_Task):
             if asked and not self.softens:
                 why = "no test has a second loading, or a hold after an unloading, that would show it"
                 raise FitError(f"{asked[0]} cannot be set: {why}")
-            fitted = functools.partial(
-                fit_memory, choice, sources, extra, modulus=modulus, loss=loss, errors=self.errors
-            )
+            fitted = functools.partial(fit_memory, sources, extra, modulus=modulus, loss=loss, errors=self.errors)
             fit = fitted({k: v for k, v in self.options.changes.items() if k not in SOFTENING})
             if self.softens:
                 softer = fitted(self.options.changes, softening=self.softens)

@@ -264,7 +264,6 @@ def branch_stresses(curves: Sequence[TensileCurve], spectrum: Spectrum) -> list[
 
 
 def fit_memory(
-    choice: LawChoice,
     sources: Sequence[MemoryResiduals],
     extra: Extra,
     changes: Changes,
@@ -277,8 +276,7 @@ def fit_memory(
     """Fit a law and its memory to histories.
 
     Args:
-        choice: The law.
-        sources: From `memory_residuals`.
+        sources: From `memory_residuals`, all of one law.
         extra: The curves' own factors.
         changes: Fields of parameters to replace.
         modulus: Small-strain shear modulus in Pa of the data.
@@ -289,6 +287,7 @@ def fit_memory(
         FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
     """
     sources = [dataclasses.replace(source, softening=softening) for source in sources]
+    choice = sources[0].choice
     names = (*choice.names, *sources[0].spectrum.names, *softening, *(p.name for p in extra.parameters))
     for name in changes:
         if name not in names:

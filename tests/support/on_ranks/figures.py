@@ -206,13 +206,13 @@ def program(comm, pair: Path) -> list[float]:
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.program import Series
-    from softmodels.path.schedule import follow
+    from softmodels.path.schedule import Settings, follow
     from softmodels.runs.fields import Fields
 
     equations = Solver(System(Body.from_file(pair_of(pair.with_suffix(".step")), pair, comm), NeoHookean(30e3, 0.49)))
     fields, found = Fields(equations), []
     series = (Series("pressure_cm", (40.0, 40.0)), Series("volume_ml", (0.0, 0.03)))
-    for _, point in follow(equations, series, 95.0, "auto", lambda text: None):
+    for _, point in follow(equations, series, Settings(95.0)):
         if point.requested:
             figures = fields.figures(point.state)
             found += [

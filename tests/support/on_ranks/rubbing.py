@@ -13,7 +13,7 @@ def figures(comm, device, mesh: Path) -> list[float]:
     from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import System
     from softmodels.path.program import KEYS, Series
-    from softmodels.path.schedule import follow
+    from softmodels.path.schedule import Settings, follow
 
     plate = RigidShape(
         "plane", "top", (0.0, 0.0, device.height + 2e-4), along=(0.0, 0.0, -1.0), friction=0.5, slip=5e-5, name="plate"
@@ -21,7 +21,7 @@ def figures(comm, device, mesh: Path) -> list[float]:
     solver = Solver(System(Body.from_file(device, mesh, comm), NeoHookean(30e3, 0.49), components=[plate]))
     system, found = solver.system, []
     (key, _) = KEYS
-    for come, point in follow(solver, (Series(key, (40.0, 15.0)),), 95.1, "auto", lambda text: None):
+    for come, point in follow(solver, (Series(key, (40.0, 15.0)),), Settings(95.1)):
         if point.requested and come >= 1.0:
             system.load(point.state)
             found += [point.state.V, *system.potential.terms["plate"].figures(system).values()]
