@@ -12,6 +12,7 @@ from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics import mpi, solver as solver_module
 from softmodels.mechanics.controls import volume_control
+from softmodels.mechanics.iterative import Multigrid
 from softmodels.mechanics.mpi import TooLargeError
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
@@ -98,7 +99,7 @@ def test_model_that_does_not_fit(body_of, monkeypatch):
     for method, taken in (("auto", direct), ("direct", direct), ("iterative", iterative)):
         with pytest.raises(TooLargeError, match=f"{taken / 1e9:.2g} GB of memory, where .* GB are free"):
             solver_module.select_solver(system, method)
-    monkeypatch.setattr(solver_module.Multigrid, "memory", lambda system: 0.1 * min(direct, iterative))
+    monkeypatch.setattr(Multigrid, "memory", lambda system: 0.1 * min(direct, iterative))
     switched = solver_module.select_solver(system, "auto")
     assert switched.name == "iterative" and f"a factorisation would take about {direct / 1e9:.2g} GB" in switched.told
     with pytest.raises(TooLargeError, match='or solver="iterative"'):
