@@ -12,12 +12,7 @@ import hashlib
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import (
-    Callable,
-    Iterable,
-    Iterator,
-    Mapping,
-)
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -27,14 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from geometries.meshing import Mirror
 from softmodels.common.errors import GeometryError, MeshingError, known_are
-from softmodels.common.schema import (
-    Length,
-    Quantity,
-    Several,
-    about,
-    choice_field,
-    settle,
-)
+from softmodels.common.schema import Length, Quantity, Several, about, choice_field, settle
 from softmodels.common.units import brief
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -30,22 +30,9 @@ from typing import ClassVar, NamedTuple
 
 from geometries.actuator import Hold, Vector
 from geometries.registry import register_device
-from geometries.revolved import (
-    Panel,
-    Place,
-    Revolved,
-    Side,
-    section_field,
-    through_field,
-    wedge_field,
-)
+from geometries.revolved import Panel, Place, Revolved, Side, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
-from softmodels.common.schema import (
-    LONGEST,
-    choice_field,
-    length_field,
-    shown,
-)
+from softmodels.common.schema import LONGEST, choice_field, length_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Balloons with invalid parameters, detected before meshing.

@@ -10,12 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import (
-    CutPlane,
-    Hold,
-    MirroredHalf,
-    Vector,
-)
+from geometries.actuator import CutPlane, Hold, MirroredHalf, Vector
 from geometries.meshing import check_cell_count
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError

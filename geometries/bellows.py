@@ -31,31 +31,11 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import ClassVar, NamedTuple
 
-from geometries.actuator import (
-    HeldTip,
-    Hold,
-    Vector,
-    tip_field,
-)
+from geometries.actuator import HeldTip, Hold, Vector, tip_field
 from geometries.registry import register_device
-from geometries.revolved import (
-    Panel,
-    Place,
-    Revolved,
-    Side,
-    section_field,
-    through_field,
-    wedge_field,
-)
+from geometries.revolved import Panel, Place, Revolved, Side, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
-from softmodels.common.schema import (
-    LONGEST,
-    ROUNDING,
-    SHORTEST,
-    choice_field,
-    length_field,
-    shown,
-)
+from softmodels.common.schema import LONGEST, ROUNDING, SHORTEST, choice_field, length_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Bellows with invalid parameters, detected before meshing.

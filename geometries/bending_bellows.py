@@ -24,33 +24,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import (
-    Bending,
-    HeldTip,
-    MirroredHalf,
-    Vector,
-    part_field,
-    tip_field,
-)
-from geometries.meshing import (
-    MM,
-    Entity,
-    add_block,
-    bond,
-    check_cell_count,
-    face_block,
-    one_solid,
-    set_sizes,
-)
+from geometries.actuator import Bending, HeldTip, MirroredHalf, Vector, part_field, tip_field
+from geometries.meshing import MM, Entity, add_block, bond, check_cell_count, face_block, one_solid, set_sizes
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
-from softmodels.common.schema import (
-    LONGEST,
-    ROUNDING,
-    choice_field,
-    length_field,
-    shown,
-)
+from softmodels.common.schema import LONGEST, ROUNDING, choice_field, length_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The wavy wall of a bending bellows: arcs that join smoothly, of the same thickness everywhere, and its volumes.

@@ -28,25 +28,12 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import (
-    Halved,
-    Hold,
-    Sectioned,
-    Vector,
-    parameter,
-    parameter_names,
-)
+from geometries.actuator import Halved, Hold, Sectioned, Vector, parameter, parameter_names
 from geometries.meshing import check_cell_count
 from geometries.registry import register_device
 from geometries.revolved import Side, carried_along
 from softmodels.common.errors import GeometryError, MeshingError
-from softmodels.common.schema import (
-    LONGEST,
-    angle_field,
-    choice_field,
-    length_field,
-    shown,
-)
+from softmodels.common.schema import LONGEST, angle_field, choice_field, length_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Cylinders with invalid parameters, detected before meshing; and how many cells to expect.

@@ -23,24 +23,12 @@ import functools
 import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from typing import (
-    TYPE_CHECKING,
-    ClassVar,
-    NamedTuple,
-    Self,
-)
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geometries.actuator import (
-    CutPlane,
-    Hold,
-    Parting,
-    Vector,
-    Wedged,
-    parameter_names,
-)
+from geometries.actuator import CutPlane, Hold, Parting, Vector, Wedged, parameter_names
 from geometries.meshing import check_cell_count
 from geometries.registry import register_device
 from geometries.revolved import carried_along

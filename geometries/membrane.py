@@ -25,27 +25,9 @@ from typing import ClassVar, NamedTuple
 
 from geometries.actuator import Hold, Vector
 from geometries.registry import register_device
-from geometries.revolved import (
-    ROUNDING,
-    Panel,
-    Revolved,
-    Side,
-    graded,
-    section_field,
-    through_field,
-    wedge_field,
-)
+from geometries.revolved import ROUNDING, Panel, Revolved, Side, graded, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
-from softmodels.common.schema import (
-    LONGEST,
-    Length,
-    Open,
-    choice_field,
-    field_of,
-    length_field,
-    lengths_field,
-    shown,
-)
+from softmodels.common.schema import LONGEST, Length, Open, choice_field, field_of, length_field, lengths_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Clamped membranes with invalid parameters, detected before meshing.

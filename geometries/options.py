@@ -11,18 +11,7 @@ import click
 from geometries.actuator import Actuator
 from geometries.registry import device_from, from_table, to_table
 from softmodels.common.errors import GeometryError
-from softmodels.common.schema import (
-    About,
-    Choice,
-    Flag,
-    Kind,
-    Open,
-    Quantity,
-    Several,
-    Words,
-    about,
-    shown,
-)
+from softmodels.common.schema import About, Choice, Flag, Kind, Open, Quantity, Several, Words, about, shown
 from softmodels.common.units import UnitError, quantity
 
 __all__ = [

@@ -27,14 +27,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import (
-    Bending,
-    HeldTip,
-    MirroredHalf,
-    Parting,
-    part_field,
-    tip_field,
-)
+from geometries.actuator import Bending, HeldTip, MirroredHalf, Parting, part_field, tip_field
 from geometries.meshing import (
     Entity,
     Mirror,
@@ -48,14 +41,7 @@ from geometries.meshing import (
 )
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
-from softmodels.common.schema import (
-    LONGEST,
-    ROUNDING,
-    choice_field,
-    length_field,
-    number_field,
-    shown,
-)
+from softmodels.common.schema import LONGEST, ROUNDING, choice_field, length_field, number_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Where the walls of a PneuNet are: all stand square to the axes, so that a list of positions along each axis defines them.

@@ -8,31 +8,16 @@ import math
 from abc import abstractmethod
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from typing import (
-    Any,
-    ClassVar,
-    Protocol,
-    Self,
-)
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import (
-    CutPlane,
-    Wedged,
-    parameter,
-    parameter_names,
-)
+from geometries.actuator import CutPlane, Wedged, parameter, parameter_names
 from geometries.meshing import check_cell_count
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError, MeshingError
-from softmodels.common.schema import (
-    angle_field,
-    choice_field,
-    number_field,
-    shown,
-)
+from softmodels.common.schema import angle_field, choice_field, number_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Half sections of bodies of revolution as panels: patches with four sides, meshed in rows, that meet side by side.

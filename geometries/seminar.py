@@ -34,14 +34,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from geometries.actuator import (
-    HeldTip,
-    MirroredHalf,
-    Parting,
-    Vector,
-    part_field,
-    tip_field,
-)
+from geometries.actuator import HeldTip, MirroredHalf, Parting, Vector, part_field, tip_field
 from geometries.meshing import Mirror, check_cell_count
 from geometries.registry import register_device
 from softmodels.common.arrays import Array

@@ -53,12 +53,7 @@ if TYPE_CHECKING:
     from softmodels.components.clamps import Clamp as Clamp
     from softmodels.components.contact import Obstacle as Obstacle, RigidShape as RigidShape
     from softmodels.components.fibres import Fabric as Fabric, Fibres as Fibres
-    from softmodels.components.loads import (
-        Force as Force,
-        Gravity as Gravity,
-        Mass as Mass,
-        Moment as Moment,
-    )
+    from softmodels.components.loads import Force as Force, Gravity as Gravity, Mass as Mass, Moment as Moment
     from softmodels.components.rigid import Rigid as Rigid
     from softmodels.components.sheets import Sheet as Sheet
     from softmodels.components.walls import Walls as Walls

@@ -17,13 +17,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import (
-    Actuator,
-    CutPlane,
-    Hold,
-    Vector,
-    reflected,
-)
+from geometries.actuator import Actuator, CutPlane, Hold, Vector, reflected
 from softmodels.common.errors import GeometryError, whole_path
 from softmodels.common.files import GEOMETRY, file_digest, read_file
 from softmodels.common.schema import choice_field, list_field, text_field

@@ -29,12 +29,7 @@ from geometries.imported.part import (
 )
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError, MeshingError
-from softmodels.common.schema import (
-    choice_field,
-    length_field,
-    number_field,
-    shown,
-)
+from softmodels.common.schema import choice_field, length_field, number_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
 # How many triangles the mesh of a STEP part's faces takes, from their areas and curvature, before any is made.

@@ -16,13 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import ExifTags
 
-from measurement.camera.camera import (
-    Camera,
-    CameraError,
-    Points,
-    beyond_projection,
-    frame_points,
-)
+from measurement.camera.camera import Camera, CameraError, Points, beyond_projection, frame_points
 from measurement.camera.pictures import PictureError, opened
 from softmodels.common.errors import reason
 from softmodels.common.files import read_text

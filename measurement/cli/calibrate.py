@@ -10,14 +10,7 @@ import tomli_w
 
 from measurement.camera.camera import CameraError
 from measurement.cli import shared as texts
-from measurement.cli.shared import (
-    DONE,
-    SOME_REFUSED,
-    bar,
-    check_place,
-    stop,
-    write_text,
-)
+from measurement.cli.shared import DONE, SOME_REFUSED, bar, check_place, stop, write_text
 from measurement.screen.calibration import STEPS, Calibration, calibrate as calibrated
 from measurement.screen.setup import SetupError
 from softmodels.common.commands import FAILED

@@ -8,13 +8,7 @@ from pathlib import Path
 import click
 
 from measurement.cli.shared import stop
-from softmodels.common.commands import (
-    FolderType,
-    open_folder,
-    open_place,
-    status_of,
-    stoppable,
-)
+from softmodels.common.commands import FolderType, open_folder, open_place, status_of, stoppable
 from softmodels.common.errors import reason
 from softmodels.common.folders import OwnFolderError
 

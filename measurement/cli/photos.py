@@ -12,24 +12,11 @@ import click
 import numpy as np
 
 from measurement.camera.pictures import TONES, Unmeasurable, read_photograph
-from measurement.cli.shared import (
-    DONE,
-    SOME_REFUSED,
-    bar,
-    length,
-    stop,
-    with_error,
-)
+from measurement.cli.shared import DONE, SOME_REFUSED, bar, length, stop, with_error
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
 from measurement.screen.setup import Setup, SetupError
-from measurement.series.measuring import (
-    Measurement,
-    NoZero,
-    Result,
-    measure_all,
-    with_zero,
-)
+from measurement.series.measuring import Measurement, NoZero, Result, measure_all, with_zero
 from measurement.series.photo import AUTO, Refusal
 from measurement.series.photo_list import (
     DENSITY_ERROR,
@@ -40,13 +27,7 @@ from measurement.series.photo_list import (
     PhotoListError,
     read_photos,
 )
-from softmodels.common.commands import (
-    FAILED,
-    UNUSABLE,
-    FolderType,
-    open_folder,
-    status_of,
-)
+from softmodels.common.commands import FAILED, UNUSABLE, FolderType, open_folder, status_of
 from softmodels.common.errors import reason
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.output import ResultFolder

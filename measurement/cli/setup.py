@@ -16,12 +16,7 @@ from measurement.cli import shared as texts
 from measurement.cli.shared import check_place, stop, write_text
 from measurement.screen.calibration import find_charuco, find_chessboard
 from measurement.screen.grid import GridError, counted_from, find_grid
-from measurement.screen.plane import (
-    Plane,
-    PlaneError,
-    plane_of_points,
-    plane_of_scale,
-)
+from measurement.screen.plane import Plane, PlaneError, plane_of_points, plane_of_scale
 from measurement.screen.seen import draw_points, read_picture
 from measurement.screen.setup import PITCH_ERROR, Setup, SetupError
 from softmodels.common.commands import UNUSABLE, status_of

@@ -11,12 +11,7 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 
-from measurement.camera.pictures import (
-    LIGHT,
-    Pixels,
-    Unmeasurable,
-    sample_light,
-)
+from measurement.camera.pictures import LIGHT, Pixels, Unmeasurable, sample_light
 from measurement.edge.shadow import ShadowColour
 from measurement.robust import deviation, deviations
 from measurement.screen.look import GridLook

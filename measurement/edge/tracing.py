@@ -10,24 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from measurement.camera.pictures import TONES, Pixels, Unmeasurable
-from measurement.edge.edge import (
-    BridgedLine,
-    Edge,
-    coarse_contour,
-    refine_edge,
-    smoothed,
-)
+from measurement.edge.edge import BridgedLine, Edge, coarse_contour, refine_edge, smoothed
 from measurement.edge.profiles import EdgeShape, Ink, Shading
 from measurement.edge.shadow import CoarseShadow, find_shadow, touched_by_thread
-from measurement.screen.look import (
-    Flatness,
-    GridLook,
-    View,
-    flatness,
-    look_at_grid,
-    movement,
-    pieces_of,
-)
+from measurement.screen.look import Flatness, GridLook, View, flatness, look_at_grid, movement, pieces_of
 from measurement.screen.setup import Setup
 from softmodels.common.arrays import Array
 

@@ -19,13 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from measurement.camera.camera import Camera, CameraError, Points
 from measurement.camera.pictures import PictureError, read_pixels
-from measurement.screen.grid import (
-    MIN_LINES,
-    GridError,
-    GridPoints,
-    checked,
-    gray_bytes,
-)
+from measurement.screen.grid import MIN_LINES, GridError, GridPoints, checked, gray_bytes
 from measurement.screen.plane import Plane, PlaneError
 from softmodels.common.processes import cores
 

@@ -12,20 +12,10 @@ import numpy as np
 import tomli_w
 from numpy.typing import ArrayLike
 
-from measurement.camera.camera import (
-    Camera,
-    CameraError,
-    Points,
-    as_points,
-)
+from measurement.camera.camera import Camera, CameraError, Points, as_points
 from measurement.screen.plane import Plane
 from softmodels.common.errors import known_are
-from softmodels.common.toml_file import (
-    TomlError,
-    numbers,
-    parse_toml,
-    read_toml,
-)
+from softmodels.common.toml_file import TomlError, numbers, parse_toml, read_toml
 from softmodels.common.units import brief, number
 
 VERSION = 1

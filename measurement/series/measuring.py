@@ -21,14 +21,7 @@ from measurement.outline.zero import ZeroLine, with_known_body
 from measurement.screen.setup import Setup
 from measurement.series.checks import CHECKS, COURSE, LIST, RUN, Check, Evidence, asked
 from measurement.series.copies import cut_out
-from measurement.series.photo import (
-    AUTO,
-    Refusal,
-    find_zero,
-    outline_of,
-    trace,
-    trace_image,
-)
+from measurement.series.photo import AUTO, Refusal, find_zero, outline_of, trace, trace_image
 from measurement.series.photo_list import Column, Photograph, read_photos
 from measurement.series.witness import Run
 

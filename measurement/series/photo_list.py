@@ -16,14 +16,7 @@ from pathlib import Path
 
 from softmodels.common.errors import reason
 from softmodels.common.files import read_file
-from softmodels.common.units import (
-    STANDARD_GRAVITY,
-    WATER_DENSITY,
-    UnitError,
-    brief,
-    number_and_unit,
-    quantity,
-)
+from softmodels.common.units import STANDARD_GRAVITY, WATER_DENSITY, UnitError, brief, number_and_unit, quantity
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The water column: readings in cm become pressures in Pa with a standard error.

@@ -10,39 +10,21 @@ import operator
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import (
-    TYPE_CHECKING,
-    Protocol,
-)
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.case.case import Case
-from softmodels.case.entries import (
-    CaseError,
-)
+from softmodels.case.entries import CaseError
 from softmodels.case.from_python import one_value
 from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
-from softmodels.common.calls import (
-    checked,
-    keep_arrays,
-    place,
-    read_only,
-)
-from softmodels.common.errors import (
-    Spoken,
-    known_are,
-    spoken,
-)
+from softmodels.common.calls import checked, keep_arrays, place, read_only
+from softmodels.common.errors import Spoken, known_are, spoken
 from softmodels.common.files import file_digest, hdf5_reason, is_same
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.units import (
-    UnitError,
-    brief,
-    number,
-)
+from softmodels.common.units import UnitError, brief, number
 from softmodels.mechanics.mpi import on_root, start
 from softmodels.runs.band import in_order, read_sources
 from softmodels.runs.columns import state_labels
@@ -50,13 +32,7 @@ from softmodels.runs.formats import Restart
 from softmodels.runs.limits import Limit
 from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import notes_of, sentences
-from softmodels.runs.outcomes import (
-    DONE,
-    NO_EQUILIBRIUM,
-    STOPPED,
-    Ended,
-    RunError,
-)
+from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
 from softmodels.runs.recording import begin_branch, gather
 from softmodels.runs.resume import ResultsPlace, begin, recall, stored_point
 from softmodels.runs.row import Row

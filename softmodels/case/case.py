@@ -7,24 +7,14 @@ import dataclasses
 import math
 import re
 import types
-from collections.abc import (
-    Iterator,
-    Mapping,
-    MutableMapping,
-    Sequence,
-)
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 from geometries import Actuator, registry as geometry_table
 from geometries.imported.part import FORMATS
 from softmodels.case import materials, requests as gauge_tables
-from softmodels.case.components import (
-    Parts,
-    PartsEntry,
-    check_parts,
-    with_walls,
-)
+from softmodels.case.components import Parts, PartsEntry, check_parts, with_walls
 from softmodels.case.entries import (
     MISSING,
     PART_ERRORS,
@@ -43,41 +33,16 @@ from softmodels.case.entries import (
     series,
     table_of,
 )
-from softmodels.case.load import (
-    STIFFNESS_RANGE,
-    Load,
-    LoadRequest,
-    LoadRequestEntry,
-    in_time,
-)
-from softmodels.case.materials import (
-    DEFAULT,
-    AnyBand,
-    ErrorsEntry,
-    MaterialErrors,
-    SourceBand,
-)
+from softmodels.case.load import STIFFNESS_RANGE, Load, LoadRequest, LoadRequestEntry, in_time
+from softmodels.case.materials import DEFAULT, AnyBand, ErrorsEntry, MaterialErrors, SourceBand
 from softmodels.case.requests import Probes
 from softmodels.common import errors
 from softmodels.common.calls import checked, one_of, several
 from softmodels.common.errors import FieldError, known_are, meant
 from softmodels.common.files import file_digest
-from softmodels.common.schema import (
-    About,
-    Choice,
-    Flag,
-    Kind,
-    Quantity,
-    Text,
-    Words,
-)
+from softmodels.common.schema import About, Choice, Flag, Kind, Quantity, Text, Words
 from softmodels.common.toml_file import TomlError, parse_toml, read_toml
-from softmodels.common.units import (
-    WATER_DENSITY,
-    brief,
-    exact_text,
-    pascal_per_cm,
-)
+from softmodels.common.units import WATER_DENSITY, brief, exact_text, pascal_per_cm
 from softmodels.materials.laws import SOFTEST, Material
 from softmodels.materials.silicones import material_of
 from softmodels.materials.stability import check_rest

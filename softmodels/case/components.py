@@ -4,44 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import (
-    Iterator,
-    Mapping,
-    MutableMapping,
-    Sequence,
-)
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 
 from geometries import Actuator
-from softmodels.case.entries import (
-    MISSING,
-    Entry,
-    Missing,
-    Option,
-    Tables,
-    Written,
-    table_of,
-)
+from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Written, table_of
 from softmodels.case.materials import Region
 from softmodels.common.errors import FieldError
 from softmodels.common.schema import Text, Words, about
 from softmodels.components.clamps import Clamp
 from softmodels.components.contact import Obstacle, RigidShape
 from softmodels.components.fibres import Fabric, Fibres
-from softmodels.components.loads import (
-    Force,
-    Gravity,
-    Mass,
-    Moment,
-)
+from softmodels.components.loads import Force, Gravity, Mass, Moment
 from softmodels.components.rigid import Rigid
 from softmodels.components.sheets import Sheet
 from softmodels.components.walls import Walls
-from softmodels.mechanics.component import (
-    COMPONENTS,
-    Component,
-    ComponentError,
-    gravity_of,
-)
+from softmodels.mechanics.component import COMPONENTS, Component, ComponentError, gravity_of
 
 Parts = tuple[Component, ...]
 

@@ -12,50 +12,18 @@ import enum
 import itertools
 import math
 import re
-from collections.abc import (
-    Iterable,
-    Iterator,
-    Mapping,
-    MutableMapping,
-    Sequence,
-)
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
 from typing import Final
 
 from softmodels.case.requests import ProbeError
 from softmodels.common import schema
-from softmodels.common.errors import (
-    FieldError,
-    GeometryError,
-    Spoken,
-    known_are,
-    meant,
-)
-from softmodels.common.schema import (
-    About,
-    Choice,
-    Flag,
-    Kind,
-    Text,
-    about,
-)
-from softmodels.common.units import (
-    FACTORS,
-    UnitError,
-    brief,
-    number,
-    numbers,
-    pascal_per_cm,
-    quantity,
-)
+from softmodels.common.errors import FieldError, GeometryError, Spoken, known_are, meant
+from softmodels.common.schema import About, Choice, Flag, Kind, Text, about
+from softmodels.common.units import FACTORS, UnitError, brief, number, numbers, pascal_per_cm, quantity
 from softmodels.materials.laws import MaterialError
 from softmodels.mechanics.component import ComponentError
 from softmodels.path.program import ProgramError
-from softmodels.path.supply import (
-    SUPPLIES,
-    AirSupply,
-    SupplyError,
-    Syringe,
-)
+from softmodels.path.supply import SUPPLIES, AirSupply, SupplyError, Syringe
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Parse series of requested values.

@@ -11,31 +11,14 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from softmodels.case.case import Case
-from softmodels.case.entries import (
-    ML,
-    CaseError,
-    SeriesError,
-    factor_of,
-    of_text,
-    one_of_text,
-    series,
-    split_text,
-)
+from softmodels.case.entries import ML, CaseError, SeriesError, factor_of, of_text, one_of_text, series, split_text
 from softmodels.case.load import LoadRequest, of_cavities
 from softmodels.case.materials import AnyBand, band_of
 from softmodels.case.requests import Probes
 from softmodels.common.calls import doubt, one_of
 from softmodels.common.errors import FieldError, meant
 from softmodels.common.schema import Quantity
-from softmodels.common.units import (
-    FACTORS,
-    WATER_DENSITY,
-    UnitError,
-    brief,
-    number,
-    pascal_per_cm,
-    quantity,
-)
+from softmodels.common.units import FACTORS, WATER_DENSITY, UnitError, brief, number, pascal_per_cm, quantity
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
 from softmodels.path.program import TIME_KEY, VALVE, Program, from_tables

@@ -7,25 +7,10 @@ import math
 from collections.abc import Iterator, MutableMapping
 
 from geometries import Actuator
-from softmodels.case.entries import (
-    MISSING,
-    CaseError,
-    Entry,
-    Missing,
-    Option,
-    SeriesKind,
-    Tables,
-    Written,
-    table_of,
-)
+from softmodels.case.entries import MISSING, CaseError, Entry, Missing, Option, SeriesKind, Tables, Written, table_of
 from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError
-from softmodels.common.schema import (
-    About,
-    Quantity,
-    Text,
-    Words,
-)
+from softmodels.common.schema import About, Quantity, Text, Words
 from softmodels.common.units import UnitError, brief, pascal_per_cm, quantity
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.dead_loads import LoadPart, RequestedValue, requestable

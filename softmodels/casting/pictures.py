@@ -15,21 +15,8 @@ from softmodels.casting.sheet import bench_sheet
 from softmodels.common.arrays import Array
 from softmodels.common.files import write_text
 from softmodels.common.page import image_uri, render
-from softmodels.pictures.offscreen import (
-    Layer,
-    ViewCamera,
-    can_render,
-    direction,
-    lines,
-    studio,
-    surface,
-)
-from softmodels.pictures.style import (
-    DPI,
-    EDGE,
-    number,
-    page,
-)
+from softmodels.pictures.offscreen import Layer, ViewCamera, can_render, direction, lines, studio, surface
+from softmodels.pictures.style import DPI, EDGE, number, page
 from softmodels.runs.grid import Cells
 
 # ----------------------------------------------------------------------------------------------------------------------

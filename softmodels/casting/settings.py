@@ -30,13 +30,7 @@ from softmodels.common.schema import (
 )
 from softmodels.common.toml_file import TomlError, read_toml
 from softmodels.common.units import brief
-from softmodels.materials.silicones import (
-    CASTING,
-    Casting,
-    casting_of,
-    named,
-    product_of,
-)
+from softmodels.materials.silicones import CASTING, Casting, casting_of, named, product_of
 
 STEEPEST = 15.0
 """Largest accepted draft in degrees."""

@@ -15,22 +15,11 @@ import numpy as np
 
 from geometries import HollowDisk
 from geometries.apart import interpreter
-from measurement.synthetic.photographer import (
-    FLOOR,
-    SCENE,
-    Scene,
-    photograph,
-    save,
-)
+from measurement.synthetic.photographer import FLOOR, SCENE, Scene, photograph, save
 from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
 from softmodels.common.arrays import Array
-from softmodels.common.commands import (
-    FolderType,
-    open_folder,
-    open_place,
-    status_of,
-)
+from softmodels.common.commands import FolderType, open_folder, open_place, status_of
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.outlines.device import DeviceModel

@@ -11,32 +11,14 @@ import click
 from geometries import MeshFileError, MeshingError
 from softmodels.cli.drawing import end, start_drawing, tell_not_drawn
 from softmodels.cli.options import fail
-from softmodels.common.commands import (
-    STOPPED,
-    FolderType,
-    asked_to_stop,
-    stoppable,
-)
+from softmodels.common.commands import STOPPED, FolderType, asked_to_stop, stoppable
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.terminal import say
 from softmodels.design.loads import DesignError
 from softmodels.design.problem import DesignProblem
-from softmodels.mechanics.mpi import (
-    abort_on_error,
-    is_root,
-    on_root,
-    petsc_reason,
-    speaks,
-    start,
-)
+from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, speaks, start
 from softmodels.runs.columns import StateLabels
-from softmodels.runs.outcomes import (
-    DONE,
-    FAILED,
-    NO_EQUILIBRIUM,
-    RunError,
-    no_memory,
-)
+from softmodels.runs.outcomes import DONE, FAILED, NO_EQUILIBRIUM, RunError, no_memory
 from softmodels.runs.progress import Progress
 
 if TYPE_CHECKING:

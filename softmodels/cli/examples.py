@@ -15,12 +15,7 @@ import click
 import numpy as np
 
 from measurement.synthetic.photographer import Scene, chessboard, save
-from softmodels.cli.demo import (
-    TRUTH,
-    inflated,
-    scene_of,
-    take_photographs,
-)
+from softmodels.cli.demo import TRUTH, inflated, scene_of, take_photographs
 from softmodels.cli.example_cases import BENCH, CASES, PROBLEMS
 from softmodels.common.terminal import say
 from softmodels.fitting.problem import LawChoice

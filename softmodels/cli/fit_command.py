@@ -38,28 +38,9 @@ from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.curves.residuals import StressError
 from softmodels.fitting.outlines.fit import device_names, fit, fit_heights
 from softmodels.fitting.outlines.shapes import OutlineFitError
-from softmodels.fitting.problem import (
-    CannotEvaluate,
-    FitError,
-    UnsoundError,
-    known_laws,
-    law_choices,
-)
-from softmodels.fitting.tables import (
-    as_json,
-    as_text,
-    material_toml,
-    name_of,
-    retire,
-    write_curves,
-    write_materials,
-)
-from softmodels.mechanics.mpi import (
-    abort_on_error,
-    on_root,
-    speaks,
-    start,
-)
+from softmodels.fitting.problem import CannotEvaluate, FitError, UnsoundError, known_laws, law_choices
+from softmodels.fitting.tables import as_json, as_text, material_toml, name_of, retire, write_curves, write_materials
+from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.outcomes import DONE, FAILED
 from softmodels.runs.progress import Progress

@@ -6,12 +6,7 @@ import csv
 import dataclasses
 import io
 import json
-from collections.abc import (
-    Callable,
-    Iterator,
-    Mapping,
-    Sequence,
-)
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,36 +14,12 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from geometries import (
-    ACTUATORS,
-    Actuator,
-    GeometryError,
-    HollowDisk,
-    MeshingError,
-)
-from geometries.options import (
-    QuantityType,
-    check_meaning,
-    device_options,
-    device_told,
-)
+from geometries import ACTUATORS, Actuator, GeometryError, HollowDisk, MeshingError
+from geometries.options import QuantityType, check_meaning, device_options, device_told
 from softmodels.case.case import Case
-from softmodels.case.entries import (
-    CaseError,
-    SeriesError,
-    one_of_text,
-    split_text,
-)
+from softmodels.case.entries import CaseError, SeriesError, one_of_text, split_text
 from softmodels.case.materials import material_from
-from softmodels.cli.options import (
-    DEVICE,
-    Values,
-    by_device,
-    fail,
-    law_taken,
-    material_options,
-    taken,
-)
+from softmodels.cli.options import DEVICE, Values, by_device, fail, law_taken, material_options, taken
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.files import write_text
 from softmodels.common.folders import OwnFolderError
@@ -60,12 +31,7 @@ from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import extrapolated
 from softmodels.materials.stability import check_rest, weakest, weakness
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.mpi import (
-    abort_on_error,
-    is_root,
-    on_root,
-    start,
-)
+from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, start
 from softmodels.runs.limits import (
     LARGEST_STRETCH,
     Limit,

@@ -11,12 +11,7 @@ from softmodels.case.entries import INPUT_ERRORS
 from softmodels.casting.files import write_bodies
 from softmodels.casting.make import Made, made
 from softmodels.casting.pictures import write_sheet
-from softmodels.casting.settings import (
-    Asked,
-    MouldError,
-    Workshop,
-    asked_of,
-)
+from softmodels.casting.settings import Asked, MouldError, Workshop, asked_of
 from softmodels.cli.options import fail
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.errors import MeshingError

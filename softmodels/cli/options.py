@@ -14,33 +14,15 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import (
-    Callable,
-    Mapping,
-    MutableMapping,
-    Sequence,
-)
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from geometries import (
-    ACTUATORS,
-    Actuator,
-    GeometryError,
-    MeshFileError,
-    MeshingError,
-    MeshingStopped,
-    meshing,
-)
-from geometries.options import (
-    device_options,
-    device_told,
-    field_option,
-    flag,
-)
+from geometries import ACTUATORS, Actuator, GeometryError, MeshFileError, MeshingError, MeshingStopped, meshing
+from geometries.options import device_options, device_told, field_option, flag
 from softmodels.case.case import Case, entries
 from softmodels.case.entries import INPUT_ERRORS, MISSING, CaseError
 from softmodels.case.materials import DEFAULT, material_from, material_options_of
@@ -61,13 +43,7 @@ from softmodels.common.terminal import COLUMNS, columns, say
 from softmodels.common.units import exact_text
 from softmodels.materials.laws import LAWS
 from softmodels.materials.silicones import PRODUCTS
-from softmodels.mechanics.mpi import (
-    StartError,
-    launched,
-    mpich_file,
-    speaks,
-    start,
-)
+from softmodels.mechanics.mpi import StartError, launched, mpich_file, speaks, start
 from softmodels.runs.outcomes import FAILED, no_memory
 
 if TYPE_CHECKING:

@@ -18,33 +18,11 @@ from softmodels.common.commands import bounded
 from softmodels.common.errors import spoken
 from softmodels.common.terminal import say
 from softmodels.materials.silicones import stretch_at_break
-from softmodels.mechanics.mpi import (
-    abort_on_error,
-    is_root,
-    on_root,
-    petsc_reason,
-    start,
-)
-from softmodels.runs.columns import (
-    StateLabels,
-    overlap_text,
-    state_labels,
-    term,
-)
-from softmodels.runs.outcomes import (
-    BAD_INPUT,
-    DONE,
-    FAILED,
-    NO_EQUILIBRIUM,
-    Ended,
-)
+from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
+from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
+from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended
 from softmodels.runs.progress import Progress
-from softmodels.runs.recording import (
-    Observer,
-    Summary,
-    solved_into,
-    unstopped,
-)
+from softmodels.runs.recording import Observer, Summary, solved_into, unstopped
 from softmodels.runs.resume import ResultsPlace
 from softmodels.runs.row import Row, at_rise, split
 from softmodels.runs.store import Results

@@ -11,15 +11,7 @@ import click
 from geometries import ACTUATORS, Actuator
 from softmodels.case.case import Case
 from softmodels.case.materials import material_from, to_table
-from softmodels.cli.options import (
-    DEVICE,
-    RunOptions,
-    by_device,
-    device_command,
-    execute,
-    run_options,
-    taken,
-)
+from softmodels.cli.options import DEVICE, RunOptions, by_device, device_command, execute, run_options, taken
 from softmodels.materials.silicones import product_of, silicone_called
 from softmodels.mechanics.solver import METHODS
 

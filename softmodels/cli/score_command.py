@@ -26,13 +26,7 @@ from softmodels.common.terminal import say
 from softmodels.common.units import UnitError
 from softmodels.fitting.curves.curve import TensileError
 from softmodels.fitting.problem import FitError
-from softmodels.fitting.scoring import (
-    Score,
-    against_outlines,
-    error_of,
-    score_curve,
-    write_scores,
-)
+from softmodels.fitting.scoring import Score, against_outlines, error_of, score_curve, write_scores
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.mechanics.mpi import speaks
 

@@ -11,19 +11,8 @@ from typing import TypedDict
 import click
 
 from geometries.options import QuantityType
-from softmodels.common.units import (
-    UnitError,
-    brief,
-    number,
-    quantity,
-)
-from softmodels.fitting.curves.curve import (
-    EQUILIBRIUM,
-    Specimen,
-    TensileCurve,
-    TensileError,
-    read_curve,
-)
+from softmodels.common.units import UnitError, brief, number, quantity
+from softmodels.fitting.curves.curve import EQUILIBRIUM, Specimen, TensileCurve, TensileError, read_curve
 from softmodels.fitting.curves.fit import prepared
 from softmodels.fitting.outlines.shapes import OutlineFitError
 from softmodels.fitting.problem import (

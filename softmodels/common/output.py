@@ -8,22 +8,12 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import tomllib
-from collections.abc import (
-    Callable,
-    Iterable,
-    Iterator,
-    Mapping,
-)
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from softmodels.common.errors import reason
-from softmodels.common.files import (
-    check_file,
-    file_digest,
-    is_same,
-    read_text,
-)
+from softmodels.common.files import check_file, file_digest, is_same, read_text
 from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
 
 if TYPE_CHECKING:

@@ -15,12 +15,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 from softmodels.common import errors
-from softmodels.common.errors import (
-    FieldError,
-    GeometryError,
-    known_are,
-    meant,
-)
+from softmodels.common.errors import FieldError, GeometryError, known_are, meant
 from softmodels.common.units import exact_text
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -17,12 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from softmodels.common.files import (
-    CHUNK,
-    TEXT,
-    UserFileError,
-    read_file,
-)
+from softmodels.common.files import CHUNK, TEXT, UserFileError, read_file
 
 type Line = tuple[int, list[str]]
 """A row's number in its file or sheet, from 1, and its cells."""

@@ -13,12 +13,7 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.actuator import Vector
-from softmodels.common.schema import (
-    Open,
-    Quantity,
-    Words,
-    field_of,
-)
+from softmodels.common.schema import Open, Quantity, Words, field_of
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import density_of
 from softmodels.mechanics.body import BodyError, in_section

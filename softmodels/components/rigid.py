@@ -15,26 +15,10 @@ import numpy as np
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
-from softmodels.common.schema import (
-    Choice,
-    Quantity,
-    Several,
-    Words,
-    field_of,
-)
+from softmodels.common.schema import Choice, Quantity, Several, Words, field_of
 from softmodels.mechanics.body import in_section, in_space
-from softmodels.mechanics.component import (
-    INSIDE,
-    ComponentError,
-    check_regions,
-    register_component,
-)
-from softmodels.mechanics.dead_loads import (
-    DistributedLoad,
-    HeavyPart,
-    Weighed,
-    check_finite,
-)
+from softmodels.mechanics.component import INSIDE, ComponentError, check_regions, register_component
+from softmodels.mechanics.dead_loads import DistributedLoad, HeavyPart, Weighed, check_finite
 
 if TYPE_CHECKING:
     pass

@@ -16,16 +16,7 @@ from geometries.actuator import cavity_roles, reflected
 from softmodels.common.arrays import Array
 from softmodels.common.schema import Quantity, Words, field_of
 from softmodels.components.contact import ONSET_PRESSURE, ContactPart
-from softmodels.components.pressing import (
-    MOST_IMAGES,
-    Near,
-    Pairs,
-    Penalty,
-    Pressed,
-    PressingTerm,
-    Surface,
-    facing,
-)
+from softmodels.components.pressing import MOST_IMAGES, Near, Pairs, Penalty, Pressed, PressingTerm, Surface, facing
 from softmodels.mechanics.assembly import FaceNodes, check_mesh_faces
 from softmodels.mechanics.body import Body, in_section
 from softmodels.mechanics.component import (

@@ -5,12 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import (
-    Iterable,
-    Iterator,
-    Mapping,
-    Sequence,
-)
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +13,7 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.actuator import cavity_roles
-from geometries.mesh_arrays import (
-    WEIGHTS,
-    Ints,
-    MeshArrays,
-    read_arrays,
-    tetrahedron_slopes,
-    triangle_tables,
-)
+from geometries.mesh_arrays import WEIGHTS, Ints, MeshArrays, read_arrays, tetrahedron_slopes, triangle_tables
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import Region
@@ -43,12 +31,7 @@ from softmodels.components.contact import (
     copies_around,
     obstacle_of,
 )
-from softmodels.components.fibres import (
-    Fabric,
-    Fibres,
-    helix_at,
-    slope_of,
-)
+from softmodels.components.fibres import Fabric, Fibres, helix_at, slope_of
 from softmodels.components.loads import FaceLoad, Mass
 from softmodels.components.pressing import HardeningPenalty, Penalty, Stand
 from softmodels.components.rigid import Rigid

@@ -16,13 +16,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.components.contact import Obstacle, RigidShape
 from softmodels.components.fibres import Fabric, Fibres
-from softmodels.decks.deck import (
-    WRITTEN,
-    Deck,
-    DeckSilicone,
-    Rigged,
-    check,
-)
+from softmodels.decks.deck import WRITTEN, Deck, DeckSilicone, Rigged, check
 
 Node = ElementTree.Element
 

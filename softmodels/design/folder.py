@@ -11,21 +11,10 @@ from pathlib import Path
 from geometries import GeometryError
 from softmodels.common.errors import reason
 from softmodels.common.files import read_text, replace_text, replaced_whole
-from softmodels.common.folders import (
-    InUseError,
-    OwnFolder,
-    OwnFolderError,
-    take_default,
-)
+from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
 from softmodels.design.formulation import KEPT, Formulation
 from softmodels.design.loads import DesignError, factor, shown_unit
-from softmodels.design.problem import (
-    DesignProblem,
-    in_words,
-    label,
-    shown,
-    shown_factor,
-)
+from softmodels.design.problem import DesignProblem, in_words, label, shown, shown_factor
 from softmodels.design.result import case_of, case_text
 from softmodels.design.trials import Trial
 

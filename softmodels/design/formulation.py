@@ -10,14 +10,7 @@ import numpy as np
 from geometries.actuator import parameter
 from softmodels.common.arrays import Array
 from softmodels.design.loads import PRESSURE, JudgedLoad
-from softmodels.design.problem import (
-    SURE,
-    DesignProblem,
-    Keep,
-    ToleranceSpread,
-    in_words,
-    label,
-)
+from softmodels.design.problem import SURE, DesignProblem, Keep, ToleranceSpread, in_words, label
 from softmodels.design.quantities.base import DesignQuantity
 from softmodels.design.trials import Squares, Trial
 

@@ -5,12 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 
-from softmodels.common.units import (
-    UnitError,
-    brief,
-    quantity,
-    readable,
-)
+from softmodels.common.units import UnitError, brief, quantity, readable
 
 PRESSURE, VOLUME = "pressure", "volume"
 

@@ -21,30 +21,14 @@ from softmodels.design.body import DesignedBody
 from softmodels.design.folder import DesignFolder, line
 from softmodels.design.formulation import EvaluationRequest, Formulation, Judged
 from softmodels.design.gradients import Adjoint, Bifurcations
-from softmodels.design.loads import (
-    PRESSURE,
-    DesignError,
-    DesignStopped,
-    JudgedLoad,
-)
-from softmodels.design.problem import (
-    EVALUATIONS,
-    DesignProblem,
-    Judge,
-    SearchOptions,
-)
+from softmodels.design.loads import PRESSURE, DesignError, DesignStopped, JudgedLoad
+from softmodels.design.problem import EVALUATIONS, DesignProblem, Judge, SearchOptions
 from softmodels.design.quantities.base import DesignQuantity, Slopes, TargetMeasure
 from softmodels.design.quantities.composite import CompositeQuantity
 from softmodels.design.quantities.geometric import DeviceQuantity
 from softmodels.design.quantities.limits import OfBifurcation, OfLimit
 from softmodels.design.states import Known, Transfer, WorkingStates
-from softmodels.design.trials import (
-    DesignFailure,
-    Evaluation,
-    Squares,
-    Trial,
-    Trials,
-)
+from softmodels.design.trials import DesignFailure, Evaluation, Squares, Trial, Trials
 from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.path.stability import Stability

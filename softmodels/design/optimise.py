@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import (
-    Callable,
-    Iterator,
-    Mapping,
-    Sequence,
-)
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack, cast
 
@@ -16,25 +11,12 @@ import numpy as np
 
 from geometries.actuator import parameter
 from softmodels.common.arrays import Array
-from softmodels.common.calls import (
-    callback,
-    checked,
-    flag,
-    place,
-    several,
-    whole as whole_number,
-    wrong,
-)
+from softmodels.common.calls import callback, checked, flag, place, several, whole as whole_number, wrong
 from softmodels.common.processes import one_at_a_time
 from softmodels.design.folder import DesignFolder
 from softmodels.design.loads import DesignStopped
 from softmodels.design.model import Evaluating, evaluator
-from softmodels.design.problem import (
-    EVALUATIONS,
-    DesignProblem,
-    Judge,
-    SearchOptions,
-)
+from softmodels.design.problem import EVALUATIONS, DesignProblem, Judge, SearchOptions
 from softmodels.design.result import DesignResult, StartEnd, holding
 from softmodels.design.search import follow, further_starts
 from softmodels.mechanics.mpi import on_root, start

@@ -7,12 +7,7 @@ import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import (
-    TYPE_CHECKING,
-    Protocol,
-    TypedDict,
-    cast,
-)
+from typing import TYPE_CHECKING, Protocol, TypedDict, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -26,23 +21,9 @@ from softmodels.common.calls import checked, place
 from softmodels.common.errors import known_are
 from softmodels.common.schema import about
 from softmodels.common.toml_file import TomlError, parse_toml, read_toml
-from softmodels.common.units import (
-    UnitError,
-    brief,
-    number_and_unit,
-    quantity,
-)
+from softmodels.common.units import UnitError, brief, number_and_unit, quantity
 from softmodels.components.walls import Walls
-from softmodels.design.loads import (
-    PRESSURE,
-    VOLUME,
-    DesignError,
-    JudgedLoad,
-    factor,
-    read,
-    shown_unit,
-    text,
-)
+from softmodels.design.loads import PRESSURE, VOLUME, DesignError, JudgedLoad, factor, read, shown_unit, text
 from softmodels.design.quantities.base import DesignQuantity
 from softmodels.design.quantities.gaps import LeastGap
 from softmodels.design.trials import Evaluation, Trial

@@ -23,15 +23,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.calls import keep_arrays
 from softmodels.design.formulation import INSIDE, ConstraintRow, Formulation
 from softmodels.design.loads import factor, shown_unit, text
-from softmodels.design.problem import (
-    SURE,
-    DesignProblem,
-    Free,
-    in_words,
-    label,
-    shown,
-    shown_factor,
-)
+from softmodels.design.problem import SURE, DesignProblem, Free, in_words, label, shown, shown_factor
 from softmodels.design.quantities.gaps import LeastGap
 from softmodels.design.trials import Trial
 

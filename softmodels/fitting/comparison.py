@@ -16,25 +16,10 @@ from softmodels.common.units import brief, with_prefix
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import largest_strain, stretches_of
 from softmodels.fitting.least_squares import Profile
-from softmodels.fitting.problem import (
-    FitError,
-    LawChoice,
-    all_laws,
-    loss_of,
-)
-from softmodels.fitting.result import (
-    NOTHING,
-    Judgement,
-    LeastSquaresFit,
-    objections,
-)
+from softmodels.fitting.problem import FitError, LawChoice, all_laws, loss_of
+from softmodels.fitting.result import NOTHING, Judgement, LeastSquaresFit, objections
 from softmodels.materials.laws import Material
-from softmodels.materials.silicones import (
-    PRODUCTS,
-    named,
-    product_of,
-    silicone_called,
-)
+from softmodels.materials.silicones import PRODUCTS, named, product_of, silicone_called
 from softmodels.materials.specimens import respond, secant_modulus
 from softmodels.materials.stability import Verdict, judge
 

@@ -17,14 +17,7 @@ from scipy.optimize import OptimizeResult
 
 from softmodels.common.arrays import Array
 from softmodels.common.calls import keep_arrays
-from softmodels.fitting.problem import (
-    CannotEvaluate,
-    FitError,
-    Parameter,
-    Problem,
-    Residuals,
-    loss_of,
-)
+from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Problem, Residuals, loss_of
 from softmodels.fitting.result import LeastSquaresFit, StartResult
 
 LOSSES = ("linear", "soft_l1")

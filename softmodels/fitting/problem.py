@@ -18,20 +18,9 @@ from softmodels.common import errors
 from softmodels.common.arrays import Array
 from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError, Spoken, meant
-from softmodels.common.schema import (
-    Flag,
-    Kind,
-    Quantity,
-    Several,
-    Words,
-)
+from softmodels.common.schema import Flag, Kind, Quantity, Several, Words
 from softmodels.common.units import brief
-from softmodels.materials.laws import (
-    LAWS,
-    Material,
-    MaterialError,
-    parameter_fields,
-)
+from softmodels.materials.laws import LAWS, Material, MaterialError, parameter_fields
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Groups of residuals, such as those of one curve or photograph, and their correlation length.

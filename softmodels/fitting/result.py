@@ -12,13 +12,7 @@ from scipy.special import ndtri, stdtrit
 
 from softmodels.common.arrays import Array
 from softmodels.common.calls import keep_arrays, read_only
-from softmodels.fitting.problem import (
-    GroupSummary,
-    Parameter,
-    Problem,
-    Rows,
-    autocorrelation_time,
-)
+from softmodels.fitting.problem import GroupSummary, Parameter, Problem, Rows, autocorrelation_time
 from softmodels.materials.laws import MaterialError
 
 LEVEL = 0.95

@@ -13,14 +13,7 @@ import numpy as np
 
 from softmodels.common.arrays import Array
 from softmodels.materials.laws import Material, MaterialError, parameter_fields
-from softmodels.materials.specimens import (
-    MODE_NAMES,
-    Response,
-    balloon_limit,
-    log_strain_stiffness,
-    respond,
-    strain_of,
-)
+from softmodels.materials.specimens import MODE_NAMES, Response, balloon_limit, log_strain_stiffness, respond, strain_of
 
 FURTHEST = 10.0
 """Range of stretch, up to this value and down to its inverse, over which a law is checked."""

@@ -18,12 +18,7 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.component import ComponentError, EnergyTerm
-from softmodels.mechanics.mpi import (
-    everywhere,
-    largest,
-    summed,
-    total,
-)
+from softmodels.mechanics.mpi import everywhere, largest, summed, total
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -19,12 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, Hold
-from geometries.actuator import (
-    Opening,
-    Vector,
-    cavity_roles,
-    find_openings,
-)
+from geometries.actuator import Opening, Vector, cavity_roles, find_openings
 from geometries.meshing import load_mesh, private_model
 from softmodels.common.arrays import Array
 from softmodels.common.errors import Spoken

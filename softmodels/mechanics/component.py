@@ -33,12 +33,7 @@ from geometries.actuator import Vector, cavity_roles
 from softmodels.common import schema
 from softmodels.common.errors import FieldError, Spoken
 from softmodels.common.registry import Registry
-from softmodels.common.schema import (
-    Text,
-    about,
-    doubt_of,
-    settle,
-)
+from softmodels.common.schema import Text, about, doubt_of, settle
 from softmodels.common.units import brief
 
 if TYPE_CHECKING:

@@ -18,13 +18,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.materials.laws import Material
-from softmodels.mechanics.component import (
-    COMPONENTS,
-    Component,
-    ComponentError,
-    Equations,
-    MaterialCells,
-)
+from softmodels.mechanics.component import COMPONENTS, Component, ComponentError, Equations, MaterialCells
 from softmodels.mechanics.mpi import any_rank, total
 
 if TYPE_CHECKING:

@@ -10,10 +10,7 @@ import numpy as np
 
 from geometries import Actuator, Hold
 from softmodels.mechanics.body import Body, in_section
-from softmodels.mechanics.component import (
-    Component,
-    ComponentError,
-)
+from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.regions import RegionPart
 
 if TYPE_CHECKING:

@@ -22,13 +22,7 @@ from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.assembly import jumping
 from softmodels.mechanics.body import Body
-from softmodels.mechanics.component import (
-    Component,
-    EnergyComponent,
-    FormContext,
-    MixedPointStress,
-    gravity_of,
-)
+from softmodels.mechanics.component import Component, EnergyComponent, FormContext, MixedPointStress, gravity_of
 from softmodels.mechanics.controls import Coupling
 from softmodels.mechanics.regions import Regions, constants
 

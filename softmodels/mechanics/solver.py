@@ -11,21 +11,9 @@ import numpy as np
 
 from softmodels.common import errors
 from softmodels.common.arrays import Array
-from softmodels.mechanics.controls import (
-    Control,
-    Coupling,
-    Curve,
-    Tangent,
-    pressure_control,
-)
+from softmodels.mechanics.controls import Control, Coupling, Curve, Tangent, pressure_control
 from softmodels.mechanics.direct import Factorisation, entries_here
-from softmodels.mechanics.mpi import (
-    GIGA,
-    TooLargeError,
-    available,
-    needed,
-    total,
-)
+from softmodels.mechanics.mpi import GIGA, TooLargeError, available, needed, total
 from softmodels.mechanics.newton import (
     LOOSEST,
     Bordered,

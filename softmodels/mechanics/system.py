@@ -18,19 +18,8 @@ from geometries.actuator import check_closed
 from softmodels.common.arrays import Array
 from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
-from softmodels.mechanics.assembly import (
-    AssembledTerms,
-    known_to_all,
-    mark_symmetric,
-    matrix_of,
-)
-from softmodels.mechanics.body import (
-    QUADRATURE_DEGREE,
-    Body,
-    BodyError,
-    cell_measure,
-    in_section,
-)
+from softmodels.mechanics.assembly import AssembledTerms, known_to_all, mark_symmetric, matrix_of
+from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError, cell_measure, in_section
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.controls import Coupling

@@ -18,12 +18,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.mechanics.component import PathFailure
-from softmodels.mechanics.controls import (
-    Control,
-    Curve,
-    Tangent,
-    volume_control,
-)
+from softmodels.mechanics.controls import Control, Curve, Tangent, volume_control
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import TANGENT_TOLERANCE, Solver

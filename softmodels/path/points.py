@@ -9,14 +9,7 @@ from typing import ClassVar, Protocol
 
 from softmodels.common.arrays import Array
 from softmodels.mechanics.component import PathFailure
-from softmodels.mechanics.controls import (
-    Control,
-    Curve,
-    Tangent,
-    arc_length,
-    pressure_control,
-    volume_control,
-)
+from softmodels.mechanics.controls import Control, Curve, Tangent, arc_length, pressure_control, volume_control
 from softmodels.mechanics.system import State
 from softmodels.path.stability import Signature
 

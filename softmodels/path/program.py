@@ -18,14 +18,7 @@ import numpy.typing as npt
 
 from softmodels.common.calls import checked
 from softmodels.common.errors import Spoken
-from softmodels.common.units import (
-    WATER_DENSITY,
-    UnitError,
-    brief,
-    numbers as as_numbers,
-    pascal_per_cm,
-    quantity,
-)
+from softmodels.common.units import WATER_DENSITY, UnitError, brief, numbers as as_numbers, pascal_per_cm, quantity
 from softmodels.mechanics.dead_loads import RequestedValue, requestable
 
 KEYS = {"pressure_cm": RequestedValue("cm"), "volume_ml": RequestedValue("ml", True, 1e-6)}

@@ -20,14 +20,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State
 from softmodels.path.air_flow import Gas, Source
 from softmodels.path.continuation import Continuation, trace
-from softmodels.path.points import (
-    ArcLength,
-    PathEnd,
-    PathQuantity,
-    Point,
-    Pressure,
-    VolumeGain,
-)
+from softmodels.path.points import ArcLength, PathEnd, PathQuantity, Point, Pressure, VolumeGain
 from softmodels.path.program import (
     SOURCE,
     SOURCE_KEYS,

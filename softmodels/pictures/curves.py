@@ -17,18 +17,7 @@ from matplotlib.figure import Figure
 from geometries import Actuator
 from softmodels.common.arrays import Array
 from softmodels.materials.silicones import product_of
-from softmodels.pictures.style import (
-    BRANCH,
-    CURVE,
-    DPI,
-    EDGE,
-    FAINT,
-    LINES,
-    SPAN,
-    WARNING,
-    WIDTH,
-    number,
-)
+from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, LINES, SPAN, WARNING, WIDTH, number
 from softmodels.runs.band import SourceRows, key_of
 from softmodels.runs.columns import StateLabels, load_columns, term
 from softmodels.runs.grid import parabolas

@@ -27,20 +27,9 @@ from softmodels.common.commands import unswept
 from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError
 from softmodels.common.terminal import say
 from softmodels.components.contact import obstacle_of
-from softmodels.pictures import (
-    curves,
-    offscreen,
-    report,
-    section,
-    solid,
-)
+from softmodels.pictures import curves, offscreen, report, section, solid
 from softmodels.pictures.film import Film
-from softmodels.pictures.offscreen import (
-    Look,
-    can_render,
-    draw_outlines,
-    look,
-)
+from softmodels.pictures.offscreen import Look, can_render, draw_outlines, look
 from softmodels.pictures.solid import AtRest
 from softmodels.pictures.style import STYLE, DrawnFolder, headline
 from softmodels.runs.store import ResultsError, picture_files, picture_folder

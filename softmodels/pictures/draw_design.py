@@ -29,15 +29,7 @@ from softmodels.common.terminal import say
 from softmodels.design.result import DesignTold, ParameterTold, TrialTold
 from softmodels.pictures.curves import kilopascals, limits, smooth
 from softmodels.pictures.design_files import CAPTIONS, REPORT
-from softmodels.pictures.offscreen import (
-    PIXELS,
-    Image,
-    Look,
-    ViewCamera,
-    can_render,
-    look,
-    studio,
-)
+from softmodels.pictures.offscreen import PIXELS, Image, Look, ViewCamera, can_render, look, studio
 from softmodels.pictures.style import (
     BRANCH,
     CURVE,

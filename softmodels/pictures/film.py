@@ -24,12 +24,7 @@ from PIL import Image as Picture, ImageDraw, ImageFont
 from softmodels.case.entries import CaseError
 from softmodels.common.files import replace, write_bytes
 from softmodels.common.processes import cores
-from softmodels.pictures.offscreen import (
-    Image,
-    Look,
-    look,
-    studio,
-)
+from softmodels.pictures.offscreen import Image, Look, look, studio
 from softmodels.pictures.style import Scale, load
 from softmodels.runs.columns import load_columns
 from softmodels.runs.row import Row

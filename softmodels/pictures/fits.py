@@ -24,14 +24,7 @@ from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.fitting.result import unseen
 from softmodels.fitting.tables import correlation_rows, parameter_rows, residual_rows
 from softmodels.materials.specimens import MODE_NAMES
-from softmodels.pictures.style import (
-    DPI,
-    FAINT,
-    INK,
-    STYLE,
-    WARNING,
-    WIDTH,
-)
+from softmodels.pictures.style import DPI, FAINT, INK, STYLE, WARNING, WIDTH
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,15 +8,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from softmodels.pictures.style import (
-    CURVE,
-    DPI,
-    FAINT,
-    INK,
-    STYLE,
-    WARNING,
-    WIDTH,
-)
+from softmodels.pictures.style import CURVE, DPI, FAINT, INK, STYLE, WARNING, WIDTH
 from softmodels.runs.limits import Tolerance
 
 SHOWN = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}

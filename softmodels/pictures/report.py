@@ -33,13 +33,7 @@ from softmodels.materials.laws import parameter_fields
 from softmodels.path.program import named
 from softmodels.pictures import curves
 from softmodels.pictures.offscreen import Look
-from softmodels.pictures.style import (
-    COLOURS,
-    STYLE,
-    Scale,
-    headline,
-    load,
-)
+from softmodels.pictures.style import COLOURS, STYLE, Scale, headline, load
 from softmodels.runs.columns import StateLabels, term
 from softmodels.runs.fields import coloured
 from softmodels.runs.grid import CUT, OUTSIDE

@@ -28,12 +28,7 @@ from softmodels.pictures.style import (
     title_colour,
 )
 from softmodels.runs.columns import StateLabels
-from softmodels.runs.grid import (
-    Cells,
-    edge_curves,
-    fine_triangles,
-    outline,
-)
+from softmodels.runs.grid import Cells, edge_curves, fine_triangles, outline
 from softmodels.runs.row import Row
 
 if TYPE_CHECKING:

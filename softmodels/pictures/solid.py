@@ -55,15 +55,7 @@ from softmodels.pictures.style import (
     wrapped,
 )
 from softmodels.runs.columns import StateLabels
-from softmodels.runs.grid import (
-    CUT,
-    OUTSIDE,
-    SHARP,
-    Cells,
-    Surface,
-    edge_curves,
-    outer_faces,
-)
+from softmodels.runs.grid import CUT, OUTSIDE, SHARP, Cells, Surface, edge_curves, outer_faces
 from softmodels.runs.row import Row
 from softmodels.runs.store import ResultsError
 from softmodels.runs.stored import States

@@ -28,20 +28,10 @@ from softmodels.common.files import replace
 from softmodels.materials.silicones import named, silicone_called, source_names
 from softmodels.mechanics.controls import volume_control
 from softmodels.mechanics.newton import NoConvergence
-from softmodels.path.points import (
-    AddedVolume,
-    DeadForce,
-    Point,
-    Pressure,
-)
+from softmodels.path.points import AddedVolume, DeadForce, Point, Pressure
 from softmodels.runs.columns import state_labels
 from softmodels.runs.fields import Fields
-from softmodels.runs.row import (
-    Cell,
-    Row,
-    at_rise,
-    split,
-)
+from softmodels.runs.row import Cell, Row, at_rise, split
 
 DEVIATIONS = 1.959964
 """Half width of a 95 % interval in standard deviations."""

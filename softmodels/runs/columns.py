@@ -25,23 +25,8 @@ from softmodels.path.air_flow import Reservoir, Source
 from softmodels.path.points import Supply
 from softmodels.path.program import SOURCE, time_at, value_at
 from softmodels.path.schedule import source_at
-from softmodels.runs.fields import (
-    OUTPUTS,
-    Extreme,
-    ForceMeasure,
-    Output,
-    OutputField,
-    outputs,
-    register_output,
-)
-from softmodels.runs.row import (
-    Cell,
-    ColumnText,
-    Row,
-    at_rise,
-    described,
-    split,
-)
+from softmodels.runs.fields import OUTPUTS, Extreme, ForceMeasure, Output, OutputField, outputs, register_output
+from softmodels.runs.row import Cell, ColumnText, Row, at_rise, described, split
 from softmodels.runs.self_contact import OVERLAP
 
 if TYPE_CHECKING:

@@ -11,12 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.actuator import Vector, reflected
-from softmodels.case.requests import (
-    NONE,
-    ProbeError,
-    Probes,
-    followed_text,
-)
+from softmodels.case.requests import NONE, ProbeError, Probes, followed_text
 from softmodels.common.arrays import Array
 from softmodels.common.registry import Registry
 from softmodels.components.rigid import symmetric_motions
@@ -30,12 +25,7 @@ from softmodels.mechanics.system import State, System, held_force
 from softmodels.runs.grid import Grid
 from softmodels.runs.row import AT_POINTS
 from softmodels.runs.self_contact import FacingWalls
-from softmodels.runs.state_values import (
-    WORDS,
-    Sampling,
-    StateValues,
-    volume_peak,
-)
+from softmodels.runs.state_values import WORDS, Sampling, StateValues, volume_peak
 
 # ----------------------------------------------------------------------------------------------------------------------
 # One state of a device in numbers.

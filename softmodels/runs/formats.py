@@ -12,29 +12,16 @@ import dataclasses
 import functools
 import io
 import json
-from collections.abc import (
-    Iterator,
-    Mapping,
-    Sequence,
-)
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import (
-    TYPE_CHECKING,
-    Any,
-    Protocol,
-    TypedDict,
-)
+from typing import TYPE_CHECKING, Any, Protocol, TypedDict
 from xml.etree import ElementTree
 
 import h5py
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.common.files import (
-    check_file,
-    replace,
-    replace_hdf5,
-)
+from softmodels.common.files import check_file, replace, replace_hdf5
 from softmodels.runs.row import Row
 
 if TYPE_CHECKING:

@@ -21,29 +21,11 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import STIFFNESS_RANGE
 from softmodels.common.errors import FieldError
-from softmodels.common.schema import (
-    Length,
-    Quantity,
-    about,
-    shown,
-)
-from softmodels.common.units import (
-    UnitError,
-    brief,
-    number,
-    quantity,
-)
+from softmodels.common.schema import Length, Quantity, about, shown
+from softmodels.common.units import UnitError, brief, number, quantity
 from softmodels.components.loads import weighed
 from softmodels.materials.laws import Material
-from softmodels.materials.silicones import (
-    PRODUCTS,
-    SILICONES,
-    full_name,
-    named,
-    product_of,
-    spanning,
-    spread_sentence,
-)
+from softmodels.materials.silicones import PRODUCTS, SILICONES, full_name, named, product_of, spanning, spread_sentence
 from softmodels.mechanics.mpi import on_root
 from softmodels.runs.model import Model, meshed
 from softmodels.runs.outcomes import RunError

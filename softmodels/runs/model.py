@@ -16,9 +16,7 @@ import numpy as np
 
 from geometries import Actuator
 from softmodels.case.case import Case
-from softmodels.case.entries import (
-    CaseError,
-)
+from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.common.calls import checked, read_only
 from softmodels.common.processes import one_at_a_time

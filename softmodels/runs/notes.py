@@ -6,12 +6,7 @@ import contextlib
 import dataclasses
 import itertools
 import math
-from collections.abc import (
-    Callable,
-    Iterator,
-    Mapping,
-    Sequence,
-)
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -37,13 +32,7 @@ from softmodels.materials.silicones import (
     sheet_of,
     stretch_at_break,
 )
-from softmodels.materials.stability import (
-    described,
-    instabilities,
-    last_stretch,
-    weakest,
-    weakness,
-)
+from softmodels.materials.stability import described, instabilities, last_stretch, weakest, weakness
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import PathFailure, names_in
 from softmodels.mechanics.dead_loads import requestable

@@ -4,13 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import (
-    ItemsView,
-    Iterable,
-    Iterator,
-    KeysView,
-    Mapping,
-)
+from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping
 from typing import Literal, overload
 
 Cell = float | str | None

@@ -20,12 +20,7 @@ from softmodels.runs.columns import Solved, row_of
 from softmodels.runs.formats import Restart, restart_of
 from softmodels.runs.model import Model, body_of
 from softmodels.runs.notes import explain, explain_failure, explain_step
-from softmodels.runs.outcomes import (
-    FAILED,
-    NO_EQUILIBRIUM,
-    STOPPED,
-    RunError,
-)
+from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
 from softmodels.runs.row import Row
 
 if TYPE_CHECKING:

@@ -12,9 +12,7 @@ from __future__ import annotations
 import felupe as fem  # type: ignore[import-untyped]
 import numpy as np
 from felupe.constitution.tensortrax import Hyperelastic  # type: ignore[import-untyped]
-from felupe.constitution.tensortrax.models.hyperelastic import (  # type: ignore[import-untyped]
-    finite_strain_viscoelastic,
-)
+from felupe.constitution.tensortrax.models.hyperelastic import finite_strain_viscoelastic  # type: ignore[import-untyped]
 
 from softmodels.materials import memory
 from softmodels.materials.memory import Softening

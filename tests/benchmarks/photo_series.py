@@ -17,12 +17,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from measurement.series.copies import (
-    cut_out,
-    is_copy,
-    likeness,
-    prepared,
-)
+from measurement.series.copies import cut_out, is_copy, likeness, prepared
 from measurement.series.photo_list import Column, PhotoListError, read_photos
 from measurement.series.witness import Run
 from measurement.synthetic import photographer

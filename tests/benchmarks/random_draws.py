@@ -17,12 +17,7 @@ from softmodels.case.entries import CaseError
 from softmodels.case.load import LoadRequest
 from softmodels.common.schema import Choice, Length, about
 from softmodels.components.fibres import Fabric, Fibres
-from softmodels.components.loads import (
-    Force,
-    Gravity,
-    Mass,
-    Moment,
-)
+from softmodels.components.loads import Force, Gravity, Mass, Moment
 from softmodels.materials.silicones import SILICONES
 from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.dead_loads import LoadPart

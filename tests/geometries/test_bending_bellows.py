@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 
 from geometries import BendingBellows, GeometryError
-from geometries.bending_bellows import (
-    crest,
-    half_angle,
-    half_width,
-    profile,
-)
+from geometries.bending_bellows import crest, half_angle, half_width, profile
 from geometries.meshing import private_model, summarize
 from geometries.registry import from_table, to_table
 

@@ -9,15 +9,7 @@ import pytest
 from geometries import GeometryError, HollowDisk, SeminarActuator
 from geometries.actuator import changed, parameter, parameter_names
 from geometries.meshing import private_model
-from geometries.seminar import (
-    MM,
-    Junction,
-    _role,
-    edge_distance,
-    half_fan,
-    half_slab,
-    side,
-)
+from geometries.seminar import MM, Junction, _role, edge_distance, half_fan, half_slab, side
 
 COARSE = {"around": 5.0, "channels": 3, "spread": 60.0}
 SLABS = {

@@ -14,13 +14,7 @@ from PIL import Image
 
 from measurement.__main__ import main
 from measurement.outline.outline import Outline
-from measurement.series.copies import (
-    COPIED,
-    copies,
-    cut_out,
-    likeness,
-    prepared,
-)
+from measurement.series.copies import COPIED, copies, cut_out, likeness, prepared
 from measurement.synthetic import photographer
 from measurement.synthetic.photographer import dome, dome_height, photograph, save
 

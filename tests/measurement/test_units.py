@@ -7,13 +7,7 @@ import random
 import pytest
 
 from softmodels.common import units
-from softmodels.common.units import (
-    FACTORS,
-    UnitError,
-    exact_text,
-    number,
-    quantity,
-)
+from softmodels.common.units import FACTORS, UnitError, exact_text, number, quantity
 
 READ = [
     ("20 mm", "m", 0.02),

@@ -10,12 +10,7 @@ import pytest
 
 from softmodels.common import tables
 from softmodels.common.files import UserFileError
-from softmodels.common.tables import (
-    MAX_COLUMNS,
-    pick,
-    read_sheets,
-    records,
-)
+from softmodels.common.tables import MAX_COLUMNS, pick, read_sheets, records
 
 
 def workbook(*rows, hidden=()):

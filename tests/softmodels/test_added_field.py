@@ -14,13 +14,7 @@ from softmodels.case.case import Case
 from softmodels.cli.run import run
 from softmodels.materials.laws import NeoHookean
 from softmodels.runs.columns import PathColumn, term
-from softmodels.runs.fields import (
-    OUTPUTS,
-    Extreme,
-    ForceMeasure,
-    OutputField,
-    register_output,
-)
+from softmodels.runs.fields import OUTPUTS, Extreme, ForceMeasure, OutputField, register_output
 
 SMALLEST = OutputField(
     "smallest_stretch",

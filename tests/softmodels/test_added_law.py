@@ -22,15 +22,7 @@ from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit import fit
 from softmodels.fitting.problem import FitOptions, LawChoice, all_laws
-from softmodels.materials.laws import (
-    LAWS,
-    Material,
-    MaterialError,
-    NeoHookean,
-    parameter,
-    poissons_ratio,
-    register_law,
-)
+from softmodels.materials.laws import LAWS, Material, MaterialError, NeoHookean, parameter, poissons_ratio, register_law
 from softmodels.materials.specimens import nominal_stress, respond, sphere_pressure
 from tests.support.simulated import SimulatedCamera, simulated_outlines
 

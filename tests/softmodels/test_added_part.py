@@ -14,13 +14,7 @@ from softmodels.case.case import Case, difference, identity
 from softmodels.case.entries import CaseError
 from softmodels.cli.run import run
 from softmodels.common.schema import Quantity, Words, field_of
-from softmodels.mechanics.component import (
-    COMPONENTS,
-    ComponentError,
-    EnergyComponent,
-    EnergyTerm,
-    register_component,
-)
+from softmodels.mechanics.component import COMPONENTS, ComponentError, EnergyComponent, EnergyTerm, register_component
 from softmodels.runs.columns import term
 
 DISK = sm.HollowDisk(section="axisymmetric")

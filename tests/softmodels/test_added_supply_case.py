@@ -12,13 +12,7 @@ from softmodels.case.case import Case, entries
 from softmodels.case.entries import CaseError
 from softmodels.common.schema import Quantity, field_of
 from softmodels.materials.laws import NeoHookean
-from softmodels.path.supply import (
-    SUPPLIES,
-    AirSupply,
-    Stroke,
-    SupplyError,
-    register_supply,
-)
+from softmodels.path.supply import SUPPLIES, AirSupply, Stroke, SupplyError, register_supply
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,12 +11,7 @@ import softmodels as sm
 from geometries import HollowDisk
 from softmodels.case.case import Case, difference, identity
 from softmodels.case.entries import CaseError
-from softmodels.case.requests import (
-    ProbeError,
-    Probes,
-    from_tables,
-    to_tables,
-)
+from softmodels.case.requests import ProbeError, Probes, from_tables, to_tables
 from tests.support import runs
 from tests.support.ranks import mpirun
 

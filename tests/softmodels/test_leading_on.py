@@ -11,13 +11,7 @@ from click.testing import CliRunner
 from geometries.__main__ import main as geometries_main
 from measurement.__main__ import main as measurement_main
 from softmodels.case.case import Case
-from softmodels.case.entries import (
-    CaseError,
-    SeriesError,
-    of_text,
-    series,
-    split_text,
-)
+from softmodels.case.entries import CaseError, SeriesError, of_text, series, split_text
 from softmodels.cli.options import main
 from softmodels.common import terminal
 from softmodels.path.program import ProgramError, _series

@@ -11,16 +11,7 @@ import numpy as np
 import pytest
 
 from softmodels.case.materials import from_table, to_table
-from softmodels.materials.laws import (
-    LAWS,
-    Gent,
-    MaterialError,
-    MooneyRivlin,
-    NeoHookean,
-    Ogden,
-    Yeoh,
-    parameter_fields,
-)
+from softmodels.materials.laws import LAWS, Gent, MaterialError, MooneyRivlin, NeoHookean, Ogden, Yeoh, parameter_fields
 from softmodels.materials.silicones import (
     PRODUCTS,
     SILICONES,

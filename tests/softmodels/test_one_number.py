@@ -8,12 +8,7 @@ import pytest
 from geometries import HollowDisk, registry as geometry_table
 from softmodels.cli import run
 from softmodels.common.units import exact_text, quantity, readable
-from softmodels.pictures import (
-    curves,
-    offscreen,
-    report,
-    section,
-)
+from softmodels.pictures import curves, offscreen, report, section
 from softmodels.pictures.offscreen import look
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import events, jumps_text, unlocated

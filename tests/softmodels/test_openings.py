@@ -9,15 +9,7 @@ import gmsh
 import numpy as np
 import pytest
 
-from geometries import (
-    ACTUATORS,
-    Balloon,
-    Cylinder,
-    GeometryError,
-    HollowDisk,
-    PneuNet,
-    pneunet,
-)
+from geometries import ACTUATORS, Balloon, Cylinder, GeometryError, HollowDisk, PneuNet, pneunet
 from geometries.actuator import check_closed, find_openings
 from geometries.imported import mesh as mesh_module
 from geometries.meshing import mirror_mesh, private_model

@@ -17,13 +17,7 @@ from PIL import Image
 from geometries import HollowDisk
 from softmodels.common.schema import about
 from softmodels.path.supply import Syringe
-from softmodels.pictures import (
-    curves as curves_module,
-    draw as pictures,
-    offscreen,
-    section,
-    solid,
-)
+from softmodels.pictures import curves as curves_module, draw as pictures, offscreen, section, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
 from softmodels.pictures.style import Scale, png

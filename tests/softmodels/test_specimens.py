@@ -7,21 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from softmodels.materials.laws import (
-    LAWS,
-    Gent,
-    MooneyRivlin,
-    NeoHookean,
-    Ogden,
-    Yeoh,
-)
-from softmodels.materials.specimens import (
-    MODES,
-    log_strain_stiffness,
-    nominal_stress,
-    nudged,
-    respond,
-)
+from softmodels.materials.laws import LAWS, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from softmodels.materials.specimens import MODES, log_strain_stiffness, nominal_stress, nudged, respond
 from softmodels.materials.strain import HomogeneousStrain
 
 L = np.array([0.6, 0.9, 1.0, 1.3, 2.0, 3.0])

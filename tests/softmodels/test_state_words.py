@@ -6,12 +6,7 @@ import re
 
 import pytest
 
-from softmodels.pictures import (
-    curves,
-    film,
-    offscreen,
-    report,
-)
+from softmodels.pictures import curves, film, offscreen, report
 from softmodels.pictures.style import headline
 from softmodels.runs.stored import States
 from tests.support import runs

@@ -14,12 +14,7 @@ from softmodels.api.calls import inflate  # noqa: F401  (says what its arguments
 from softmodels.common.errors import spoken, written
 from softmodels.common.schema import Quantity, field_of
 from softmodels.disk import command
-from softmodels.path.supply import (
-    SUPPLIES,
-    AirSupply,
-    Stroke,
-    register_supply,
-)
+from softmodels.path.supply import SUPPLIES, AirSupply, Stroke, register_supply
 from softmodels.runs.columns import term
 from softmodels.runs.notes import explain, explain_failure
 

@@ -10,14 +10,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.components.contact import RigidShape, slopes
-from softmodels.components.pressing import (
-    Grip,
-    HardeningPenalty,
-    PressedByDistance,
-    Rubbed,
-    Rubbing,
-    Surface,
-)
+from softmodels.components.pressing import Grip, HardeningPenalty, PressedByDistance, Rubbed, Rubbing, Surface
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.problem import FitError
 from softmodels.mechanics.component import ComponentError

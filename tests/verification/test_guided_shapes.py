@@ -12,13 +12,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import LoadRequest
 from softmodels.components.contact import RigidShape, slopes
-from softmodels.components.pressing import (
-    GivingWay,
-    HardeningPenalty,
-    PressedByDistance,
-    Stand,
-    Surface,
-)
+from softmodels.components.pressing import GivingWay, HardeningPenalty, PressedByDistance, Stand, Surface
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import volume_control

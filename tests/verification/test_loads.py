@@ -13,12 +13,7 @@ from scipy.optimize import brentq, minimize_scalar
 from geometries import Actuator, Hold, HollowDisk
 from softmodels.case.materials import Region
 from softmodels.common.schema import length_field, number_field
-from softmodels.components.loads import (
-    Force,
-    Gravity,
-    Mass,
-    Moment,
-)
+from softmodels.components.loads import Force, Gravity, Mass, Moment
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.controls import pressure_control
@@ -28,14 +23,7 @@ from softmodels.mechanics.system import System
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import DIRECT, PathEnd
 from softmodels.path.program import Series
-from softmodels.path.schedule import (
-    HangingEnd,
-    Settings,
-    follow,
-    hang,
-    inflate_from,
-    load_from,
-)
+from softmodels.path.schedule import HangingEnd, Settings, follow, hang, inflate_from, load_from
 from softmodels.runs.fields import Fields
 from tests.support.exact_beam import BEAM, STIFF, elastica
 

@@ -11,12 +11,7 @@ import pytest
 import softmodels as sm
 from softmodels.common.errors import FieldError
 from softmodels.components.contact import _winding
-from softmodels.components.pressing import (
-    FixedWall,
-    Penalty,
-    PressedOn,
-    Surface,
-)
+from softmodels.components.pressing import FixedWall, Penalty, PressedOn, Surface
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.component import ComponentError
 from tests.support import stl_files

@@ -14,12 +14,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common.schema import length_field, number_field
 from softmodels.components.contact import Obstacle
-from softmodels.components.pressing import (
-    Pairs,
-    Penalty,
-    Pressed,
-    Surface,
-)
+from softmodels.components.pressing import Pairs, Penalty, Pressed, Surface
 from softmodels.components.walls import Walls, passes
 from softmodels.materials.laws import NeoHookean
 from softmodels.mechanics.body import Body

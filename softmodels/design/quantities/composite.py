@@ -11,12 +11,7 @@ import numpy as np
 
 from softmodels.common.arrays import Array
 from softmodels.design.loads import JudgedLoad
-from softmodels.design.quantities.base import (
-    DesignQuantity,
-    Measure,
-    length,
-    register_quantity,
-)
+from softmodels.design.quantities.base import DesignQuantity, Measure, length, register_quantity
 from softmodels.design.quantities.places import AXES, Place
 from softmodels.design.quantities.tip_path import read_tip_path
 from softmodels.design.trials import Squares

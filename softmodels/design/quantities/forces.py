@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from softmodels.common.arrays import Array
-from softmodels.design.quantities.base import (
-    DesignQuantity,
-    FormMeasure,
-    Measure,
-    Slopes,
-    register_quantity,
-    scaled,
-)
+from softmodels.design.quantities.base import DesignQuantity, FormMeasure, Measure, Slopes, register_quantity, scaled
 from softmodels.mechanics.body import in_section
 
 if TYPE_CHECKING:

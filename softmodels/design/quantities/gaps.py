@@ -20,21 +20,11 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.design.quantities.base import (
-    DesignQuantity,
-    Measure,
-    Slopes,
-    register_quantity,
-)
+from softmodels.design.quantities.base import DesignQuantity, Measure, Slopes, register_quantity
 from softmodels.mechanics.body import in_space
 from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.runs.grid import Grid, displacement_maps
-from softmodels.runs.self_contact import (
-    LAST_REACH,
-    REACH,
-    FacingWalls,
-    Gaps,
-)
+from softmodels.runs.self_contact import LAST_REACH, REACH, FacingWalls, Gaps
 
 if TYPE_CHECKING:
     import scipy.sparse

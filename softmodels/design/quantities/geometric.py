@@ -14,13 +14,7 @@ import numpy as np
 from geometries import Actuator, GeometryError
 from geometries.actuator import changed, is_length, parameter
 from softmodels.common.arrays import Array
-from softmodels.design.quantities.base import (
-    DesignQuantity,
-    FormMeasure,
-    Measure,
-    register_quantity,
-    scaled,
-)
+from softmodels.design.quantities.base import DesignQuantity, FormMeasure, Measure, register_quantity, scaled
 
 if TYPE_CHECKING:
     from softmodels.design.body import DesignedBody

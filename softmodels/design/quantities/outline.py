@@ -10,18 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.design.quantities.base import (
-    DesignQuantity,
-    Slopes,
-    TargetMeasure,
-    length,
-    register_quantity,
-)
+from softmodels.design.quantities.base import DesignQuantity, Slopes, TargetMeasure, length, register_quantity
 from softmodels.fitting.outlines.shapes import correlation, read_outlines, rising
-from softmodels.fitting.outlines.silhouette import (
-    Silhouette,
-    shadow_of,
-)
+from softmodels.fitting.outlines.silhouette import Silhouette, shadow_of
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.mpi import everywhere, is_root, scattered
 

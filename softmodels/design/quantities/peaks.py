@@ -22,14 +22,7 @@ from softmodels.design.quantities.base import (
 )
 from softmodels.materials.strain import Strain, eigenvalues
 from softmodels.mechanics.mpi import largest
-from softmodels.runs.state_values import (
-    ROUNDED,
-    SHARE,
-    principal_stretches,
-    shape_stresses,
-    volume_peak,
-    von_mises,
-)
+from softmodels.runs.state_values import ROUNDED, SHARE, principal_stretches, shape_stresses, volume_peak, von_mises
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr

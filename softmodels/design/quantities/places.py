@@ -8,12 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from softmodels.common.arrays import Array
-from softmodels.design.quantities.base import (
-    DesignQuantity,
-    Measure,
-    Slopes,
-    register_quantity,
-)
+from softmodels.design.quantities.base import DesignQuantity, Measure, Slopes, register_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -11,13 +11,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.errors import reason
-from softmodels.common.tables import (
-    Line,
-    Worksheet,
-    pick,
-    read_sheets,
-    records,
-)
+from softmodels.common.tables import Line, Worksheet, pick, read_sheets, records
 from softmodels.common.units import UnitError, number, quantity
 
 Row = tuple[float, float, float, float]

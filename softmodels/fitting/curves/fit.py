@@ -12,13 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from softmodels.common.arrays import Array
-from softmodels.common.calls import (
-    callback,
-    checked,
-    one_of,
-    several,
-    span,
-)
+from softmodels.common.calls import callback, checked, one_of, several, span
 from softmodels.common.processes import one_at_a_time
 from softmodels.fitting.comparison import (
     Comparison,
@@ -32,13 +26,7 @@ from softmodels.fitting.comparison import (
     hold_against,
     stretch_of,
 )
-from softmodels.fitting.curves.curve import (
-    TensileCurve,
-    TensileError,
-    loop,
-    read_curve,
-    small_modulus,
-)
+from softmodels.fitting.curves.curve import TensileCurve, TensileError, loop, read_curve, small_modulus
 from softmodels.fitting.curves.memory import (
     DECISIVE,
     Spectrum,

@@ -23,24 +23,14 @@ from softmodels.case.case import Case
 from softmodels.common.arrays import Array
 from softmodels.common.calls import checked, one_of
 from softmodels.common.schema import about
-from softmodels.components.loads import (
-    STANDARD_GRAVITY,
-    DirectedLoad,
-    FaceLoad,
-    weighed,
-)
+from softmodels.components.loads import STANDARD_GRAVITY, DirectedLoad, FaceLoad, weighed
 from softmodels.fitting.outlines.shapes import OutlineFitError
 from softmodels.fitting.outlines.silhouette import Silhouette, crest, edge_heights
 from softmodels.fitting.problem import CannotEvaluate, FitError, LawChoice
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import SILICONE_DENSITY
 from softmodels.mechanics.component import ALONG, Component, ComponentError
-from softmodels.mechanics.controls import (
-    Control,
-    Coupling,
-    pressure_control,
-    volume_control,
-)
+from softmodels.mechanics.controls import Control, Coupling, pressure_control, volume_control
 from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.mechanics.motion import MeshMotion
 from softmodels.mechanics.mpi import on_root

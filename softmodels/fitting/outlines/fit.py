@@ -14,12 +14,7 @@ from geometries import Actuator
 from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.common.arrays import Array
-from softmodels.common.calls import (
-    checked,
-    one_of,
-    several,
-    wrong,
-)
+from softmodels.common.calls import checked, one_of, several, wrong
 from softmodels.common.errors import known_are, spoken
 from softmodels.common.processes import one_at_a_time
 from softmodels.fitting.comparison import (
@@ -61,12 +56,7 @@ from softmodels.fitting.outlines.residuals import (
     residuals_by_source,
     starts,
 )
-from softmodels.fitting.outlines.shapes import (
-    OutlineFitError,
-    kept,
-    prepare,
-    read_outlines,
-)
+from softmodels.fitting.outlines.shapes import OutlineFitError, kept, prepare, read_outlines
 from softmodels.fitting.problem import (
     DEFAULTS,
     NOTHING_ELSE,

@@ -19,12 +19,7 @@ from softmodels.mechanics.body import Body, BodyError
 from softmodels.mechanics.motion import coordinates
 from softmodels.mechanics.mpi import everywhere
 from softmodels.mechanics.system import State, System
-from softmodels.runs.grid import (
-    Grid,
-    QuadraticCurve,
-    displacement_maps,
-    shapes,
-)
+from softmodels.runs.grid import Grid, QuadraticCurve, displacement_maps, shapes
 
 if TYPE_CHECKING:
     from dolfinx import fem

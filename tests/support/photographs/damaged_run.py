@@ -25,13 +25,7 @@ from measurement.series.photo import Refusal, outline_of, trace_image, zero_of
 from measurement.series.photo_list import Photograph
 from measurement.synthetic.photographer import column, lens_of, photograph, truth_of
 from tests.support.photographs.bench import PA_PER_CM, Bench
-from tests.support.photographs.damages import (
-    KINDS,
-    NEEDS_SIDES,
-    ONE,
-    RAISED,
-    SETUP,
-)
+from tests.support.photographs.damages import KINDS, NEEDS_SIDES, ONE, RAISED, SETUP
 from tests.support.photographs.faults import Change, Target
 from tests.support.photographs.verdict import Verdict, faults_of
 
