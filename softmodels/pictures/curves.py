@@ -258,7 +258,7 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
         ([f"{words.gauge}_mm"], f"{words.gauge} rise in mm"),
         (words.pressures(rows[0]), "pressure in\ncm of water"),
         (words.volumes(rows[0]), "added volume\nin ml"),
-        *(([name], label) for name, label in SUPPLIED.items() if rows[0].get(name) is not None),
+        *(([name], label) for name, label in SUPPLIED.items() if not np.isnan(rows[0].get(name, np.nan))),
         *(([name], str(term(name))) for name in load_columns(rows[0])),
     ]
     panels = [panel for panel in panels if panel[0]]
