@@ -8,7 +8,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 from softmodels.case.case import Case
 from softmodels.common.errors import Spoken, reason
@@ -28,14 +28,24 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-Summary = dict[str, object]  # what ``summary.json`` holds
+class Summary(TypedDict, total=False):
+    """What ``summary.json`` holds; nothing where there is none."""
+
+    status: int
+    message: str
+    steps: int
+    last: object
+    events: object
+    stretch_at_break: float | None
+    notes: list[str]
+    stability: str
 
 
 def gather(case: Case, results: Results, ended: Ended) -> Summary:
     """Bring all steps into one file, and write and return the summary; on rank 0. `OSError` if there is no room."""
     results.finish()
     words = state_labels(case)
-    summary = {
+    summary: Summary = {
         "status": ended.status, "message": ended.message, "steps": len(results.stored), "last": results.rows[-1].cells,
         "events": events(results.rows, words), "stretch_at_break": stretch_at_break(case.material),
         "notes": notes_of(case, results.rows, results.sources(case)),
