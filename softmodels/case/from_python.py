@@ -21,7 +21,7 @@ from softmodels.common.schema import Quantity
 from softmodels.common.units import FACTORS, WATER_DENSITY, UnitError, brief, number, pascal_per_cm, quantity
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
-from softmodels.path.program import TIME_KEY, VALVE, Program, from_tables
+from softmodels.path.program import VALVE, Program, from_tables, to_tables
 from softmodels.path.supply import AirSupply
 
 type Values = str | float | Sequence[float | str] | npt.NDArray[np.float64]
@@ -120,11 +120,8 @@ def _in_time(
     key = {"pressures_cm": "pressure_cm", "volumes_ml": "volume_ml"}[key]
     if valve is not None and (supply is None or not supply.in_time):
         raise CaseError("a valve belongs to a supply in time; add supply=Reservoir()")
-    if supply is not None and supply.in_time:
-        (series, *_) = of_cavities(key, values, tuple(at), cavities, supply)
-        opening = {} if valve is None else {VALVE: _listed(valve, "valve")}
-        return from_tables({series.key: values, **opening, TIME_KEY: at})
-    return from_tables({**{f"cavity{i}": {key: values} for i in range(1, cavities + 1)}, TIME_KEY: at})
+    opening = {} if valve is None else {VALVE: _listed(valve, "valve")}
+    return from_tables({**to_tables(of_cavities(key, values, tuple(at), cavities, supply)), **opening})
 
 
 def _doubt_pressures(pressures: Values | None, case: Case) -> None:

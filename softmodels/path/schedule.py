@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -168,11 +168,12 @@ class Stage:
         for point in trace(path, [self.goal]):
             yield path.value(point.state) / self.goal, point
 
-    def stop(self, solver: Solver, point: Point, number: int) -> StageEnd:
-        """Return the end of the stage at this point."""
-        system = solver.system
-        system.load(point.state)
-        return StageEnd(number, point.state, system.drives_at(point.state), system.driven())
+
+def stopped(solver: Solver, point: Point, number: int) -> StageEnd:
+    """Return the end of a stage of this number at a point."""
+    system = solver.system
+    system.load(point.state)
+    return StageEnd(number, point.state, system.drives_at(point.state), system.driven())
 
 
 def hang(
@@ -204,7 +205,7 @@ def hang(
         except (PathEnd, NoConvergence) as failure:
             end = failure if isinstance(failure, PathEnd) else PathEnd(str(failure))
             raise HangingEnd(end, what, come[-1][0] if come else 0.0) from failure
-        here = stage.stop(solver, come[-1][1], here.number)
+        here = stopped(solver, come[-1][1], here.number)
     return here
 
 
@@ -286,15 +287,30 @@ def follow(
             continue
         duration = durations[number - 1] if durations else 0.0
         stage = Stage.between(here, row - before, held, rest + before, duration, last)
-        for place, (come, point) in enumerate(
-            stage.follow(solver, settings.control, settings.report, settings.tolerance)
-        ):
-            if place:
-                yield float(number) if point.requested else number - 1 + come, point
-            elif number == 1 and begin is None:
-                yield 0.0, dataclasses.replace(point, requested=bool(first))
-            here = stage.stop(solver, point, number)
+        point = yield from _told(
+            stage.follow(solver, settings.control, settings.report, settings.tolerance), number, begin, bool(first)
+        )
+        here = stopped(solver, point, number)
         before = row
+
+
+def _told(
+    points: Iterator[tuple[float, Point]], number: int, begin: StageEnd | None, at_rest: bool
+) -> Generator[tuple[float, Point], None, Point]:
+    """Yield how far a program has come at a stage's points, and these; return the last one.
+
+    Args:
+        points: Shares of the stage that are done, and points; the first one is its beginning, which the stage before has given.
+        number: The stage's.
+        begin: Where the program goes on from; None where it begins: then the first stage gives its beginning too.
+        at_rest: Whether that beginning is requested.
+    """
+    _, point = next(points)
+    if number == 1 and begin is None:
+        yield 0.0, dataclasses.replace(point, requested=at_rest)
+    for share, point in points:
+        yield float(number) if point.requested else number - 1 + share, point
+    return point
 
 
 def supply(
@@ -345,14 +361,8 @@ def supply(
             here = dataclasses.replace(here, number=number)
             continue
         filling = Filling(gas, (sources[number - 1], sources[number]), duration, rest, largest)
-        for share, point in march(path, filling, settings.tolerance):
-            if share:
-                yield float(number) if point.requested else number - 1 + share, point
-            elif number == 1 and begin is None:
-                yield 0.0, dataclasses.replace(point, requested=bool(first))
-        assert point is not None
-        solver.system.load(point.state)
-        here = StageEnd(number, point.state, solver.system.drives_at(point.state), solver.system.driven())
+        point = yield from _told(march(path, filling, settings.tolerance), number, begin, bool(first))
+        here = stopped(solver, point, number)
 
 
 def source_at(program: Program, come: float, pascal_per_cm: float) -> Source:

@@ -20,7 +20,7 @@ from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import Nodes, System
 from softmodels.path.continuation import Concentration, Continuation, trace
 from softmodels.path.points import DIRECT
-from softmodels.path.schedule import Stage, hang, inflate_from
+from softmodels.path.schedule import Stage, hang, inflate_from, stopped
 from tests.support import membrane_shooting as shooting
 
 RADIUS, PLATE, MU, G = 0.020, 0.008, 30e3, 9.80665
@@ -79,7 +79,7 @@ class Plated:
         for change in ([0.0, 0.0, height / RADIUS - here.driven[2]], [pressure / MU, 0.0, 0.0]):
             stage = Stage.between(here, np.array(change), (2,), here.driven)
             *_, (_, last) = stage.follow(self.solver, "auto", lambda text: None)
-            here = stage.stop(self.solver, last, 0)
+            here = stopped(self.solver, last, 0)
         return here
 
 
