@@ -156,6 +156,9 @@ class Potential:
         from softmodels.mechanics.memory import History
 
         self.step, self._before = fem.Constant(self.body.mesh, 0.0), fem.Function(self.space)
+        self._looked_at: npt.NDArray[np.float64] | None = (
+            None  # the state that `memory_error` has last looked at in this step
+        )
         before = self._vector_part(self._before)
         return [History(self.body, region, self.displacement, before, self.step) for region in found]
 
@@ -217,28 +220,31 @@ class Potential:
 
     def pass_time(self, step: float) -> None:
         """Begin a step of this length in s from the last accepted state; 0 where nothing remembers."""
-        if self.histories:
-            self.step.value = step
+        if not self.histories:
+            return
+        self.step.value, self._looked_at = step, None
         for history in self.histories:
             history.prepare()
 
     def memory_error(self, w: npt.NDArray[np.float64]) -> tuple[float, float]:
         """Return the error of the stress by the length of a step that ends in w, and the largest stress, in shear moduli."""
-        self.w.x.array[:] = w[: len(self.w.x.array)]
+        if not self.histories:
+            return 0.0, 0.0
+        self.w.x.array[:], self._looked_at = w[: len(self.w.x.array)], w
         found = [history.trial() for history in self.histories]
-        return max((error for error, _ in found), default=0.0), max((size for _, size in found), default=0.0)
+        return max(error for error, _ in found), max(size for _, size in found)
 
     def _remember(self, w: npt.NDArray[np.float64], anew: bool) -> None:
         """Let the silicone remember an accepted state; from here on no time passes until `pass_time`."""
         here = self.w.x.array.copy()
-        if anew:
-            self.w.x.array[: len(w)] = w[: len(here)]
-            for history in self.histories:
-                history.begin()
-        else:
+        self.w.x.array[: len(w)] = w[: len(here)]
+        if not anew and w is not self._looked_at:  # by identity, which is the same on all ranks
             self.memory_error(w)
-        for history in () if anew else self.histories:
-            history.advance()
+        for history in self.histories:
+            if anew:
+                history.begin()
+            else:
+                history.advance()
         self._before.x.array[:] = self.w.x.array
         self.pass_time(0.0)
         self.w.x.array[:] = here
@@ -253,7 +259,7 @@ class Potential:
         """Go back to what `remembered` has copied."""
         if since is None:
             return
-        self._before.x.array[:], self.step.value = since[0], 0.0
+        self._before.x.array[:], self.step.value, self._looked_at = since[0], 0.0, None
         for history, kept in zip(self.histories, since[1], strict=True):
             history.restore(kept)
 

@@ -27,6 +27,7 @@ from softmodels.mechanics.component import Component
 from softmodels.mechanics.dead_loads import HeavyPart
 from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.path.points import DeadForce, LoadDisplacement, Pressure
+from softmodels.path.supply import AMBIENT
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, RunError
 
@@ -80,10 +81,6 @@ def body_of(device: Actuator, mesh: Path, comm: MPI.Comm) -> Body:
         return Body.from_file(device, mesh, comm)
     except (BodyError, CompilingError) as error:
         raise RunError(str(error)) from error
-
-
-AMBIENT = 101325.0
-"""Pressure in Pa around a device, above which its cavities' are counted."""
 
 
 class AtRest(Case):
