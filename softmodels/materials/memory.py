@@ -26,7 +26,6 @@ from typing import Protocol
 
 import numpy as np
 
-from softmodels.common.arrays import Array
 from softmodels.common.errors import FieldError
 from softmodels.common.schema import Quantity, Text
 from softmodels.common.units import brief, exact_text
@@ -325,6 +324,11 @@ def _entry(A: Six, i: int, j: int) -> Expression:
     return A[i] if i == j else A[2 + i + j]
 
 
+AS_LARGE = 1e-10
+"""Energy below the largest so far, over m + beta Wm, within which it counts as the largest: there the stiffness jumps, and on the
+first loading, where both are equal but for rounding, it is that of loading on. The stress changes by less than this share."""
+
+
 def softened(W: Expression, Wm: Expression, values: SofteningValues, of: Functions) -> Expression:
     """Return the softened energy, whose derivative by W is the share of the stress that is left.
 
@@ -337,10 +341,4 @@ def softened(W: Expression, Wm: Expression, values: SofteningValues, of: Functio
     s = values.m + values.beta * Wm
     y = (Wm - W) / s
     psi = W + s / values.r * (y * of.erf(y) + (of.exp(-(y**2)) - 1) / math.sqrt(math.pi))
-    return of.below(W, Wm, psi, W)
-
-
-def left(W: Array, Wm: Array, values: Softening) -> Array:
-    """Return the share of the stress that softening leaves."""
-    y = np.maximum(Wm - W, 0.0) / (values.m + values.beta * Wm)
-    return np.asarray(1.0 - InNumpy.erf(y) / values.r)
+    return of.below(W, Wm - AS_LARGE * s, psi, W)

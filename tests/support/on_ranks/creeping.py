@@ -6,7 +6,10 @@ import json
 
 import softmodels as sm
 
-COLUMNS = ("added_volume_ml", "apex_mm", "max_von_mises_kPa", "stored_energy_mJ", "dissipated_energy_mJ")
+COLUMNS = (
+    "added_volume_ml", "apex_mm", "max_von_mises_kPa", "stored_energy_mJ", "dissipated_energy_mJ",
+    "lowest_eigenvalue_Pa_per_mm2",
+)  # fmt: skip
 LAW = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.2, 1.0), (0.1, 30.0)], softening=(1.6, "2 kPa", 0.1))
 
 
