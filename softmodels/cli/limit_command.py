@@ -6,7 +6,7 @@ import csv
 import dataclasses
 import io
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,10 +19,19 @@ from geometries.options import QuantityType, check_meaning, device_options, devi
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError, SeriesError, one_of_text, split_text
 from softmodels.case.materials import material_from
-from softmodels.cli.options import DEVICE, Values, by_device, fail, law_taken, material_options, taken
-from softmodels.common.commands import FolderType, open_folder, status_of
+from softmodels.cli.options import (
+    DEVICE,
+    Values,
+    by_device,
+    fail,
+    law_taken,
+    material_options,
+    open_on_root,
+    taken,
+    write_into,
+)
+from softmodels.common.commands import FolderType
 from softmodels.common.files import write_text
-from softmodels.common.folders import OwnFolderError
 from softmodels.common.output import ResultFolder
 from softmodels.common.schema import shown
 from softmodels.common.terminal import say
@@ -31,7 +40,7 @@ from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import extrapolated
 from softmodels.materials.stability import check_rest, weakest, weakness
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, start
+from softmodels.mechanics.mpi import abort_on_error, is_root, start
 from softmodels.runs.limits import (
     LARGEST_STRETCH,
     Limit,
@@ -318,7 +327,8 @@ def limit(kind: type[Actuator], **values: object) -> None:
     if scattered.sampled:
         say(scatter_text(scattered, question.column))
     if folder is not None:
-        _save(folder, lambda place: write(place, limits, scattered, question.column))
+        write_into(folder, lambda place: write(place, limits, scattered, question.column), "the tables")
+        say(f"tables in {folder.path}")
 
 
 def _open(
@@ -327,21 +337,12 @@ def _open(
     """Open the folder for the tables on rank 0; None elsewhere, or if nothing is to be written."""
     if given.output is None and not question.tolerances:
         return None
-    folder: list[ResultFolder] = []
     options = {
         **values, "material": given.material, "vary": given.vary, "count": given.count, "normal": given.normal,
         "cm": question.column.cm,
     }  # fmt: skip
     files = [path for path in (given.case_file, *map(Path, given.material)) if path is not None and path.is_file()]
-
-    def on_rank_0() -> None:
-        folder.append(open_folder(given.output, Path("results/limit"), "limits", options, files))
-
-    try:
-        on_root(comm, on_rank_0)
-    except OwnFolderError as error:
-        fail(str(error))
-    return folder[0] if folder else None
+    return open_on_root(comm, given.output, Path("results/limit"), "limits", options, files)
 
 
 def _answered(
@@ -383,17 +384,6 @@ def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Ma
     if len(device.ratios) > 1:
         how = "in its ratios" if device.ratios != (1.0,) * len(device.ratios) else "the same"
         yield f"note: this is the pressure in all {len(device.ratios)} cavities, {how}; softmodels run takes a series for each"
-
-
-def _save(folder: ResultFolder, written: Callable[[Path], None]) -> None:
-    try:
-        with folder.writing() as place:
-            written(place)
-    except OwnFolderError as error:
-        fail(str(error))
-    except OSError as error:
-        fail(f"the tables cannot be written into {folder.path} ({error.strerror or error})", status_of(error))
-    say(f"tables in {folder.path}")
 
 
 def _as_asked(

@@ -16,21 +16,20 @@ from geometries import ACTUATORS, Actuator, MeshingError
 from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS, series
 from softmodels.cli.drawing import end, start_drawing, tell_not_drawn
-from softmodels.cli.options import DEVICE, CaseOptions, by_device, fail, taken
+from softmodels.cli.options import DEVICE, CaseOptions, by_device, fail, open_on_root, taken, write_into
 from softmodels.cli.run_command import HELP_OPTIONS, case_of_file
-from softmodels.common.commands import FolderType, open_folder, status_of
+from softmodels.common.commands import FolderType
 from softmodels.common.files import write_bytes, write_text
-from softmodels.common.folders import OwnFolderError
 from softmodels.common.output import ResultFolder
 from softmodels.common.terminal import say
 from softmodels.mechanics.component import ComponentError
-from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, start
+from softmodels.mechanics.mpi import abort_on_error, is_root, start
 from softmodels.runs.frequencies import MOST_MODES, NaturalFrequencies, case_for_modes, find_frequencies
 from softmodels.runs.model import AtRest
 from softmodels.runs.outcomes import FAILED, Ended, RunError
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    pass
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,7 +125,7 @@ def _find(make: Callable[[], Case], how: ModesOptions, options: Mapping[str, obj
         fail(str(error))
     comm = start()
     abort_on_error(comm)
-    folder = _opened(how, options, files, comm)
+    folder = open_on_root(comm, how.output, Path("results/modes"), "modes", options, files)
     try:
         found = find_frequencies(case, how.count, how.sealed, comm)
     except (*INPUT_ERRORS, ComponentError, MeshingError, RunError) as error:
@@ -140,32 +139,13 @@ def _find(make: Callable[[], Case], how: ModesOptions, options: Mapping[str, obj
     sys.exit(0)
 
 
-def _opened(
-    how: ModesOptions, options: Mapping[str, object], files: Sequence[Path], comm: MPI.Comm
-) -> ResultFolder | None:
-    """Open the folder on rank 0; None elsewhere."""
-    folder: list[ResultFolder] = []
-
-    def on_rank_0() -> None:
-        folder.append(open_folder(how.output, Path("results/modes"), "modes", options, files))
-
-    try:
-        on_root(comm, on_rank_0)
-    except OwnFolderError as error:
-        fail(str(error))
-    return folder[0] if folder else None
-
-
 def _told(case: Case, found: NaturalFrequencies, how: ModesOptions, folder: ResultFolder) -> None:
-    try:
-        with folder.writing() as place:
-            write_text(place / "modes.csv", table(found, case.cm))
-            if not how.no_pictures:
-                _draw(case, found, how.sealed, place)
-    except OwnFolderError as error:
-        fail(str(error))
-    except OSError as error:
-        fail(f"the results cannot be written into {folder.path} ({error.strerror or error})", status_of(error))
+    def write(place: Path) -> None:
+        write_text(place / "modes.csv", table(found, case.cm))
+        if not how.no_pictures:
+            _draw(case, found, how.sealed, place)
+
+    write_into(folder, write, "the results")
     if how.quiet:
         return
     shown = [*np.flatnonzero(found.requested), *([] if found.requested[-1] else [len(found.pressure) - 1])]

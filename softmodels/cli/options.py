@@ -34,20 +34,26 @@ from softmodels.common.commands import (
     FolderType,
     asked_to_stop,
     bounded,
+    open_folder,
+    status_of,
     stoppable,
     written,
 )
 from softmodels.common.errors import meant
+from softmodels.common.folders import OwnFolderError
 from softmodels.common.processes import cores
 from softmodels.common.terminal import COLUMNS, columns, say
 from softmodels.common.units import exact_text
 from softmodels.materials.laws import LAWS
 from softmodels.materials.silicones import PRODUCTS
-from softmodels.mechanics.mpi import StartError, launched, mpich_file, speaks, start
+from softmodels.mechanics.mpi import StartError, launched, mpich_file, on_root, speaks, start
 from softmodels.runs.outcomes import FAILED, no_memory
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+    from mpi4py import MPI
+
+    from softmodels.common.output import ResultFolder
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -429,6 +435,35 @@ def fail(message: str, status: int = 2) -> NoReturn:
     """Print an error message on one rank, and exit."""
     _tell(message)
     sys.exit(status)
+
+
+def open_on_root(
+    comm: MPI.Comm, output: Path | None, default: Path, kind: str, options: Mapping[str, object], files: Sequence[Path]
+) -> ResultFolder | None:
+    """Open a results folder on rank 0, see `open_folder`; return None elsewhere. Exit if it cannot be used."""
+    folder: list[ResultFolder] = []
+    try:
+        on_root(comm, lambda: folder.append(open_folder(output, default, kind, options, files)))
+    except OwnFolderError as error:
+        fail(str(error))
+    return folder[0] if folder else None
+
+
+def write_into(folder: ResultFolder, write: Callable[[Path], None], what: str) -> None:
+    """Write all results into a folder at once; exit with a sentence if that fails.
+
+    Args:
+        folder: The folder.
+        write: Writes them into the folder that it is given.
+        what: What they are, such as "the tables".
+    """
+    try:
+        with folder.writing() as place:
+            write(place)
+    except OwnFolderError as error:
+        fail(str(error))
+    except OSError as error:
+        fail(f"{what} cannot be written into {folder.path} ({error.strerror or error})", status_of(error))
 
 
 def _tell(message: str) -> None:

@@ -325,8 +325,9 @@ def _entry(A: Six, i: int, j: int) -> Expression:
 
 
 AS_LARGE = 1e-10
-"""Energy below the largest so far, over m + beta Wm, within which it counts as the largest: there the stiffness jumps, and on the
-first loading, where both are equal but for rounding, it is that of loading on. The stress changes by less than this share."""
+"""Energy below the largest so far, over m + beta Wm, within which it counts as the largest: the stiffness jumps there, and on
+the first loading, where both are equal but for rounding, it is that of loading on. The stress changes by less than this
+share."""
 
 
 def softened(W: Expression, Wm: Expression, values: SofteningValues, of: Functions) -> Expression:
