@@ -186,7 +186,7 @@ def _draw(case: Case, found: NaturalFrequencies, sealed: bool, place: Path) -> N
     last, state = found.modes[-1][:DRAWN], len(found.modes) - 1
     at = _place(found, state, case.cm)
     titles = [f"f{k} = {mode.frequency:.4g} Hz" if mode.stable else f"f{k}: unstable" for k, mode in enumerate(last, 1)]
-    titles[0] += f"\n{at}"
+    titles[0] += f", {at}"
     moved, shapes = found.points + found.displacement[-1], [mode.displacement for mode in last]
     if case.actuator.dimension == 2:
         write_bytes(place / "shapes.png", png(section_shapes(moved, shapes, found.cells, titles)))

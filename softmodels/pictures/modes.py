@@ -104,6 +104,8 @@ def section_shapes(moved: Array, shapes: Sequence[Array], cells: Cells, titles: 
             place.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=title)
         for place in list(figure.axes)[len(shapes) :]:
             place.remove()
+        figure.supxlabel("radius in mm")
+        figure.supylabel("height in mm")
     return figure
 
 
