@@ -69,7 +69,7 @@ if TYPE_CHECKING:
 # A term of the potential that is a function of a few strains at every point of faces or regions: fibres, fabrics.
 #
 # Newton's matrix uses the stress of such a term as predicted from another state, like that of a sheet: see
-# `softmodels.mechanics.potential.Potential.foresee`.
+# `softmodels.mechanics.potential.Potential.predict_stress`.
 
 
 NOWHERE = 1e-12
@@ -188,9 +188,9 @@ class StrainTerm(EnergyTerm):
             _, stiffness = self.stress(strains)
             known = self._strains(foresight.displacement, place)
             stress, slope = self.stress(known)
-            foreseen = stress + ufl.dot(slope, ufl.derivative(known, foresight.known, foresight.move))
+            predicted = stress + ufl.dot(slope, ufl.derivative(known, foresight.known, foresight.move))
             second = ufl.inner(ufl.dot(stiffness, ufl.derivative(strains, w, trial)), along)
-            forms.append(self.integral(second + ufl.inner(foreseen, ufl.derivative(along, w, trial)), place))
+            forms.append(self.integral(second + ufl.inner(predicted, ufl.derivative(along, w, trial)), place))
         return forms
 
 

@@ -126,8 +126,8 @@ class SheetTerm(EnergyTerm):
         displacements = self._setting.displacement, foresight.displacement
         C, known = (surface_metric(body.deformation_gradient(u), self._normal) for u in displacements)
         stress = membrane_stress(known)
-        foreseen = stress + ufl.derivative(stress, foresight.known, foresight.move)
-        return [self._integral(membrane_tangent(C, w, foreseen, foresight.test, foresight.trial))]
+        predicted = stress + ufl.derivative(stress, foresight.known, foresight.move)
+        return [self._integral(membrane_tangent(C, w, predicted, foresight.test, foresight.trial))]
 
 
 def surface_metric(F: Expr, N: Expr) -> Expr:
@@ -147,20 +147,20 @@ def membrane_stress(C: Expr) -> Expr:
     return (ufl.Identity(3) - (I1 * ufl.Identity(3) - C) / area**2) / 6
 
 
-def membrane_tangent(C: Expr, w: fem.Function, foreseen: Expr, test: Expr, trial: Expr) -> Expr:
+def membrane_tangent(C: Expr, w: fem.Function, predicted: Expr, test: Expr, trial: Expr) -> Expr:
     """Return the second derivative of `membrane_energy`, with predicted instead of current stress, in UFL.
 
     Args:
         C: `surface_metric` of w.
         w: The unknowns.
-        foreseen: Stress (`membrane_stress`) that turns with the sheet.
+        predicted: Stress (`membrane_stress`) that turns with the sheet.
         test, trial: Directions.
     """
     import ufl
 
     along = ufl.derivative(C, w, test)
     stiffness = ufl.inner(ufl.derivative(membrane_stress(C), w, trial), along)
-    return stiffness + ufl.inner(foreseen, ufl.derivative(along, w, trial))
+    return stiffness + ufl.inner(predicted, ufl.derivative(along, w, trial))
 
 
 def membrane_energy(F: Expr, N: Expr) -> Expr:

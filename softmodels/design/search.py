@@ -71,19 +71,19 @@ def approached(evaluate: Callable[[Array], Scaled | None], start: Array, price: 
     here = evaluate(x)
     assert here is not None
     while reach >= SHORTEST_REACH:
-        step, foreseen = _step(here, x, reach, price)
-        if foreseen < WORTH_IT:
+        step, predicted = _step(here, x, reach, price)
+        if predicted < WORTH_IT:
             break
         trial = np.clip(x + step, 0.0, 1.0)
         there = evaluate(trial)
         gain = -np.inf if there is None else _merit(here, price) - _merit(there, price)
         if there is not None and (
-            gain > POOR * foreseen or there.fresh
+            gain > POOR * predicted or there.fresh
         ):  # values of different meshes are not comparable
             x, here = trial, there
-        if gain < POOR * foreseen:
+        if gain < POOR * predicted:
             reach = min(reach, float(np.abs(step).max())) / 2
-        elif gain > GOOD * foreseen:
+        elif gain > GOOD * predicted:
             reach = min(2 * reach, FARTHEST_REACH)
     return x, reach
 

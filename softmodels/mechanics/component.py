@@ -68,7 +68,7 @@ class PathFailure:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Predicted stress of a term in Newton's matrix; see `softmodels.mechanics.potential.Potential.foresee`.
+# Predicted stress of a term in Newton's matrix; see `softmodels.mechanics.potential.Potential.predict_stress`.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -318,7 +318,7 @@ class EnergyTerm:
     def tangent(self, foresight: MixedPointStress) -> list[ufl.Form] | None:
         """Return the second derivatives of `energies`, one for each, if their stress is predicted; None for the plain ones.
 
-        See `softmodels.mechanics.potential.Potential.foresee`: a stiff term that is turned needs it.
+        See `softmodels.mechanics.potential.Potential.predict_stress`: a stiff term that is turned needs it.
         """
         return None
 

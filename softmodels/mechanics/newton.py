@@ -570,15 +570,15 @@ class Newton:
     def _foresee_stress(self) -> None:
         """Set the stress of sheets and fibres in Newton's matrix: the iterate's, or with `solve`'s ``since`` a predicted
         one."""
-        if not self.system.potential.foreseen:
+        if not self.system.potential.predicted_stiffness:
             return
         here = self.system.w.x.array.copy()
         if self._since is None:
-            self.system.potential.foresee(here)
+            self.system.potential.predict_stress(here)
         elif self.snes.getIterationNumber():
-            self.system.potential.foresee(self._iterate)
+            self.system.potential.predict_stress(self._iterate)
         else:
-            self.system.potential.foresee(self._since, ahead=False)
+            self.system.potential.predict_stress(self._since, ahead=False)
         self._iterate = here
 
     def _guard(self, x: PETSc.Vec, y: PETSc.Vec) -> bool:
@@ -642,7 +642,7 @@ class Newton:
         """
         if self._since is None:
             return LOOSEST
-        return max(TIGHTEST, LOOSEST / max(1.0, self.system.potential.foreseen))
+        return max(TIGHTEST, LOOSEST / max(1.0, self.system.potential.predicted_stiffness))
 
 
 _REASONS = {

@@ -120,7 +120,7 @@ class Potential:
         self.free_energies = [*self.stored(free), *added] if self.histories else self.energies
         self.internal = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
         self.forces = [*self.internal, *([-pressures] if self.volumes else [])]
-        # The stress of sheets and fibres predicted from another state, only in Newton's matrix; see `foresee`.
+        # The stress of sheets and fibres predicted from another state, only in Newton's matrix; see `predict_stress`.
         self._known, self._move = (fem.Function(self.space) for _ in range(2))
 
     def _vector_part(self, w: Expr) -> Expr:
@@ -185,11 +185,11 @@ class Potential:
         import ufl
 
         found = [ufl.derivative(force, self.w, trial) for force in self.forces]
-        for number, foreseen in self.foreseen_tangents(trial).items():
-            found[number] = foreseen
+        for number, predicted in self.predicted_tangents(trial).items():
+            found[number] = predicted
         return found
 
-    def foreseen_tangents(self, trial: Expr) -> dict[int, ufl.Form]:
+    def predicted_tangents(self, trial: Expr) -> dict[int, ufl.Form]:
         """Return those of `tangent` that are not second derivatives of their energies, by index."""
 
         found: dict[int, ufl.Form] = {}
@@ -288,12 +288,12 @@ class Potential:
             rest.value = pressures[i] - P * coupling.shares[i]
 
     @property
-    def foreseen(self) -> float:
+    def predicted_stiffness(self) -> float:
         """Largest stiffness, in shear moduli, of the terms with predicted stress in Newton's matrix; 0 if none."""
         per_pascal = float(self.per_pascal.value)
         return max([0.0, *(term.stiffness * per_pascal for term in self.terms.values())])
 
-    def foresee(self, known: npt.NDArray[np.float64], ahead: bool = True) -> None:
+    def predict_stress(self, known: npt.NDArray[np.float64], ahead: bool = True) -> None:
         """Predict the stress of sheets and fibres in the current state to first order from another state's dofs ``known``.
 
         A stiff sheet that is rotated slightly too far is stretched by the square of that, which at once exceeds all other
@@ -306,7 +306,7 @@ class Potential:
             known: Local dofs of that state; what follows them is not read.
             ahead: Whether the stress is predicted from there to the current state, or is that state's own.
         """
-        if self.foreseen:
+        if self.predicted_stiffness:
             here = self.w.x.array
             self._known.x.array[:] = known[: len(here)]
             self._move.x.array[:] = here - known[: len(here)] if ahead else 0.0

@@ -356,7 +356,7 @@ class TangentOperator:
         self.kept: list[QuadratureTangent] = []
         self.by_forms: list[fem.Form] = []
         self.matrices = [compiled(form) for form in potential.tangent(ufl.TrialFunction(potential.space))]
-        foreseen = potential.foreseen_tangents(potential.direction)
+        predicted = potential.predicted_tangents(potential.direction)
         terms = [[(energy, force)] for energy, force in zip(potential.energies, internal, strict=True)]
         pressures = zip(potential.pressures, potential.volumes, loads, strict=True)
         terms += [[(-pressure * volume, load) for pressure, volume, load in pressures]] if potential.volumes else []
@@ -364,7 +364,7 @@ class TangentOperator:
         dofs = cell_dofs(potential.space, potential.mixed) if known else np.empty((0, 0), dtype=np.int32)
         for number, term in enumerate(terms):
             try:
-                if not known or number in foreseen:
+                if not known or number in predicted:
                     raise NoModuliError("unsupported cells, or a tangent other than the energy's")
                 self.kept += [
                     QuadratureTangent(energy, potential.w, force, dofs, potential.mixed) for energy, force in term

@@ -189,7 +189,7 @@ class Solver:
             control: The curve.
             w: Guess of the dofs, shape as `State.w`.
             P: Guess of the pressure.
-            since: If given, stress in Newton's matrix is predicted (`Potential.foresee`), at first that of these dofs.
+            since: If given, stress in Newton's matrix is predicted (`Potential.predict_stress`), at first that of these dofs.
             most: Iterations of Newton's method before it is given up; the solver's own number if None.
 
         Raises:

@@ -685,7 +685,7 @@ class System(Assembly):
         """Make ``state`` the current state of the functions."""
         self.w.x.array[:] = state.w[: self.dofs]
         self.unknowns.take(self.w.x.array)
-        self.potential.foresee(state.w)
+        self.potential.predict_stress(state.w)
         self._set_pressures(state.P, state.w[self.dofs :])
 
     def set_iterate(self, owned: Array, scalars: Array) -> None:

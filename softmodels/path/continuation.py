@@ -245,7 +245,7 @@ class Corrector:
         try:
             return self.solver.solve(line, w, P)
         except NoConvergence:
-            if not self.solver.system.potential.foreseen:
+            if not self.solver.system.potential.predicted_stiffness:
                 raise
             return self.solver.solve(line, w, P, since=last.w)
 

@@ -402,7 +402,7 @@ class Spectrum(abc.ABC):
 
         Args:
             count: How many.
-            springs: Stiffnesses added to K; then modes of equal eigenvalues are told apart.
+            springs: Stiffnesses added to K; then modes of equal eigenvalues are separated.
 
         Raises:
             NoConvergence: They were not found.

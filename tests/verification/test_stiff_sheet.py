@@ -53,7 +53,7 @@ def test_no_step_fails(paths, stiffness):
 
 
 def test_the_matrix_of_a_state_is_the_derivative_of_its_forces(sheeted, figure):
-    """Newton's iterates may have a foreseen stress in theirs; the tangent, stability and modes of a state must not."""
+    """Newton's iterates may have a predicted stress in theirs; the tangent, stability and modes of a state must not."""
     equations = sheeted(4e6)
     rng = np.random.default_rng(3)
     w, x = 1e-4 * rng.standard_normal(equations.system.dofs), rng.standard_normal(equations.system.dofs)
