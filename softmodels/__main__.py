@@ -16,11 +16,11 @@ with stoppable("softmodels", speaks):
 
 PLACES = {
     "curve": CommandPlace(
-        "softmodels.cli.curve_command", "curve",
+        "softmodels.cli.material_commands", "curve",
         "Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.",
     ),
     "demo": CommandPlace(
-        "softmodels.cli.demo", "demo",
+        "softmodels.cli.examples", "demo",
         "Run the whole workflow: simulate a known silicone, photograph it, measure the photographs, fit, and compare.",
     ),
     "design": CommandPlace(
@@ -31,7 +31,7 @@ PLACES = {
         "Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.",
     ),
     "export": CommandPlace(
-        "softmodels.cli.export", "command",
+        "softmodels.cli.exports", "export_command",
         "Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.",
     ),
     "fit": CommandPlace(
@@ -39,15 +39,15 @@ PLACES = {
         "Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.",
     ),
     "limit": CommandPlace(
-        "softmodels.cli.limit_command", "command",
+        "softmodels.cli.analyses", "limit_command",
         "Find the largest pressure a device can take, and the place of its largest strain.",
     ),
     "modes": CommandPlace(
-        "softmodels.cli.modes_command", "command",
+        "softmodels.cli.analyses", "modes_command",
         "Find the natural frequencies of a device at rest and while it is inflated, and their modes.",
     ),
     "mould": CommandPlace(
-        "softmodels.cli.mould", "command",
+        "softmodels.cli.exports", "mould_command",
         "Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.",
     ),
     "run": CommandPlace(
@@ -55,7 +55,7 @@ PLACES = {
         "Run a case FILE, such as the case.toml in a folder of results, or a device by its options.",
     ),
     "score": CommandPlace(
-        "softmodels.cli.score_command", "score",
+        "softmodels.cli.material_commands", "score",
         "Score materials against held-out tensile curves, or against outlines of a device.",
     ),
     "silicones": CommandPlace(

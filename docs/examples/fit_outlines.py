@@ -13,7 +13,7 @@ import numpy as np
 
 import measurement
 import softmodels as sm
-from softmodels.cli.demo import TRUTH, inflated, scene_of, take_photographs
+from softmodels.cli.examples import TRUTH, inflated, scene_of, take_photographs
 from softmodels.mechanics.mpi import start
 
 truth = dataclasses.replace(TRUTH, pressures=TRUTH.pressures[::2])

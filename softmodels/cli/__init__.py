@@ -1,8 +1,9 @@
 """The commands: options read, runs started, one sentence and an exit status.
 
-- `options`: options shared by all devices, and the choice of ranks. `run`, `run_command`: running a case. `drawing`: the
-  process that draws.
-- `limit_command`, `modes_command`, `fit_command`, `score_command`, `curve_command`, `silicone_command`, `design`, `mould`,
-  `export`, `demo`, `doctor`: one file for each command; `tensile_options`: options of those that read curves.
-- `examples`, `example_cases`: small files to try everything with.
+- `options`: options shared by all devices, the choice of ranks, and how a command begins and ends.
+- `run_command`: the options of a run. `run`: what it prints, and the process that draws.
+- `analyses`: limit pressure and natural frequencies. `fit_command`: fits. `design`: the search for a device.
+- `material_commands`: a material's curves and scores. `silicone_command`: named silicones.
+- `exports`: moulds, and cases for other programs. `doctor`: the installation.
+- `examples`: small files to try everything with, and the demonstration of the whole workflow.
 """

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, TypedDict, Unpack
 import click
 
 from geometries import MeshFileError, MeshingError
-from softmodels.cli.drawing import end, start_drawing, tell_not_drawn
 from softmodels.cli.options import fail
+from softmodels.cli.run import end, start_drawing, tell_not_drawn
 from softmodels.common.commands import STOPPED, FolderType, asked_to_stop, stoppable
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.terminal import say

@@ -1,26 +1,218 @@
-"""``softmodels examples``: write small files to try every command with, generated from fixed seeds.
+"""``softmodels demo`` and ``softmodels examples``: the whole workflow on a known silicone, and files to try commands with.
 
-A device whose silicone is known is simulated and photographed as in `softmodels.cli.demo`, but small; its tensile curve, boards
-for the camera's lens, a part from a STEP file and a case of each kind stand beside it. Existing files are kept.
+The demonstration simulates, photographs, measures, fits, and compares with the truth. The examples are a small version of it,
+with a tensile curve, boards for the camera's lens, a part from a STEP file and a case of each kind. Existing files are kept.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
+import tempfile
+import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
-from measurement.synthetic.photographer import Scene, chessboard, save
-from softmodels.cli.demo import TRUTH, inflated, scene_of, take_photographs
-from softmodels.cli.example_cases import BENCH, CASES, PROBLEMS
+from geometries import HollowDisk
+from geometries.apart import interpreter
+from measurement.synthetic.photographer import FLOOR, SCENE, Scene, chessboard, photograph, save
+from softmodels.case.case import Case
+from softmodels.case.materials import DEFAULT
+from softmodels.common.arrays import Array
+from softmodels.common.commands import FolderType, open_folder, open_place, status_of
+from softmodels.common.folders import OwnFolderError
 from softmodels.common.terminal import say
+from softmodels.common.units import pascal_per_cm
+from softmodels.fitting.outlines.device import DeviceModel
+from softmodels.fitting.outlines.simulated import half_outline, readings_of
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nominal_stress, stress_in_time
+from softmodels.runs.outcomes import DONE, FAILED
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+WRITTEN = ("case.toml", "photographs/", "setup.toml", "setup.png", "outlines/", "fit/", "compared.json")
+"""Files that the demonstration writes into its folder."""
+CENTRE = 1.3e-3
+"""Position of the device's axis along the screen in m, unknown to the fit."""
+LEAK = 0.01
+"""Share of the largest pressure that the hose leaks."""
+HALF_WIDTH = 0.2
+"""Half width in m of the support, which ends outside of the picture."""
+
+
+@dataclasses.dataclass(frozen=True)
+class DemoTruth:
+    """The true parameters, unknown to the fit.
+
+    Attributes:
+        actuator: The device, as a section.
+        law: Its law.
+        values: The law's numbers by name.
+        poisson: Poisson's ratio, which the fit takes as given.
+        pressures: True pressures in Pa, rising.
+    """
+
+    actuator: HollowDisk
+    law: str
+    values: dict[str, float]
+    poisson: float
+    pressures: tuple[float, ...]
+
+
+TRUTH = DemoTruth(
+    HollowDisk(section="axisymmetric"), "yeoh", {"c1": 14e3, "c2": 900.0, "c3": 0.0}, 0.49,
+    tuple(cm * pascal_per_cm() for cm in np.linspace(20.0, 177.0, 9)),
+)  # fmt: skip
+
+
+def scene_of(megapixels: float) -> Scene:
+    """Return the demo bench with a sensor of another size in megapixels; 18 is the thesis' camera."""
+    factor = (megapixels * 1e6 / (SCENE.width * SCENE.height)) ** 0.5
+    return dataclasses.replace(
+        SCENE, width=round(SCENE.width * factor), height=round(SCENE.height * factor),
+        focal_px=SCENE.focal_px * factor, pixel_size=SCENE.pixel_size / factor, blur=SCENE.blur * factor**0.5,
+    )  # fmt: skip
+
+
+def inflated(truth: DemoTruth, comm: MPI.Comm) -> tuple[DeviceModel, list[Array]]:
+    """Simulate the device with its true material; return the right half of its outline in m at each pressure."""
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Solver
+    from softmodels.mechanics.system import System
+
+    choice = LawChoice.from_text(truth.law, truth.poisson)
+    with tempfile.TemporaryDirectory() as folder:
+        body = Body.from_file(truth.actuator, truth.actuator.write(Path(folder) / "disk.msh"), comm)
+    device = DeviceModel(Solver(System(body, choice.material(truth.values))), choice)
+    states = device.states(truth.values, truth.pressures, "pressure")
+    device.set_parameters(truth.values)
+    return device, [half_outline(device.curve(state), 2e-5, 0.0)[0] for state in states]
+
+
+def polygon(half: Array) -> Array:
+    """Return the shadow (k, 2) in m of a device that stands level with its support."""
+    places = np.vstack([half[:0:-1] * [-1.0, 1.0], half])
+    places[:, 1] = np.maximum(places[:, 1], 0.0)
+    sides = [[HALF_WIDTH, 0.0], [HALF_WIDTH, -HALF_WIDTH], [-HALF_WIDTH, -HALF_WIDTH], [-HALF_WIDTH, 0.0]]
+    return np.vstack([places, sides]) + np.array([CENTRE, FLOOR])
+
+
+def take_photographs(
+    folder: Path,
+    truth: DemoTruth,
+    halves: Sequence[Array],
+    scene: Scene,
+    tell: Callable[[str], None] = lambda text: None,
+) -> None:
+    """Write the grid's photograph, one at rest, one per pressure, and ``photos.csv`` with the column's levels.
+
+    Levels are read to a millimetre with the error the measurement takes them to have; the leak makes them too high.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng(2013)
+    save(folder / "IMG_0100.JPG", photograph(scene, None, seed=100)[0])
+    rest = np.array([[0.0, 0.0], [truth.actuator.outer_radius, 0.0]])
+    readings = [0.0, *readings_of(np.array(truth.pressures), {"leak": LEAK})]
+    rows = ["file,left,right"]
+    for number, (half, reading) in enumerate(zip([rest, *halves], readings, strict=True), 101):
+        tell(f"photograph {number - 100} of {len(readings)}")
+        save(folder / f"IMG_{number:04d}.JPG", photograph(scene, polygon(half), seed=number)[0])
+        half_column = reading / pascal_per_cm() / 2.0
+        left, right = (100.0 + sign * half_column + 0.05 * rng.standard_normal() for sign in (1.0, -1.0))
+        rows.append(f"IMG_{number:04d}.JPG,{left:.2f} cm,{right:.2f} cm")
+    (folder / "photos.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def commands(folder: Path, truth: DemoTruth) -> list[tuple[str, list[str]]]:
+    """Return what a user types: module or program, and its arguments."""
+    setup, outlines = folder / "setup.toml", folder / "outlines"
+    photographs = folder / "photographs"
+    held = [word for name, value in truth.values.items() if value == 0.0 for word in ("--fix", f"{name}=0Pa")]
+    return [
+        ("measurement", ["setup", str(photographs / "IMG_0100.JPG"), "--lens", "none", "-o", str(setup)]),
+        ("measurement", ["photos", str(photographs / "photos.csv"), "--setup", str(setup), "-o", str(outlines)]),
+        ("softmodels", ["fit", str(folder / "case.toml"), str(outlines), "--material", truth.law,
+                        "--poisson", f"{truth.poisson:g}", *held, "-o", str(folder / "fit")]),
+    ]  # fmt: skip
+
+
+def write_case(folder: Path, truth: DemoTruth) -> None:
+    """Write the case a user would have: device and pressures, with a silicone other than the true one."""
+    heights = tuple(p / pascal_per_cm() for p in truth.pressures)
+    text = Case("disk", truth.actuator, DEFAULT, pressures_cm=heights).to_toml()
+    (folder / "case.toml").write_text(text, encoding="utf-8")
+
+
+def compared(folder: Path, truth: DemoTruth) -> tuple[list[str], bool]:
+    """Return a line per parameter, truth against fit, and whether every 95 % interval contains the truth."""
+    about = tomllib.loads((folder / "fit" / "fitted.toml").read_text())["fit"]
+    known = {**{name: value for name, value in truth.values.items() if value}, "leak": LEAK}
+    lines, good = [], True
+    for name, value in known.items():
+        low, high = about["intervals_95"][name]
+        inside = low <= value <= high
+        good = good and inside
+        verdict = "holds it" if inside else "MISSES it"
+        found = about["values"][name]
+        lines.append(f"  {name:6s} true {value:8.5g}  fitted {found:8.5g}  95 %: {low:.5g} to {high:.5g} {verdict}")
+    return lines, good
+
+
+@click.command()
+@click.option("-o", "--output", type=FolderType(), help="Folder for all files.  [default: loop; loop-2 and "
+              "so on if that exists]")  # fmt: skip
+@click.option("--megapixels", type=click.FloatRange(1.0, 50.0), default=18.0, show_default=True,
+              help="Size of the photographs; 18 is the thesis' camera.")  # fmt: skip
+def demo(output: Path | None, megapixels: float) -> None:
+    """Run the whole workflow: simulate a known silicone, photograph it, measure the photographs, fit, and compare.
+
+    Takes a few minutes with 18 megapixels. Exit status: 0 if every 95 % interval contains the truth, else 1.
+    """
+    import subprocess
+    import sys
+
+    from softmodels.cli.options import fail
+    from softmodels.mechanics.mpi import start
+
+    comm = start()
+    if comm.size > 1:
+        fail("the demonstration runs on one process only; start it without mpirun")
+    try:
+        place = open_place(output, Path("loop"), "demonstration of the whole workflow", WRITTEN)
+        write_case(place, TRUTH)
+        click.echo("simulating the true device")
+        _, halves = inflated(TRUTH, comm)
+        photographs = open_folder(place / "photographs", place, "photographs", {})
+        with photographs.writing() as folder:
+            take_photographs(folder, TRUTH, halves, scene_of(megapixels), click.echo)
+        photographs.leave()
+    except OwnFolderError as error:
+        fail(str(error))
+    except OSError as error:
+        fail(f"the demonstration cannot be written ({error.strerror or error})", status_of(error))
+    for module, words in commands(place, TRUTH):
+        click.echo(f"$ python -m {module} {' '.join(words)}")
+        status = subprocess.run([*interpreter(), "-m", module, *words], check=False).returncode
+        if status != DONE:
+            fail(f"{module} {words[0]} ended with exit status {status}; the files so far are in {place}", FAILED)
+    lines, good = compared(place, TRUTH)
+    click.echo("\n".join(["compared with the truth:", *lines]))
+    report = {"good": good, "lines": lines}
+    (place / "compared.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    sys.exit(DONE if good else FAILED)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``examples``: small files to try every command with, generated from fixed seeds.
+
 
 MEGAPIXELS = 3.8
 LENS = (-0.06, 0.02)
@@ -256,3 +448,371 @@ def examples(output: Path) -> None:
         say(f"{path} exists and is kept")
     count = len(folder.written) + len(folder.kept)
     say(f"wrote {len(folder.written)} of {count} examples; {output}/README.txt describes them")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Case files, one of each kind; each runs in seconds.
+
+
+_DISK = """[geometry]
+device = "HollowDisk"
+section = "axisymmetric"
+"""
+_THIN = f"""{_DISK}variant = "shadow"
+"""
+_YEOH = """
+[material]
+law = "yeoh"
+c1 = "10 kPa"
+c2 = "20 Pa"
+c3 = "3 Pa"
+poisson = 0.495
+"""
+
+CASES = {
+    "disk.toml": f"""# the disk of the photographs; its material is to be fitted
+name = "disk"
+
+{_DISK}
+[load]
+pressure_cm = "0:177"
+""",
+    "volume.toml": f"""# past the limit point, under volume control
+name = "volume"
+
+{_THIN}
+[load]
+volume_ml = "0:60:10"
+""",
+    "syringe.toml": f"""# driven by a syringe on a T-junction with 5 ml of tubes
+name = "syringe"
+
+{_THIN}
+[load]
+stroke_ml = "0:20"
+
+[supply]
+kind = "syringe"
+dead_volume = "5 ml"
+""",
+    "cycle.toml": f"""# loading and unloading under pressure control: the disk snaps through and back
+name = "cycle"
+
+{_THIN}{_YEOH}
+[load]
+pressure_cm = [0, 20, 36]
+load_unload = true
+""",
+    "creep.toml": f"""# silicone with a memory: raised, held for a minute and let down, three times
+name = "creep"
+
+{_THIN}{_YEOH}
+[material.memory]
+branches = [[0.1, "1 s"], [0.1, "10 s"], [0.1, "100 s"]]   # share of the modulus, relaxation time
+softening = [1.6, "2 kPa", 0.1]                             # Mullins: r, m, beta
+
+[load]
+pressure_cm = "0:20"
+rate = "2 cm/s"
+hold = "60 s"
+cycles = 3
+""",
+    "contact.toml": f"""# below a rigid plate 1 mm above the disk
+name = "contact"
+
+{_DISK}support = "base"
+
+[load]
+pressure_cm = "0:177"
+
+[contact]
+faces = "top"
+plane = "z = 17 mm"
+""",
+    "ball.toml": f"""# pressed against a rigid ball half a millimetre above the disk
+name = "ball"
+
+{_DISK}
+[load]
+pressure_cm = "0:120"
+
+[contact.ball]
+shape = "sphere"
+faces = "top"
+at = ["0 mm", "0 mm", "26.5 mm"]
+radius = "10 mm"
+""",
+    "sheet.toml": """# the seminar actuator, coarse, with a thin sheet on its underside
+name = "sheet"
+
+[geometry]
+device = "SeminarActuator"
+around = 6
+cell_size = "8 mm"
+
+[material]
+silicone = "ecoflex-00-30"
+
+[load]
+pressure_cm = "0:40"
+
+[sheet]
+face = "bottom"
+stiffness = "100 N/m"
+""",
+    "balloon.toml": """# a balloon with a neck, past its limit point
+name = "balloon"
+
+[geometry]
+device = "Balloon"
+
+[load]
+volume_ml = "0:40:10"
+""",
+    "mypart.toml": """# a finger from a STEP file; its only closed inner shell is the cavity; it bends upwards
+name = "mypart"
+
+[geometry]
+device = "ImportedActuator"
+file = "mypart.step"
+support = "x = 0 mm"
+gauge_point = "at 80, 6, -6 mm" # a corner of its tip, whose rise along z is reported
+cell_size = "4 mm"
+curvature = 6
+
+[angles]
+bend = "face x = 80 mm"         # mean rotation of the face of its tip
+
+[material]
+silicone = "ecoflex-00-30"
+
+[load]
+pressure_cm = "0:65"
+""",
+    "program.toml": """# a part with two cavities, a load series for each: one inflated, the other filled with water and closed
+name = "program"
+
+[geometry]
+device = "ImportedActuator"
+file = "twopart.step"
+cavities = ["at 11, 0, 2 mm", "at 11, 0, -2 mm"]
+support = "x = 0 mm"
+cell_size = "3 mm"
+
+[material]
+silicone = "ecoflex-00-30"
+
+[load]
+cavity1.pressure_cm = [10, 20, 20]
+cavity2.volume_ml = [0, 0, 0.02]
+""",
+}
+"""File texts by file name."""
+
+PROBLEMS = {
+    "problems/higher.toml": """# softmodels design: distribute the silicone of a membrane so that its top rises highest
+name = "higher"
+
+[case.geometry]
+device = "HollowDisk"
+section = "axisymmetric"
+profile = [1.0, 1.0, 1.0, 1.0]
+
+[case.material]
+law = "neo-hookean"
+shear_modulus = "30 kPa"
+
+[case.load]
+pressure_cm = "0:177"
+
+[parameters]                            # each entry of the profile: thickness relative to the mean, from the middle outwards
+profile = { from = 0.6, to = 1.7 }
+
+[maximise]
+quantity = "height"                     # of the top under pressure; "rise" is its displacement
+of = "apex"
+at = "177 cm"
+
+[[keep]]
+quantity = "mass"
+at_most = "20.5 g"
+
+[[keep]]
+quantity = "limit_margin"               # limit pressure over the highest pressure of the problem
+at_least = 1.25
+
+[tolerances]                            # one standard deviation; all limits then hold with 95 % probability
+base = "0.1 mm"
+""",
+}
+"""Design problems by file name."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Case files of ``softmodels examples`` for bench experiments, one of each kind.
+
+
+_MATERIAL = """
+[material]                      # or file = "results/fit/fitted.toml", of softmodels fit; --band takes its errors along
+silicone = "dragon-skin-10-medium"
+"""
+
+_PLATE = """
+[rigid.plate]
+face = "plate"
+mass = "20 g"
+
+[gravity]
+direction = "-z"
+"""
+
+BENCH = {
+    "lifted.toml": f"""# a clamped membrane lifts a rigid plate of 20 g that is bonded to it
+name = "lifted"
+
+[geometry]
+device = "Membrane"
+radius = "20 mm"
+thickness = "1 mm"
+clamp_width = "5 mm"
+plate_radius = "8 mm"
+{_PLATE}
+[material]                      # or file = "results/fit/fitted.toml", of softmodels fit; --band takes its errors along
+silicone = "ecoflex-00-30"
+
+[load]
+volume_ml = "0:30:5"            # counted from the flat membrane; passes limit points, where pressure = "0:2 kPa" would end
+""",
+    "height.toml": f"""# the same plate held 8 mm high: blocked force on a load cell over the pressure, down to zero force
+name = "height"
+
+[geometry]
+device = "Membrane"
+clamp_width = "5 mm"
+plate_radius = "8 mm"
+{_PLATE}
+[force.cell]
+face = "plate"
+direction = "z"
+{_MATERIAL}
+[load]
+gravity = [0, 1, 1]             # its travel first, from the flat membrane on, then the weight, then the pressure
+force.cell.travel_mm = [8, 8, 8]
+cavity1.pressure_cm = [0, 0, 60]
+""",
+    "finger.toml": f"""# a short finger on a stiffer base with paper in it, under its weight; coarse
+name = "finger"
+
+[geometry]
+device = "PneuNet"
+chambers = 2
+base = "3 mm"
+paper = "0.2 mm"
+cell_size = "5 mm"
+
+[gravity]
+direction = "-z"                # z: upside down; -x: it stands on its root; y needs part = "full"
+{_MATERIAL}
+[region.base]
+silicone = "dragon-skin-30"
+
+[region.paper]
+law = "neo-hookean"
+young = "1 GPa"
+poisson = 0.3
+
+[load]
+pressure = "0:4 kPa"
+""",
+    "rod.toml": f"""# a spheroid on a neck, with a rod of the same silicone from the neck to the far pole
+name = "rod"
+
+[geometry]
+device = "Balloon"
+radius = "12 mm"
+polar_radius = "20 mm"
+wall = "1.5 mm"
+rod_radius = "1.5 mm"
+{_MATERIAL}
+[load]
+volume_ml = "0:20:5"
+""",
+    "sagging.toml": f"""# a strip clamped at one end, under its own weight
+name = "sagging"
+
+[geometry]
+device = "Beam"
+length = "80 mm"
+width = "20 mm"
+thickness = "5 mm"
+cell_size = "5 mm"
+
+[gravity]
+direction = "-z"
+{_MATERIAL}
+[load]
+share = "0:1"
+""",
+    "muscle.toml": f"""# a McKibben muscle that hangs by its fitting and lifts 200 g
+name = "muscle"
+
+[geometry]
+device = "Cylinder"
+
+[fibres.braid]
+on = "outer"
+angle = "30 deg"                # from the axis
+stiffness = "10 kN/m"
+slack = true
+
+[gravity]
+direction = "z"                 # the fitting is at z = 0, the load pulls away from it
+
+[mass.load]
+face = "end"
+amount = "200 g"
+{_MATERIAL}
+[load]
+pressure = "0:40 kPa"
+""",
+    "bent.toml": f"""# a short finger wound with thread, with a sheet along one side: it bends towards the sheet
+name = "bent"
+
+[geometry]
+device = "Cylinder"
+section = "half"
+strip = "120 deg"
+length = "20 mm"
+cell_size = "3 mm"
+
+[fibres.thread]
+on = "outer, strip"
+angle = "80 deg"
+stiffness = "1 kN/m"
+
+[sheet]
+face = "strip"
+stiffness = "2 kN/m"
+{_MATERIAL}
+[load]
+pressure = "0:10 kPa"
+""",
+    "cell.toml": f"""# a bellows presses on a load cell 3 mm above it, which gives way by 1 mm at 5 N
+name = "cell"
+
+[geometry]
+device = "Bellows"
+{_MATERIAL}
+[contact.cell]
+shape = "sphere"
+faces = "tip"
+at = ["0 mm", "0 mm", "85 mm"]  # its lowest point 3 mm above the plate's top, at 32 mm
+radius = "50 mm"
+guide = "z"
+spring = "5 N/mm"
+
+[load]
+pressure = "0:5 kPa"
+""",
+}
+"""File texts by file name."""

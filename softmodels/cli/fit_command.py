@@ -1,11 +1,11 @@
-"""The command ``fit``: read the measurements, fit the laws, write the result files."""
+"""The command ``fit``: parse its options, read the measurements, fit the laws, write the result files."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Unpack
 
@@ -14,36 +14,209 @@ import click
 from geometries.options import QuantityType
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.cli.options import fail
-from softmodels.cli.tensile_options import (
-    FitGiven,
+from softmodels.cli.material_commands import (
+    CurveFiles,
     check_curves_given,
-    curve_changes,
     curve_file,
-    device_changes,
-    fit_options,
     height_datum_option,
     read_curves,
     specimen_options,
     tensile_option,
 )
+from softmodels.cli.options import fail, write_into
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.output import ResultFolder
 from softmodels.common.terminal import say
-from softmodels.common.units import UnitError
+from softmodels.common.units import UnitError, quantity
 from softmodels.fitting.comparison import FitReport, separate_file
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.curves.residuals import StressError
 from softmodels.fitting.outlines.fit import device_names, fit, fit_heights
 from softmodels.fitting.outlines.shapes import OutlineFitError
-from softmodels.fitting.problem import CannotEvaluate, FitError, UnsoundError, known_laws, law_choices
+from softmodels.fitting.problem import (
+    BENCH,
+    USUAL_GAUGE_ERROR,
+    CannotEvaluate,
+    Change,
+    FitError,
+    FitOptions,
+    LawChoice,
+    Prior,
+    UnsoundError,
+    all_parameters,
+    known_laws,
+    law_choices,
+)
 from softmodels.fitting.tables import as_json, as_text, material_toml, name_of, retire, write_curves, write_materials
+from softmodels.materials.specimens import SOFTENING
 from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.outcomes import DONE, FAILED
 from softmodels.runs.progress import Progress
+
+BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
+"""Units of the bench corrections that have one."""
+
+
+class FitGiven(CurveFiles):
+    """Option values of the command, by name."""
+
+    files: tuple[Path, ...]
+    heights: Path | None
+    free: tuple[str, ...]
+    untrusted: bool
+    height_datum: str | None
+    exclude: tuple[str, ...]
+    silicone: str | None
+    laws: str
+    stretch: str | None
+    stress_error: str
+    gauge_error: str
+    poisson: float
+    fixes: tuple[str, ...]
+    bounds: tuple[str, ...]
+    priors: tuple[str, ...]
+    robust: bool
+    radius: float | None
+    thickness: float | None
+    no_profiles: bool
+    no_pictures: bool
+    memory: bool
+    quiet: bool
+    output: Path | None
+
+
+def fit_options(options: FitGiven, changes: Mapping[str, Change]) -> FitOptions:
+    """Return the command's options as `FitOptions`.
+
+    Raises:
+        FitError: A gauge error that is no share, or a parameter that is to be both free and fixed.
+    """
+    return FitOptions(
+        poisson=options["poisson"],
+        changes=changes,
+        robust=options["robust"],
+        profiles=not options["no_profiles"],
+        silicone=options["silicone"],
+        stress_error=options["stress_error"],
+        gauge_error=_gauge_error(options["gauge_error"]),
+        free=free_of_bench(options),
+        exclude=options["exclude"],
+        untrusted=options["untrusted"],
+        height_datum=options["height_datum"] or "",
+        memory=options["memory"],
+    )
+
+
+def _gauge_error(text: str) -> float:
+    """Return the gauge error as a fraction, or the usual one."""
+    words = {"auto": USUAL_GAUGE_ERROR, "none": 0.0}
+    return words[text] if text in words else quantity(text, "")
+
+
+def free_of_bench(options: FitGiven) -> tuple[str, ...]:
+    """Return the free bench and device parameters: the defaults plus ``--free`` minus ``--fix``.
+
+    Raises:
+        OutlineFitError: A parameter is to be both.
+    """
+    fixed = {text.partition("=")[0].strip() for text in options["fixes"]}
+    for name in options["free"]:
+        if name in fixed:
+            raise OutlineFitError(f"{name} cannot be both free (--free) and fixed (--fix)")
+    return tuple(dict.fromkeys(name for name in (*BENCH, *options["free"]) if name not in fixed))
+
+
+def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, Change]:
+    """Return the changes that ``--fix``, ``--bounds`` and ``--prior`` make to parameters of laws fitted to curves.
+
+    Raises:
+        FitError: A text that is no such change, or a name that none of the laws has.
+    """
+    units = {name: choice.unit(name) for choice in choices for name in choice.names}
+    laws, known = ", ".join(choice.name for choice in choices), ", ".join(units)
+    return _changes(options, units, lambda name: f"{laws}: no parameter {name!r}; there is {known}", value_needed=True)
+
+
+def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> dict[str, Change]:
+    """Return the same for devices, with variable lengths by name; ``--fix leak`` keeps its nominal value.
+
+    Of several devices ``leak`` is that of each, and ``NAME.leak`` that of one.
+
+    Raises:
+        FitError: A text that is no such change, or a name that nothing has.
+    """
+    bench = {name: BENCH_UNITS.get(name, "") for name in BENCH}
+    of = {device: {**bench, **dict.fromkeys(names, "m")} for device, names in lengths.items()}
+    own = {"poisson": "", **{name: unit for units in of.values() for name, unit in units.items()}}
+    known = ", ".join(own)
+    if len(of) > 1:
+        own |= {f"{device}.{name}": unit for device, units in of.items() for name, unit in units.items()}
+        known += f", each of them also of one device, such as {next(reversed(of))}.leak"
+    return _changes(
+        options,
+        {**all_parameters(), **own},
+        lambda name: f"there is no parameter {name!r}; the bench and the device have {known}",
+        value_needed=False,
+    )
+
+
+def _changes(
+    options: FitGiven, units: Mapping[str, str], unknown: Callable[[str], str], value_needed: bool
+) -> dict[str, Change]:
+    """Return the changes by parameter; the curves' factors ``gauge1`` and so on are known to all laws, and with ``--memory``
+    the weights of its branches and its softening."""
+    changes: dict[str, Change] = {}
+    remembered = ("share_", *SOFTENING) if options["memory"] else ()
+    if remembered:
+        units = {**units, SOFTENING[1]: "Pa"}
+    kinds: tuple[tuple[tuple[str, ...], Callable[[str, str], Change]], ...] = (
+        (options["fixes"], _read_fixed), (options["bounds"], read_bounds), (options["priors"], read_prior),
+    )  # fmt: skip
+    for texts, read in kinds:
+        for text in texts:
+            name, equals, value = (part.strip() for part in text.partition("="))
+            if name not in units and not name.startswith(("gauge", *remembered)):
+                raise FitError(unknown(name))
+            if value_needed and not equals:
+                raise FitError(f"{text!r} is not NAME=VALUE")
+            try:
+                changes.setdefault(name, {}).update(read(value, units.get(name, "")) if equals or read is not _read_fixed
+                                                    else {"fixed": True})  # fmt: skip
+            except (UnitError, FitError) as error:
+                raise FitError(f"{text!r}: {error}") from None
+    return changes
+
+
+def _read_fixed(value: str, unit: str) -> Change:
+    return {"start": quantity(value, unit), "fixed": True}
+
+
+def read_bounds(value: str, unit: str) -> Change:
+    """Read ``FROM:TO``; an end may be empty."""
+    low, colon, high = value.partition(":")
+    if not colon:
+        raise FitError(f"{value!r} is not FROM:TO")
+    change: Change = {}
+    if low.strip():
+        change["lower"] = quantity(low, unit)
+    if high.strip():
+        change["upper"] = quantity(high, unit)
+    return change
+
+
+def read_prior(value: str, unit: str) -> Change:
+    """Read ``VALUE+-ERROR``."""
+    mean, separator, error = value.partition("+-")
+    if not separator:
+        raise FitError(f"{value!r} is not VALUE+-ERROR")
+    return {"prior": Prior(quantity(mean, unit), quantity(error, unit))}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command, its report and its files.
 
 
 @click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})
@@ -135,16 +308,14 @@ def fit_material(**options: Unpack[FitGiven]) -> None:
             folder.append(_folder(options))
         report = _report(options)
         if folder:
-            with folder[0].writing() as place:
-                write(report, place, not options["no_pictures"])
-                retire(folder[0].path, {file.name for file in place.iterdir()})
+            write_into(folder[0], lambda place: _write_all(report, folder[0], place, options), "the results")
     except (UnsoundError, CannotEvaluate) as error:
         _put_away(folder)
         fail(str(error), FAILED)
     except (FitError, TensileError, UnitError, OwnFolderError) as error:
         fail(str(error))
-    except OSError as error:
-        fail(f"the results cannot be written ({error.strerror or error})", status_of(error))
+    except OSError as error:  # the mesh is made in the temporary folder
+        fail(f"the mesh cannot be written ({error.strerror or error})", status_of(error))
     if speaks():
         if not options["quiet"]:
             say(as_text(report))
@@ -157,6 +328,11 @@ def fit_material(**options: Unpack[FitGiven]) -> None:
     if speaks() and not report.chosen.sound:
         say(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
     sys.exit(DONE if report.chosen.sound else FAILED)
+
+
+def _write_all(report: FitReport, folder: ResultFolder, place: Path, options: FitGiven) -> None:
+    write(report, place, not options["no_pictures"])
+    retire(folder.path, {file.name for file in place.iterdir()})
 
 
 def _closing(report: FitReport, folder: Path) -> str:

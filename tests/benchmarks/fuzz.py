@@ -184,7 +184,7 @@ class Bench:
 
         wrote = Actuator.write
         with (
-            mock.patch("softmodels.cli.run.run", run), mock.patch("softmodels.cli.limit_command.find_limit", accepted),
+            mock.patch("softmodels.cli.run.run", run), mock.patch("softmodels.cli.analyses.find_limit", accepted),
             mock.patch("softmodels.cli.fit_command.fit_curves", accepted),
             mock.patch("softmodels.cli.fit_command.fit", accepted),
             mock.patch("softmodels.cli.fit_command.fit_heights", accepted),

@@ -108,7 +108,7 @@ def test_it_is_compared_written_and_read(law):
 
 
 def test_its_curves_are_drawn(law, tmp_path):
-    from softmodels.cli.curve_command import curve
+    from softmodels.cli.material_commands import curve
 
     words = [
         "--material",

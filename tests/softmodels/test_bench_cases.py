@@ -9,7 +9,7 @@ import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import MaterialErrors
-from softmodels.cli.example_cases import BENCH
+from softmodels.cli.examples import BENCH
 from softmodels.runs.notes import bonded_notes
 from tests.support import runs
 

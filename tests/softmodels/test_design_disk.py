@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import softmodels as sm
-from softmodels.cli.example_cases import PROBLEMS
+from softmodels.cli.examples import PROBLEMS
 from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
 from softmodels.design.trials import DesignFailure

@@ -16,8 +16,8 @@ import pytest
 from PIL import Image as Picture
 
 from softmodels.case.case import Case
-from softmodels.cli import drawing as module
-from softmodels.cli.drawing import DrawingProcess
+from softmodels.cli import run as module
+from softmodels.cli.run import DrawingProcess
 from softmodels.pictures import film, offscreen
 from softmodels.pictures.film import Film
 from softmodels.pictures.offscreen import can_render, look

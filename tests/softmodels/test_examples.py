@@ -23,7 +23,7 @@ from measurement.synthetic.photographer import dome
 from softmodels import disk, seminar
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
-from softmodels.cli import demo, examples
+from softmodels.cli import examples
 from softmodels.common.folders import OwnFolderError
 from softmodels.fitting.curves.curve import read_curve
 from softmodels.fitting.problem import LawChoice
@@ -121,7 +121,7 @@ def test_the_two_demonstrations_take_folders_of_their_own(monkeypatch, capsys):
         taken.append(default)
         raise OwnFolderError("noted")
 
-    for module in (demo, measurement_demo):
+    for module in (examples, measurement_demo):
         monkeypatch.setattr(module, "open_place", refuse)
         with contextlib.suppress(SystemExit, click.ClickException):
             module.demo.main([], standalone_mode=False)

@@ -259,7 +259,7 @@ def test_compressible_true_stress(says, tmp_path):
 
 def test_curve_and_fit_need_no_solver():
     """A laptop without FEniCSx can fit and draw."""
-    modules = ("__main__", "cli.curve_command", "pictures.fits")
+    modules = ("__main__", "cli.material_commands", "pictures.fits")
     words = f"import sys, {', '.join(f'softmodels.{name}' for name in modules)}; print(*sys.modules)"
     loaded = subprocess.run(
         [sys.executable, "-c", words], capture_output=True, text=True, timeout=100, check=True

@@ -16,7 +16,7 @@ from geometries import ACTUATORS, Balloon, HollowDisk, PneuNet, SeminarActuator
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.cli.limit_command import LimitArguments
+from softmodels.cli.analyses import LimitArguments
 from softmodels.common.schema import about
 from softmodels.components.loads import Force, Gravity, Mass
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh

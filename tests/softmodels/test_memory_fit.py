@@ -17,7 +17,7 @@ import softmodels as sm
 from geometries import HollowDisk
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.materials import material_from
-from softmodels.cli import tensile_options
+from softmodels.cli import material_commands
 from softmodels.fitting.curves import memory
 from softmodels.fitting.curves.curve import EQUILIBRIUM, TensileCurve, TensileError, corners, loop, read_curve, turns
 from softmodels.fitting.curves.fit import fit_curves
@@ -420,9 +420,9 @@ def test_input_that_makes_no_memory_is_one_sentence(says, words, why):
     ],
 )
 def test_a_file_its_test_and_its_rate(text, test, rate):
-    file, found, pace = tensile_options.parts(text)
+    file, found, pace = material_commands.parts(text)
     assert (file.name, found) == ("a.csv", test)
-    assert tensile_options.rate_of(pace, 0.01) == (rate if rate is None else pytest.approx(rate))
+    assert material_commands.rate_of(pace, 0.01) == (rate if rate is None else pytest.approx(rate))
 
 
 def test_a_speed_and_a_fixed_weight_are_taken(says, tmp_path):

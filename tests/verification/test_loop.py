@@ -14,7 +14,7 @@ from measurement.__main__ import main as measurement
 from measurement.outline.outline import Outline
 from measurement.synthetic.photographer import photograph, save
 from softmodels.case.case import Case
-from softmodels.cli import demo
+from softmodels.cli import examples
 from softmodels.cli.fit_command import fit_material
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.outlines.silhouette import shadow_of
@@ -24,20 +24,20 @@ from softmodels.runs.grid import QuadraticCurve
 
 PRESSURES = tuple(cm * pascal_per_cm() for cm in (35.0, 80.0, 125.0, 177.0))
 SILICONES = {
-    "yeoh": demo.TRUTH,
-    "neo-hookean": dataclasses.replace(demo.TRUTH, law="neo-hookean", values={"shear_modulus": 31e3}),
+    "yeoh": examples.TRUTH,
+    "neo-hookean": dataclasses.replace(examples.TRUTH, law="neo-hookean", values={"shear_modulus": 31e3}),
 }
 
 
 @pytest.mark.parametrize("law", SILICONES)
 def test_intervals_hold_the_truth(law, comm, tmp_path, figure):
     truth = dataclasses.replace(SILICONES[law], pressures=PRESSURES)
-    demo.write_case(tmp_path, truth)
-    _, halves = demo.inflated(truth, comm)
+    examples.write_case(tmp_path, truth)
+    _, halves = examples.inflated(truth, comm)
     assert halves[-1][:, 1].max() > 3e-3
-    demo.take_photographs(tmp_path / "photographs", truth, halves, demo.scene_of(2.5))
+    examples.take_photographs(tmp_path / "photographs", truth, halves, examples.scene_of(2.5))
     runner = CliRunner()
-    for module, words in demo.commands(tmp_path, truth):
+    for module, words in examples.commands(tmp_path, truth):
         command = {"measurement": measurement, "softmodels": fit_material}[module]
         words = words[1:] if module == "softmodels" else words
         more = {"photos": ["--jobs", "1", "--no-pictures"], "setup": []}.get(
@@ -45,7 +45,7 @@ def test_intervals_hold_the_truth(law, comm, tmp_path, figure):
         )
         done = runner.invoke(command, [*words, *more])
         assert done.exit_code == 0, done.output
-    lines, good = demo.compared(tmp_path, truth)
+    lines, good = examples.compared(tmp_path, truth)
     assert good, "\n".join(lines)
     material = tomllib.loads((tmp_path / "fit" / "fitted.toml").read_text())
     assert not material["fit"]["warnings"]
@@ -53,14 +53,14 @@ def test_intervals_hold_the_truth(law, comm, tmp_path, figure):
     modulus = {"yeoh": "c1", "neo-hookean": "shear_modulus"}[law]
     against = "a known silicone, simulated, photographed, measured, fitted"
     figure(against, f"{law}, {modulus}", values[modulus] / true[modulus] - 1, 0.02)
-    figure(against, "axis", (values["centre"] - demo.CENTRE) * 1e6, 50.0, unit="um")
+    figure(against, "axis", (values["centre"] - examples.CENTRE) * 1e6, 50.0, unit="um")
 
 
 def test_photographs_of_a_silicone_that_sags(comm, tmp_path, figure):
     """A disk on a table, photographed at zero pressure as it hangs under its weight, and inflated: a fit that knows the weight
     finds the silicone and its zero plane; one that does not is beside its own interval."""
     truth, cms = sm.Yeoh(9e3, 300.0, 0.0, 0.49), (0.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0)
-    disk, scene, photographs = demo.TRUTH.actuator, demo.scene_of(2.5), tmp_path / "photographs"
+    disk, scene, photographs = examples.TRUTH.actuator, examples.scene_of(2.5), tmp_path / "photographs"
     run = sm.inflate(disk, truth, f"{','.join(map(str, cms))} cm", components=[sm.Gravity("-z")])
     photographs.mkdir()
     save(photographs / "IMG_0100.JPG", photograph(scene, None, seed=100)[0])
@@ -72,7 +72,7 @@ def test_photographs_of_a_silicone_that_sags(comm, tmp_path, figure):
         half = half_outline(shadow_of(curve).curve, 2e-5, -disk.height)[0]
         half = np.vstack([half, [disk.outer_radius, -disk.height]])  # the profile ends at the upper edge
         tops.append(half[:, 1].max())
-        places = np.vstack([half[:0:-1] * [-1.0, 1.0], half]) + np.array([demo.CENTRE, demo.FLOOR])
+        places = np.vstack([half[:0:-1] * [-1.0, 1.0], half]) + np.array([examples.CENTRE, examples.FLOOR])
         save(photographs / f"IMG_{number}.JPG", photograph(scene, places, seed=number)[0])
         rows.append(f"IMG_{number}.JPG,{100 + cm / 2:.3f} cm,{100 - cm / 2:.3f} cm")
     (photographs / "photos.csv").write_text("\n".join(rows) + "\n")

@@ -1,25 +1,32 @@
-"""``softmodels mould``: mould bodies for a device, to print or to mill, and a casting sheet."""
+"""``softmodels mould`` and ``softmodels export``: a case for the workshop, and for CalculiX or FEBio."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from geometries.options import field_option
+from softmodels.api.calls import export
 from softmodels.case.entries import INPUT_ERRORS
-from softmodels.casting.files import write_bodies
-from softmodels.casting.make import Made, made
-from softmodels.casting.pictures import write_sheet
 from softmodels.casting.settings import Asked, MouldError, Workshop, asked_of
-from softmodels.cli.options import fail
+from softmodels.cli.options import fail, write_into
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.errors import MeshingError
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.schema import about
 from softmodels.common.terminal import say
-from softmodels.mechanics.mpi import speaks
+from softmodels.mechanics.body import BodyError
+from softmodels.mechanics.compiling import CompilingError
+from softmodels.mechanics.mpi import launched, speaks, start
 from softmodels.runs.outcomes import FAILED
+
+if TYPE_CHECKING:
+    from softmodels.casting.make import Made
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``mould``.
 
 
 def mould(
@@ -53,26 +60,33 @@ def mould(
         fail(str(error))
     if folder is None:
         return
+    from softmodels.casting.files import write_bodies
+    from softmodels.casting.make import made
+    from softmodels.casting.pictures import write_sheet
+
+    drawn = False
+
+    def write(place: Path) -> None:
+        nonlocal drawn
+        write_bodies(place, asked, found)
+        drawn = write_sheet(place, asked, found, not no_pictures)
+
     try:
         found = made(asked.device, asked.workshop)
-        with folder.writing() as place:
-            write_bodies(place, asked, found)
-            drawn = write_sheet(place, asked, found, not no_pictures)
-    except (MouldError, OwnFolderError, *INPUT_ERRORS) as error:
+        write_into(folder, write, "the mould")
+    except (MouldError, *INPUT_ERRORS) as error:
         fail(str(error))
     except MeshingError as error:
         fail(str(error), FAILED)
-    except OSError as error:
-        fail(f"the mould cannot be written into {folder.path} ({error.strerror or error})", status_of(error))
     if not quiet:
-        for text in told(asked, found):
+        for text in mould_summary(asked, found):
             say(text)
         if not drawn and not no_pictures:
             say("no pictures: this machine cannot render; see softmodels doctor")
         say(f"mould in {folder.path}; sheet.html is the casting sheet")
 
 
-def told(asked: Asked, found: Made) -> list[str]:
+def mould_summary(asked: Asked, found: Made) -> list[str]:
     """Return a summary of the mould, line by line."""
     lines = []
     for body in found.bodies:
@@ -88,7 +102,7 @@ def told(asked: Asked, found: Made) -> list[str]:
     return lines
 
 
-def _command() -> click.Command:
+def _mould_command() -> click.Command:
     command = mould
     command = click.option("--no-pictures", is_flag=True, help="Skip the pictures.")(command)
     command = click.option("--quiet", is_flag=True, help="Print only errors.")(command)
@@ -104,4 +118,46 @@ def _command() -> click.Command:
     return click.command(name="mould", context_settings={"help_option_names": ["-h", "--help"]})(command)
 
 
-command = _command()
+mould_command = _mould_command()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``export``.
+
+
+@click.command(name="export", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp or NAME.feb.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
+def export_command(file: Path, output: Path, quiet: bool) -> None:
+    """Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.
+
+    NAME.inp is for CalculiX (ccx NAME), NAME.feb for FEBio. Lengths in the deck are in mm, pressures in Pa. Cells have
+    only displacements there: compare the result with --formulation displacement.
+
+    \b
+    Examples:
+      softmodels export results/disk/case.toml -o disk.inp
+      softmodels export results/seminar/case.toml -o slab.feb
+
+    \b
+    Exit status: 0 done; 1 failed; 2 bad input; 130 stopped.
+    """
+    if launched() is not None:  # dead loads start MPI, which waits for all ranks of a launcher
+        start()
+    if not speaks():
+        return
+    try:
+        deck = export(file, output)
+    except INPUT_ERRORS as error:
+        fail(str(error))
+    except (MeshingError, BodyError, CompilingError) as error:
+        fail(str(error), FAILED)
+    except OSError as error:
+        fail(f"{output} cannot be written ({error.strerror or error})", status_of(error))
+    if not quiet:
+        steps, mesh = len(deck.pressures), deck.mesh
+        say(f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}")
+        remarks = [*(text for silicone in deck.silicones for text in silicone.remarks[2:]), deck.overlapping]
+        for text in filter(None, dict.fromkeys(remarks)):
+            say(f"note: {text}")
