@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from softmodels.common.lazy_names import lazy_names
+from softmodels.common.names import lazy_names
 
 PLACES = {
     "Balloon": "geometries.balloon",

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from geometries import PLACES
 from softmodels.common import schema
-from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError, GeometryError
-from softmodels.common.registry import Registry
+from softmodels.common.names import Registry, checked
 from softmodels.common.schema import Text, about
 from softmodels.common.units import exact_text
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from softmodels.common.lazy_names import lazy_names
+from softmodels.common.names import lazy_names
 
 if TYPE_CHECKING:
     from measurement.camera.camera import Camera as Camera, CameraError as CameraError

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from softmodels.common.lazy_names import lazy_names
+from softmodels.common.names import lazy_names
 
 if TYPE_CHECKING:
     from geometries import (
@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from softmodels.case.materials import Region as Region
     from softmodels.casting.files import mould as mould
     from softmodels.casting.settings import MouldError as MouldError
-    from softmodels.common.calls import ArgumentError as ArgumentError, ImplausibleWarning as ImplausibleWarning
     from softmodels.common.folders import InUseError as InUseError, OwnFolderError as OwnFolderError
+    from softmodels.common.names import ArgumentError as ArgumentError, ImplausibleWarning as ImplausibleWarning
     from softmodels.components.clamps import Clamp as Clamp
     from softmodels.components.contact import Obstacle as Obstacle, RigidShape as RigidShape
     from softmodels.components.fibres import Fabric as Fabric, Fibres as Fibres
@@ -89,7 +89,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _PLACES = {
-    "softmodels.common.calls": ("ArgumentError", "ImplausibleWarning"),
+    "softmodels.common.names": ("ArgumentError", "ImplausibleWarning"),
     "softmodels.common.folders": ("InUseError", "OwnFolderError"),
     "geometries": (
         "Beam",

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from softmodels.common.toml_file import numbers
+from softmodels.common.tables import numbers
 from softmodels.common.units import brief, number
 
 Points = NDArray[np.float64]

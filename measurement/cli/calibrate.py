@@ -14,9 +14,8 @@ from measurement.cli.shared import DONE, SOME_REFUSED, bar, check_place, stop, w
 from measurement.screen.calibration import STEPS, Calibration, calibrate as calibrated
 from measurement.screen.setup import SetupError
 from softmodels.common.commands import FAILED
-from softmodels.common.folders import OwnFolderError
-from softmodels.common.output import check_output_file, has_table
-from softmodels.common.terminal import say
+from softmodels.common.folders import OwnFolderError, check_output_file, has_table
+from softmodels.common.processes import say
 from softmodels.common.units import UnitError
 
 REACHED = 0.9

@@ -29,10 +29,8 @@ from measurement.series.photo_list import (
 )
 from softmodels.common.commands import FAILED, UNUSABLE, FolderType, open_folder, status_of
 from softmodels.common.errors import reason
-from softmodels.common.folders import OwnFolderError
-from softmodels.common.output import ResultFolder
-from softmodels.common.processes import cores
-from softmodels.common.terminal import say
+from softmodels.common.folders import OwnFolderError, ResultFolder
+from softmodels.common.processes import cores, say
 from softmodels.common.units import WATER_DENSITY, UnitError, quantity
 
 

@@ -22,10 +22,9 @@ from measurement.screen.setup import PITCH_ERROR, Setup, SetupError
 from softmodels.common.commands import UNUSABLE, status_of
 from softmodels.common.errors import reason
 from softmodels.common.files import is_same
-from softmodels.common.folders import OwnFolderError
-from softmodels.common.output import check_output_file, has_table, is_drawn
-from softmodels.common.terminal import say
-from softmodels.common.toml_file import TomlError, read_toml
+from softmodels.common.folders import OwnFolderError, check_output_file, has_table, is_drawn
+from softmodels.common.processes import say
+from softmodels.common.tables import TomlError, read_toml
 from softmodels.common.units import UnitError, number
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from measurement.screen.setup import SetupError, magnification as factor_of
 from softmodels.common.commands import FAILED, UNUSABLE, bounded, status_of, trouble
 from softmodels.common.errors import reason
 from softmodels.common.files import replaced_whole
-from softmodels.common.terminal import say
+from softmodels.common.processes import say
 from softmodels.common.units import LONGEST, UnitError, brief, number, quantity
 
 DONE, SOME_REFUSED = 0, 3

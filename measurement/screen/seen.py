@@ -18,7 +18,7 @@ from measurement.screen.grid import find_grid
 from measurement.screen.plane import Plane
 from measurement.screen.setup import PITCH_ERROR, Setup
 from softmodels.common.files import replaced_whole
-from softmodels.common.output import MARK
+from softmodels.common.folders import MARK
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A photograph with the grid drawn over it as the setup sees it.

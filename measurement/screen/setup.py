@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from measurement.camera.camera import Camera, CameraError, Points, as_points
 from measurement.screen.plane import Plane
 from softmodels.common.errors import known_are
-from softmodels.common.toml_file import TomlError, numbers, parse_toml, read_toml
+from softmodels.common.tables import TomlError, numbers, parse_toml, read_toml
 from softmodels.common.units import brief, number
 
 VERSION = 1

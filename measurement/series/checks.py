@@ -30,7 +30,7 @@ from measurement.outline.shape import (
 from measurement.outline.zero import Bow, ZeroLine
 from measurement.series.witness import Run
 from softmodels.common.arrays import Array
-from softmodels.common.registry import Registry
+from softmodels.common.names import Registry
 
 LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE = "list", "edge", "tone", "zero", "outline", "run", "course"
 """When a check is asked: before anything is measured; of an edge; of one whose tone was compared with another; of the zero

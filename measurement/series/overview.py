@@ -19,8 +19,8 @@ from measurement.outline.outline import Outline
 from measurement.series.measuring import Result
 from measurement.series.photo import Refusal
 from measurement.series.witness import course_of
-from softmodels.common.page import image_uri, render
-from softmodels.common.terminal import plain
+from softmodels.common.files import image_uri, render
+from softmodels.common.processes import plain
 
 FRAME = 640
 """Width in px of the animation."""

@@ -17,7 +17,7 @@ from measurement.outline.outline import Outline
 from measurement.screen.setup import Setup
 from measurement.series.photo import Refusal
 from softmodels.common.arrays import Array
-from softmodels.common.terminal import plain
+from softmodels.common.processes import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

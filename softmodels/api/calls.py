@@ -19,8 +19,8 @@ from softmodels.case.load import LoadRequest
 from softmodels.case.materials import AnyBand
 from softmodels.case.requests import Probes
 from softmodels.common import errors
-from softmodels.common.calls import callback, checked, flag, place
 from softmodels.common.files import GEOMETRY, read_file, read_text
+from softmodels.common.names import callback, checked, flag, place
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.units import WATER_DENSITY
 from softmodels.decks.calculix import calculix

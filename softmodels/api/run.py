@@ -20,9 +20,9 @@ from softmodels.case.entries import CaseError
 from softmodels.case.from_python import one_value
 from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
-from softmodels.common.calls import checked, keep_arrays, place, read_only
 from softmodels.common.errors import Spoken, known_are, spoken
 from softmodels.common.files import file_digest, hdf5_reason, is_same
+from softmodels.common.names import checked, keep_arrays, place, read_only
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.units import UnitError, brief, number
 from softmodels.mechanics.mpi import on_root, start

@@ -37,11 +37,11 @@ from softmodels.case.load import STIFFNESS_RANGE, Load, LoadRequest, LoadRequest
 from softmodels.case.materials import DEFAULT, AnyBand, ErrorsEntry, MaterialErrors, SourceBand
 from softmodels.case.requests import Probes
 from softmodels.common import errors
-from softmodels.common.calls import checked, one_of, several
 from softmodels.common.errors import FieldError, known_are, meant
 from softmodels.common.files import file_digest
+from softmodels.common.names import checked, one_of, several
 from softmodels.common.schema import About, Choice, Flag, Kind, Quantity, Text, Words
-from softmodels.common.toml_file import TomlError, parse_toml, read_toml
+from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import WATER_DENSITY, brief, exact_text, pascal_per_cm
 from softmodels.materials.laws import SOFTEST, Material
 from softmodels.materials.silicones import material_of

@@ -15,8 +15,8 @@ from softmodels.case.entries import ML, CaseError, SeriesError, factor_of, of_te
 from softmodels.case.load import LoadRequest, of_cavities
 from softmodels.case.materials import AnyBand, band_of
 from softmodels.case.requests import Probes
-from softmodels.common.calls import doubt, one_of
 from softmodels.common.errors import FieldError, meant
+from softmodels.common.names import doubt, one_of
 from softmodels.common.schema import Quantity
 from softmodels.common.units import FACTORS, WATER_DENSITY, UnitError, brief, number, pascal_per_cm, quantity
 from softmodels.materials.laws import Material

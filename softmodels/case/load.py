@@ -8,8 +8,8 @@ from collections.abc import Iterator, MutableMapping
 
 from geometries import Actuator
 from softmodels.case.entries import MISSING, CaseError, Entry, Missing, Option, SeriesKind, Tables, Written, table_of
-from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError
+from softmodels.common.names import checked
 from softmodels.common.schema import About, Quantity, Text, Words
 from softmodels.common.units import UnitError, brief, pascal_per_cm, quantity
 from softmodels.mechanics.component import Component

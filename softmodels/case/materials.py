@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Written, table_of
-from softmodels.common.calls import checked, read_only
 from softmodels.common.errors import FieldError, known_are
 from softmodels.common.files import read_text
+from softmodels.common.names import checked, read_only
 from softmodels.common.schema import About, Quantity, Text, Words
-from softmodels.common.toml_file import TomlError, read_toml
+from softmodels.common.tables import TomlError, read_toml
 from softmodels.common.units import exact_text
 from softmodels.components.loads import check_density
 from softmodels.materials.laws import LAWS, SOFTEST, Material, MaterialError, NeoHookean, parameter_fields

@@ -26,8 +26,8 @@ from geometries import Actuator, GeometryError
 from geometries.actuator import Vector
 from geometries.imported.part import Faces, faces, point
 from softmodels.common.arrays import Array
-from softmodels.common.calls import checked
 from softmodels.common.errors import Spoken
+from softmodels.common.names import checked
 
 Line = tuple[str, str]
 

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.common.calls import keep_arrays
 from softmodels.common.errors import MeshingError
+from softmodels.common.names import keep_arrays
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Maximum edge lengths of a body's triangles for a given chord error.

@@ -13,9 +13,9 @@ from softmodels.casting.facets import Facets
 from softmodels.casting.make import Made, MouldBody, made
 from softmodels.casting.pictures import write_sheet
 from softmodels.casting.settings import Asked, asked_of
-from softmodels.common.calls import checked, place
 from softmodels.common.files import write_bytes, write_text
-from softmodels.common.output import ResultFolder
+from softmodels.common.folders import ResultFolder
+from softmodels.common.names import checked, place
 from softmodels.common.processes import one_at_a_time
 
 HEADER = b"softmodels, lengths in mm"

@@ -13,8 +13,7 @@ from softmodels.casting.make import Made, MouldBody
 from softmodels.casting.settings import Asked
 from softmodels.casting.sheet import bench_sheet
 from softmodels.common.arrays import Array
-from softmodels.common.files import write_text
-from softmodels.common.page import image_uri, render
+from softmodels.common.files import image_uri, render, write_text
 from softmodels.pictures.offscreen import Layer, ViewCamera, can_render, direction, lines, studio, surface
 from softmodels.pictures.style import DPI, EDGE, number, page
 from softmodels.runs.grid import Cells

@@ -15,8 +15,8 @@ from geometries import Actuator
 from geometries.registry import to_table as device_table
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError, Spoken, known_are
+from softmodels.common.names import checked
 from softmodels.common.schema import (
     angle_field,
     choice_field,
@@ -28,7 +28,7 @@ from softmodels.common.schema import (
     text_field,
     to_table,
 )
-from softmodels.common.toml_file import TomlError, read_toml
+from softmodels.common.tables import TomlError, read_toml
 from softmodels.common.units import brief
 from softmodels.materials.silicones import CASTING, Casting, casting_of, named, product_of
 

@@ -37,9 +37,9 @@ from softmodels.cli.run import end, start_drawing, tell_not_drawn
 from softmodels.cli.run_command import HELP_OPTIONS, case_of_file
 from softmodels.common.commands import FolderType
 from softmodels.common.files import write_bytes, write_text
-from softmodels.common.output import ResultFolder
+from softmodels.common.folders import ResultFolder
+from softmodels.common.processes import say
 from softmodels.common.schema import shown
-from softmodels.common.terminal import say
 from softmodels.common.units import WATER_DENSITY, UnitError, quantity
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import extrapolated

@@ -13,7 +13,7 @@ from softmodels.cli.options import fail
 from softmodels.cli.run import end, start_drawing, tell_not_drawn
 from softmodels.common.commands import STOPPED, FolderType, asked_to_stop, stoppable
 from softmodels.common.folders import OwnFolderError
-from softmodels.common.terminal import say
+from softmodels.common.processes import say
 from softmodels.design.loads import DesignError
 from softmodels.design.problem import DesignProblem
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, speaks, start

@@ -25,7 +25,7 @@ from softmodels.case.materials import DEFAULT
 from softmodels.common.arrays import Array
 from softmodels.common.commands import FolderType, open_folder, open_place, status_of
 from softmodels.common.folders import OwnFolderError
-from softmodels.common.terminal import say
+from softmodels.common.processes import say
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.simulated import half_outline, readings_of

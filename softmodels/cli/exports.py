@@ -15,8 +15,8 @@ from softmodels.cli.options import fail, write_into
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.errors import MeshingError
 from softmodels.common.folders import OwnFolderError
+from softmodels.common.processes import say
 from softmodels.common.schema import about
-from softmodels.common.terminal import say
 from softmodels.mechanics.body import BodyError
 from softmodels.mechanics.compiling import CompilingError
 from softmodels.mechanics.mpi import launched, speaks, start

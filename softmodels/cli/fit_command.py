@@ -25,9 +25,8 @@ from softmodels.cli.material_commands import (
 )
 from softmodels.cli.options import fail, write_into
 from softmodels.common.commands import FolderType, open_folder, status_of
-from softmodels.common.folders import OwnFolderError
-from softmodels.common.output import ResultFolder
-from softmodels.common.terminal import say
+from softmodels.common.folders import OwnFolderError, ResultFolder
+from softmodels.common.processes import say
 from softmodels.common.units import UnitError, quantity
 from softmodels.fitting.comparison import FitReport, separate_file
 from softmodels.fitting.curves.curve import TensileCurve, TensileError

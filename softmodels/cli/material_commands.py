@@ -19,7 +19,7 @@ from softmodels.case.materials import material_from
 from softmodels.cli.options import fail, write_into
 from softmodels.common.commands import FolderType, open_folder
 from softmodels.common.folders import OwnFolderError
-from softmodels.common.terminal import say
+from softmodels.common.processes import say
 from softmodels.common.units import UnitError, brief, exact_text, number, quantity, with_prefix
 from softmodels.fitting.curves.curve import EQUILIBRIUM, Specimen, TensileCurve, TensileError, read_curve
 from softmodels.fitting.curves.fit import prepared

@@ -41,8 +41,7 @@ from softmodels.common.commands import (
 )
 from softmodels.common.errors import meant
 from softmodels.common.folders import OwnFolderError
-from softmodels.common.processes import cores
-from softmodels.common.terminal import COLUMNS, columns, say
+from softmodels.common.processes import COLUMNS, columns, cores, say
 from softmodels.common.units import exact_text
 from softmodels.materials.laws import LAWS
 from softmodels.materials.silicones import PRODUCTS
@@ -53,7 +52,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
     from mpi4py import MPI
 
-    from softmodels.common.output import ResultFolder
+    from softmodels.common.folders import ResultFolder
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ import click
 
 from softmodels.cli.options import fail
 from softmodels.common.errors import known_are
-from softmodels.common.terminal import say
+from softmodels.common.processes import say
 from softmodels.materials.silicones import (
     PRODUCTS,
     SILICONE_DENSITY,

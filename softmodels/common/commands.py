@@ -13,16 +13,13 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from softmodels.common.errors import meant
-from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
-from softmodels.common.terminal import say
-
-if TYPE_CHECKING:
-    from softmodels.common.output import ResultFolder
+from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, ResultFolder, take_default
+from softmodels.common.processes import say
 
 # ----------------------------------------------------------------------------------------------------------------------
 # End commands cleanly when stopped or if the output fails: one sentence and a status, no traceback.
@@ -212,8 +209,6 @@ def open_folder(
     output: Path | None, default: Path, kind: str, options: Mapping[str, Any], files: Iterable[Path] = ()
 ) -> ResultFolder:
     """Return a `ResultFolder` that is let go of when the command ends, however it ends."""
-    from softmodels.common.output import ResultFolder
-
     folder = ResultFolder(output, default, kind, options, files)
     click.get_current_context().call_on_close(folder.leave)
     return folder

@@ -1,4 +1,4 @@
-"""Cores of the machine, signal handlers of compiled code, and one thread at a time in what cannot be shared."""
+"""This process: its cores, signal handlers of compiled code, one thread at a time in what cannot be shared, its terminal."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ import contextlib
 import ctypes
 import functools
 import os
+import shutil
 import signal
+import sys
+import textwrap
 import threading
 from collections.abc import Callable, Iterator
+from typing import TextIO
 
 
 def cores() -> int:
@@ -20,7 +24,7 @@ def cores() -> int:
 # The process' signal handlers are the caller's: those that compiled code sets at its start are taken away again.
 
 
-LARGEST = 512
+LARGEST_ACTION = 512
 """Bytes, more than any system's ``struct sigaction`` takes."""
 
 
@@ -35,7 +39,7 @@ def handlers_kept() -> Iterator[None]:
         return
     library = ctypes.CDLL(None)
     numbers = [int(number) for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP}]  # never handled
-    before = {number: ctypes.create_string_buffer(LARGEST) for number in numbers}
+    before = {number: ctypes.create_string_buffer(LARGEST_ACTION) for number in numbers}
     for number, kept in before.items():
         library.sigaction(number, None, kept)
     try:
@@ -62,3 +66,57 @@ def one_at_a_time[**P, R](function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
 
     return call
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Sentences on a terminal: wrapped between words at its width; in a file or a pipe each stays one line.
+
+
+COLUMNS = {"stdout": "SOFTMODELS_TERMINAL_OUT", "stderr": "SOFTMODELS_TERMINAL"}
+"""Environment variables: columns of the terminal that a command has which has started the ranks, by their streams."""
+NARROWEST = 20
+
+
+def columns(name: str) -> int | None:
+    """Return the columns of the terminal that a stream (``"stdout"`` or ``"stderr"``) writes to; None if it is no terminal."""
+    if (given := os.environ.get(COLUMNS[name], "")).isdigit():
+        return max(int(given), NARROWEST)
+    stream: TextIO | None = getattr(sys, name)
+    if stream is None or not stream.isatty():
+        return None
+    try:
+        width = os.get_terminal_size(stream.fileno()).columns
+    except (OSError, ValueError):
+        width = shutil.get_terminal_size().columns
+    return max(width or shutil.get_terminal_size().columns, NARROWEST)
+
+
+def wrapped(text: str, width: int | None) -> str:
+    """Return a text whose lines are broken between words, their further lines indented by two more than the first; whole for
+    None."""
+    if width is None:
+        return text
+    lines = []
+    for line in text.split("\n"):
+        indent = " " * (len(line) - len(line.lstrip()))
+        lines += textwrap.wrap(
+            line, width, subsequent_indent=f"{indent}  ", break_long_words=False, break_on_hyphens=False,
+            replace_whitespace=False, drop_whitespace=True,
+        ) or [""]  # fmt: skip
+    return "\n".join(lines)
+
+
+def say(text: str, err: bool = False) -> None:
+    """Print a sentence to standard output, or to standard error."""
+    name = "stderr" if err else "stdout"
+    print(wrapped(text, columns(name)), file=getattr(sys, name), flush=True)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Names of files in pictures, as they are: matplotlib takes dollars for formulas and leaves some labels out of legends.
+
+
+def plain(text: str) -> str:
+    """Return a text that matplotlib shows letter by letter; what cannot be shown, such as a line's end, is a space."""
+    shown = "".join(letter if letter.isprintable() else " " for letter in text).replace("$", r"\$")
+    return f" {shown}" if shown.startswith("_") else shown

@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
-from softmodels.common.registry import Registry
+from softmodels.common.names import Registry
 from softmodels.common.schema import (
     Flag,
     Quantity,

@@ -11,7 +11,7 @@ import numpy as np
 
 from geometries.actuator import parameter
 from softmodels.common.arrays import Array
-from softmodels.common.calls import callback, checked, flag, place, several, whole as whole_number, wrong
+from softmodels.common.names import callback, checked, flag, place, several, whole as whole_number, wrong
 from softmodels.common.processes import one_at_a_time
 from softmodels.design.folder import DesignFolder
 from softmodels.design.loads import DesignStopped

@@ -17,10 +17,10 @@ from geometries.actuator import changed, parameter, parameter_names
 from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.case.materials import MaterialErrors
-from softmodels.common.calls import checked, place
 from softmodels.common.errors import known_are
+from softmodels.common.names import checked, place
 from softmodels.common.schema import about
-from softmodels.common.toml_file import TomlError, parse_toml, read_toml
+from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, brief, number_and_unit, quantity
 from softmodels.components.walls import Walls
 from softmodels.design.loads import PRESSURE, VOLUME, DesignError, JudgedLoad, factor, read, shown_unit, text

@@ -20,7 +20,7 @@ from geometries.actuator import changed
 from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.common.arrays import Array
-from softmodels.common.calls import keep_arrays
+from softmodels.common.names import keep_arrays
 from softmodels.design.formulation import INSIDE, ConstraintRow, Formulation
 from softmodels.design.loads import factor, shown_unit, text
 from softmodels.design.problem import SURE, DesignProblem, Free, in_words, label, shown, shown_factor

@@ -11,7 +11,7 @@ import numpy as np
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
-from softmodels.common.calls import keep_arrays
+from softmodels.common.names import keep_arrays
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Residuals of a target with their derivatives, compressed for least squares.

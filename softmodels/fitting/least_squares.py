@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult
 
 from softmodels.common.arrays import Array
-from softmodels.common.calls import keep_arrays
+from softmodels.common.names import keep_arrays
 from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Problem, Residuals, loss_of
 from softmodels.fitting.result import LeastSquaresFit, StartResult
 

@@ -16,8 +16,8 @@ from scipy.optimize import OptimizeResult, least_squares, nnls
 
 from softmodels.common import errors
 from softmodels.common.arrays import Array
-from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError, Spoken, meant
+from softmodels.common.names import checked
 from softmodels.common.schema import Flag, Kind, Quantity, Several, Words
 from softmodels.common.units import brief
 from softmodels.materials.laws import LAWS, Material, MaterialError, parameter_fields

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from softmodels.common.arrays import Array
-from softmodels.common.calls import keep_arrays, read_only
+from softmodels.common.names import keep_arrays, read_only
 from softmodels.fitting.problem import GroupSummary, Parameter, Problem, Rows, autocorrelation_time
 from softmodels.materials.laws import MaterialError
 

@@ -19,8 +19,8 @@ from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors
 from softmodels.common.arrays import Array
-from softmodels.common.calls import checked, flag, several, span
 from softmodels.common.errors import known_are
+from softmodels.common.names import checked, flag, several, span
 from softmodels.common.processes import one_at_a_time
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, prepared

@@ -15,9 +15,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self
 
-from softmodels.common.calls import checked
 from softmodels.common.errors import FieldError, Spoken
-from softmodels.common.registry import Registry
+from softmodels.common.names import Registry, checked
 from softmodels.common.schema import Quantity, Several
 from softmodels.common.units import with_prefix
 from softmodels.materials.memory import Memory

@@ -14,8 +14,8 @@ import dataclasses
 import statistics
 from collections.abc import Sequence
 
-from softmodels.common.calls import checked, one_of
 from softmodels.common.errors import known_are
+from softmodels.common.names import checked, one_of
 from softmodels.common.units import brief
 from softmodels.materials.laws import Material, MaterialError, Ogden, Yeoh
 from softmodels.materials.specimens import secant_modulus

@@ -32,7 +32,7 @@ from geometries import Actuator
 from geometries.actuator import Vector, cavity_roles
 from softmodels.common import schema
 from softmodels.common.errors import FieldError, Spoken
-from softmodels.common.registry import Registry
+from softmodels.common.names import Registry
 from softmodels.common.schema import Text, about, doubt_of, settle
 from softmodels.common.units import brief
 

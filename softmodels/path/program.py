@@ -16,8 +16,8 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.common.calls import checked
 from softmodels.common.errors import Spoken
+from softmodels.common.names import checked
 from softmodels.common.units import WATER_DENSITY, UnitError, brief, numbers as as_numbers, pascal_per_cm, quantity
 from softmodels.mechanics.dead_loads import RequestedValue, requestable
 

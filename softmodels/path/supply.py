@@ -18,7 +18,7 @@ from typing import ClassVar
 
 from softmodels.common import errors
 from softmodels.common.errors import Spoken
-from softmodels.common.registry import Registry
+from softmodels.common.names import Registry
 from softmodels.common.schema import Choice, Quantity, about, doubt_of, field_of, settle
 from softmodels.path.points import Supply
 

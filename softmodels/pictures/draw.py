@@ -25,7 +25,7 @@ from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.common.arrays import Array
 from softmodels.common.commands import unswept
 from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError
-from softmodels.common.terminal import say
+from softmodels.common.processes import say
 from softmodels.components.contact import obstacle_of
 from softmodels.pictures import curves, offscreen, report, section, solid
 from softmodels.pictures.film import Film

@@ -23,9 +23,8 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.common.arrays import Array
-from softmodels.common.files import read_text, write_text
-from softmodels.common.page import image_uri, render
-from softmodels.common.terminal import say
+from softmodels.common.files import image_uri, read_text, render, write_text
+from softmodels.common.processes import say
 from softmodels.design.result import DesignTold, ParameterTold, TrialTold
 from softmodels.pictures.curves import kilopascals, limits, smooth
 from softmodels.pictures.design_files import CAPTIONS, REPORT

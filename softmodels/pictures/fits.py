@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from softmodels.common.arrays import Array
-from softmodels.common.page import data_uri, render
-from softmodels.common.terminal import plain
+from softmodels.common.files import data_uri, render
+from softmodels.common.processes import plain
 from softmodels.common.units import with_prefix
 from softmodels.fitting.comparison import FitReport, FittedLaw
 from softmodels.fitting.curves.curve import TensileCurve

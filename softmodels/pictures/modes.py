@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from geometries import Actuator
 from softmodels.common.arrays import Array
 from softmodels.common.files import write_bytes
-from softmodels.common.terminal import say
+from softmodels.common.processes import say
 from softmodels.pictures.offscreen import (
     SOLID_STYLE,
     ViewCamera,

@@ -24,8 +24,7 @@ from geometries import registry as geometry_table
 from softmodels.case import materials
 from softmodels.common import schema
 from softmodels.common.arrays import Array
-from softmodels.common.files import check_file, read_text, write_text
-from softmodels.common.page import data_uri, image_uri, render
+from softmodels.common.files import check_file, data_uri, image_uri, read_text, render, write_text
 from softmodels.common.schema import about
 from softmodels.common.units import readable
 from softmodels.components.contact import obstacle_of

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from geometries.actuator import Vector, reflected
 from softmodels.case.requests import NONE, ProbeError, Probes, followed_text
 from softmodels.common.arrays import Array
-from softmodels.common.registry import Registry
+from softmodels.common.names import Registry
 from softmodels.components.rigid import symmetric_motions
 from softmodels.mechanics.body import in_section, in_space
 from softmodels.mechanics.compiling import JIT

@@ -11,7 +11,7 @@ import numpy as np
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
-from softmodels.common.calls import read_only
+from softmodels.common.names import read_only
 from softmodels.materials.silicones import sheet_of
 from softmodels.mechanics.mpi import on_root
 from softmodels.runs.grid import Cells

@@ -18,7 +18,7 @@ from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
-from softmodels.common.calls import checked, read_only
+from softmodels.common.names import checked, read_only
 from softmodels.common.processes import one_at_a_time
 from softmodels.components.loads import densities
 from softmodels.materials.laws import Material

@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING
 
 from softmodels.common.errors import spoken
-from softmodels.common.terminal import COLUMNS, columns, wrapped
+from softmodels.common.processes import COLUMNS, columns, wrapped
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.row import Row
 

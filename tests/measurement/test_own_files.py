@@ -19,7 +19,7 @@ from measurement.series.pictures import draw_edge
 from measurement.synthetic import photographer
 from measurement.synthetic.photographer import Scene, photograph, save
 from softmodels.common.folders import OwnFolder
-from softmodels.common.terminal import plain
+from softmodels.common.processes import plain
 
 
 def run(*words):

@@ -10,7 +10,7 @@ from measurement.screen.setup import Setup, SetupError
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import material_from
-from softmodels.common.toml_file import TomlError, numbers, read_toml
+from softmodels.common.tables import TomlError, numbers, read_toml
 from softmodels.materials.laws import MaterialError
 
 BROKEN = {

@@ -12,9 +12,8 @@ from measurement.camera.pictures import PictureError, read_pixels
 from measurement.outline.outline import Outline, OutlineError
 from measurement.series.photo_list import PhotoListError, read_photos
 from softmodels.common.files import UserFileError, check_file, file_digest, read_file, read_text, replace_text
-from softmodels.common.folders import FolderLock
-from softmodels.common.output import has_table, is_drawn
-from softmodels.common.toml_file import TomlError, read_toml
+from softmodels.common.folders import FolderLock, has_table, is_drawn
+from softmodels.common.tables import TomlError, read_toml
 
 
 @pytest.fixture(params=["pipe", "device", "link to a device", "folder"])

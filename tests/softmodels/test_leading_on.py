@@ -13,7 +13,7 @@ from measurement.__main__ import main as measurement_main
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError, SeriesError, of_text, series, split_text
 from softmodels.cli.options import main
-from softmodels.common import terminal
+from softmodels.common import processes
 from softmodels.path.program import ProgramError, _series
 
 
@@ -99,14 +99,14 @@ def test_a_cavitys_pressure_with_a_unit_is_told_in_cm():
 
 def test_sentences_are_wrapped_on_terminals_only(monkeypatch):
     text = "softmodels: " + "a sentence with --pressure-cm and results/folder-of-mine " * 4
-    for name in terminal.COLUMNS.values():
+    for name in processes.COLUMNS.values():
         monkeypatch.delenv(name, raising=False)
     stream = io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)
-    terminal.say(text, err=True)
+    processes.say(text, err=True)
     assert stream.getvalue().count("\n") == 1
-    monkeypatch.setenv(terminal.COLUMNS["stderr"], "60")
-    terminal.say(text, err=True)
+    monkeypatch.setenv(processes.COLUMNS["stderr"], "60")
+    processes.say(text, err=True)
     lines = stream.getvalue().splitlines()[1:]
     assert len(lines) > 3 and max(map(len, lines)) <= 60 and all(line.startswith("  ") for line in lines[1:])
     assert " ".join(" ".join(lines).split()) == " ".join(text.split()) and sum("--pressure-cm" in x for x in lines) > 2

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from geometries import HollowDisk, SeminarActuator
-from softmodels.common.page import render
+from softmodels.common.files import render
 from softmodels.pictures import report
 from softmodels.pictures.offscreen import look
 from softmodels.runs.columns import term

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from softmodels.common.arrays import Array
-from softmodels.common.registry import Registry
+from softmodels.common.names import Registry
 from softmodels.common.units import quantity as read_quantity
 from softmodels.design.loads import JudgedLoad
 

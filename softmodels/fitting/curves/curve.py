@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from softmodels.common.arrays import Array
-from softmodels.common.calls import checked, keep_arrays
 from softmodels.common.errors import FieldError, Spoken, known_are, meant, reason
+from softmodels.common.names import checked, keep_arrays
 from softmodels.common.schema import Quantity, Several
 from softmodels.common.tables import Line, Worksheet, named, pick, read_sheets
 from softmodels.common.units import FORMULA, UnitError, brief, quantity

@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from softmodels.common.arrays import Array
-from softmodels.common.calls import callback, checked, one_of, several, span
+from softmodels.common.names import callback, checked, one_of, several, span
 from softmodels.common.processes import one_at_a_time
 from softmodels.fitting.comparison import (
     Comparison,

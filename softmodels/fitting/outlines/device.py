@@ -21,7 +21,7 @@ from geometries.actuator import changed
 from measurement.outline.zero import STRAIGHT
 from softmodels.case.case import Case
 from softmodels.common.arrays import Array
-from softmodels.common.calls import checked, one_of
+from softmodels.common.names import checked, one_of
 from softmodels.common.schema import about
 from softmodels.components.loads import STANDARD_GRAVITY, DirectedLoad, FaceLoad, weighed
 from softmodels.fitting.outlines.shapes import OutlineFitError

@@ -14,8 +14,8 @@ from geometries import Actuator
 from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.common.arrays import Array
-from softmodels.common.calls import checked, one_of, several, wrong
 from softmodels.common.errors import known_are, spoken
+from softmodels.common.names import checked, one_of, several, wrong
 from softmodels.common.processes import one_at_a_time
 from softmodels.fitting.comparison import (
     DeviceMisfit,

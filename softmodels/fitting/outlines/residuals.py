@@ -24,8 +24,8 @@ import numpy.typing as npt
 
 from measurement.series.photo_list import DENSITY_ERROR
 from softmodels.common.arrays import Array
-from softmodels.common.calls import keep_arrays
 from softmodels.common.errors import known_are, reason
+from softmodels.common.names import keep_arrays
 from softmodels.common.tables import Line, pick, read_sheets, records
 from softmodels.common.units import WATER_DENSITY, UnitError, number
 from softmodels.fitting.least_squares import fit_parameters

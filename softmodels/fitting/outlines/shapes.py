@@ -19,7 +19,7 @@ from geometries import Actuator
 from measurement.edge.edge import SPAN
 from measurement.outline.outline import Outline, OutlineError
 from softmodels.common.arrays import Array
-from softmodels.common.calls import keep_arrays
+from softmodels.common.names import keep_arrays
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.problem import FitError, autocorrelation_time
 
