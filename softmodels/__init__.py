@@ -57,9 +57,9 @@ if TYPE_CHECKING:
     from softmodels.components.rigid import Rigid as Rigid
     from softmodels.components.sheets import Sheet as Sheet
     from softmodels.components.walls import Walls as Walls
-    from softmodels.design.loads import DesignError as DesignError
     from softmodels.design.optimise import optimise as optimise
     from softmodels.design.problem import DesignProblem as DesignProblem, Keep as Keep
+    from softmodels.design.trials import DesignError as DesignError
     from softmodels.fitting.curves.curve import TensileCurve as TensileCurve, TensileError as TensileError
     from softmodels.fitting.curves.fit import fit_curves as fit_curves
     from softmodels.fitting.outlines.fit import fit as fit, fit_heights as fit_heights
@@ -124,7 +124,7 @@ _PLACES = {
     "softmodels.case.entries": ("CaseError",),
     "softmodels.case.materials": ("Region",),
     "softmodels.design.problem": ("Keep", "DesignProblem"),
-    "softmodels.design.loads": ("DesignError",),
+    "softmodels.design.trials": ("DesignError",),
     "softmodels.design.optimise": ("optimise",),
     "softmodels.fitting.problem": ("FitError", "FitOptions"),
     "softmodels.fitting.outlines.fit": ("fit", "fit_heights"),

@@ -14,8 +14,8 @@ from softmodels.cli.run import end, start_drawing, tell_not_drawn
 from softmodels.common.commands import STOPPED, FolderType, asked_to_stop, stoppable
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.processes import say
-from softmodels.design.loads import DesignError
 from softmodels.design.problem import DesignProblem
+from softmodels.design.trials import DesignError
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, speaks, start
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.outcomes import DONE, FAILED, NO_EQUILIBRIUM, RunError, no_memory
@@ -24,7 +24,7 @@ from softmodels.runs.progress import Progress
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from softmodels.design.folder import DesignFolder
+    from softmodels.design.model import DesignFolder
     from softmodels.design.problem import SearchOptions
     from softmodels.design.result import DesignResult
 

@@ -1,9 +1,9 @@
 """From what a device should do to its shape.
 
-Begin with `problem` (what is asked) and `optimise` (the call).
+Begin with `problem` (what is asked) and `optimise` (the call, and the search).
 
-- `loads`: states at which a design is judged. `quantities`: what it is judged by, one idea a file.
-- `formulation`, `search`, `trials`: the problem in numbers of size one, the search, its trials.
-- `model`, `body`, `states`, `gradients`: the device as the optimiser sees it: meshed, solved, differentiated.
-- `result`, `folder`: what was found, and where it is kept.
+- `trials`: loads at which a design is judged, and evaluated designs.
+- `quantities`: what it is judged by, and the meshed device that this is evaluated on. `extremes`, `targets`: more of them.
+- `formulation`: the problem in numbers of size one. `model`: the device as the optimiser sees it, and the folder of its trials.
+- `states`: its states and their gradients. `result`: what was found.
 """

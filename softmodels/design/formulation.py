@@ -9,10 +9,9 @@ import numpy as np
 
 from geometries.actuator import parameter
 from softmodels.common.arrays import Array
-from softmodels.design.loads import PRESSURE, JudgedLoad
 from softmodels.design.problem import SURE, DesignProblem, Keep, ToleranceSpread, in_words, label
-from softmodels.design.quantities.base import DesignQuantity
-from softmodels.design.trials import Squares, Trial
+from softmodels.design.quantities import DesignQuantity
+from softmodels.design.trials import PRESSURE, JudgedLoad, Squares, Trial
 
 ZERO = 0.01
 """Minimum scale of a length's violation, relative to the device's size, if its limit is 0."""

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack, cast
 
 import numpy as np
+from scipy.optimize import least_squares, linprog, minimize
+from scipy.stats import qmc
 
-from geometries.actuator import parameter
+from geometries import GeometryError
+from geometries.actuator import changed, parameter
 from softmodels.common.arrays import Array
 from softmodels.common.names import callback, checked, flag, place, several, whole as whole_number, wrong
 from softmodels.common.processes import one_at_a_time
-from softmodels.design.folder import DesignFolder
-from softmodels.design.loads import DesignStopped
-from softmodels.design.model import Evaluating, evaluator
-from softmodels.design.problem import EVALUATIONS, DesignProblem, Judge, SearchOptions
-from softmodels.design.result import DesignResult, StartEnd, holding
-from softmodels.design.search import follow, further_starts
+from softmodels.design.formulation import Formulation, Scaled
+from softmodels.design.model import DesignFolder, EnoughError, Evaluating, evaluator
+from softmodels.design.problem import CLEARANCES, EVALUATIONS, DesignProblem, Judge, SearchOptions
+from softmodels.design.result import MET, DesignResult, StartEnd, holding
+from softmodels.design.trials import DesignStopped, Trial
 from softmodels.mechanics.mpi import on_root, start
 from softmodels.runs.outcomes import NO_EQUILIBRIUM, STOPPED, RunError
 
@@ -49,7 +52,7 @@ def optimise(
 ) -> DesignResult:
     """Optimise a design.
 
-    The method, and why, is in `softmodels.design.search`. A start ends where a step gains less than 1e-4 of the objective, at
+    The method, and why, is in `softmodels.design.optimise`. A start ends where a step gains less than 1e-4 of the objective, at
     an optimum, or after ``evaluations`` designs. Then its end is confirmed on a fresh mesh; where limits are passed otherwise
     there, the search goes on from it on that mesh. No design is evaluated twice on one mesh.
 
@@ -204,3 +207,440 @@ def _starts(under_way: Evaluating) -> Iterator[Array]:
             if not under_way.trial(under_way.form.theta(x)).failed:
                 yield under_way.form.theta(x)
                 break
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Search for the best design: sequential quadratic programming on an elastic problem, robust to failed trials.
+#
+# Chosen among SciPy's SLSQP and trust-constr and NLopt's MMA and CCSA (cyipopt has no wheel), on membranes with 3 to 20
+# parameters in closed form (tests/benchmarks/optimisers.py): evaluations to the end, and results.
+#
+# | problem | SLSQP, elastic | SLSQP | MMA | CCSA | trust-constr |
+# |---|---|---|---|---|---|
+# | limits inactive at the start | 12, 11, 12 | 8, 9, 10 | 17, 21, 22 | 28, 27, 27 | 29, 18, 13 |
+# | trial points without a state | 8, 12, 14 | 10, 12, 16 | 17, 20, 22 | 34, 31, 32 | 43, 23, 19 |
+# | limits broken at the start | 10, 11, 12 | 5, 6, 7 | 6, 10, 81 | 9, 11, 11 | 25, 11, 11 |
+# | limits that exclude each other | 14, 25, 19 | 100, 100, 98 | 10, 13, 11 | 9, 41, 72 | 100, 100, 100 |
+#
+# In the last row only the elastic form came near the least violation (0.200 of a limit; MMA ended at 0.250, SLSQP at 0.464).
+# Elastic means: one more variable t >= 0 relaxes all limits, at a penalty. So the quadratic problem of each step
+# has a solution, and an infeasible problem ends at the smallest maximum violation.
+#
+# The search starts with short steps of all parameters at once, so that meshes and states
+# follow; SLSQP takes over once those gain little. A failed trial (no state, or an invalid device) counts as no gain over
+# the last point, so SLSQP halves its step. The same applies, without an evaluation, to a step longer than the first phase's
+# last ones or twice the last good one, and to a step towards a failure. If the device had to be remeshed, the search
+# restarts there, because values of two meshes differ by more than the gain of the last steps.
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# First phase of a search: linear programs within move limits, which grow if a step was predicted well.
+#
+# Sequential linear programming with a trust region (Fletcher and Sainz de la Maza 1989, doi 10.1007/BF01582299), in the elastic
+# form of the search. All parameters move at once by small amounts, so that meshes and states follow; once
+# such steps gain little, second derivatives matter and the search continues with SLSQP.
+
+
+FIRST_REACH = 0.1
+"""Maximum change of a parameter in the first step, relative to its range."""
+FARTHEST_REACH = 0.4
+SHORTEST_REACH = 0.05
+"""Move limit below which SLSQP takes over."""
+WORTH_IT = 0.05
+"""Expected relative gain of a step below which SLSQP takes over."""
+GOOD, POOR = 0.6, 0.1
+"""Fractions of the predicted gain above which the move limits grow, and below which a step is rejected."""
+
+
+def approached(evaluate: Callable[[Array], Scaled | None], start: Array, price: float) -> tuple[Array, float]:
+    """Return the last design of the linear steps, and the move limits there.
+
+    Args:
+        evaluate: A design in scaled numbers by its scaled parameters; None if it fails.
+        start: A design that does not fail, each value from 0 to 1.
+        price: Of the largest violation.
+    """
+    x, reach = start, FIRST_REACH
+    here = evaluate(x)
+    assert here is not None
+    while reach >= SHORTEST_REACH:
+        step, predicted = _step(here, x, reach, price)
+        if predicted < WORTH_IT:
+            break
+        trial = np.clip(x + step, 0.0, 1.0)
+        there = evaluate(trial)
+        gain = -np.inf if there is None else _merit(here, price) - _merit(there, price)
+        if there is not None and (
+            gain > POOR * predicted or there.fresh
+        ):  # values of different meshes are not comparable
+            x, here = trial, there
+        if gain < POOR * predicted:
+            reach = min(reach, float(np.abs(step).max())) / 2
+        elif gain > GOOD * predicted:
+            reach = min(2 * reach, FARTHEST_REACH)
+    return x, reach
+
+
+def _merit(found: Scaled, price: float) -> float:
+    return found.f + price * float(found.c.max(initial=0.0))
+
+
+def _step(here: Scaled, x: Array, reach: float, price: float) -> tuple[Array, float]:
+    """Return the best step within the move limits by the gradients, and its predicted gain."""
+    n, count = len(x), len(here.c)
+    bounds = [(max(-reach, -value), min(reach, 1.0 - value)) for value in x] + [(0.0, None)]
+    rows = np.column_stack([here.dc, -np.ones(count)]) if count else None
+    found = linprog(np.append(here.df, price), rows, -here.c if count else None, bounds=bounds, method="highs")
+    if found.x is None:  # HiGHS failed numerically
+        return np.zeros(n), 0.0
+    return found.x[:n], price * float(here.c.max(initial=0.0)) - float(found.fun)
+
+
+Evaluate = Callable[[Array], Scaled | None]
+"""A scaled design by its scaled parameters; None if it fails."""
+
+PRICES = (10.0, 100.0)
+"""Penalties of a violation of 100 % of a limit, in objectives; the second if the first was too small."""
+OBJECTIVE_TOLERANCE = 1e-4
+"""The search ends if a step gains less than this fraction of the objective."""
+SAME_DIRECTION = 0.98
+"""Cosine of the angle within which two steps have the same direction."""
+MOST_MESHES = 8
+"""Maximum number of meshes per pass."""
+MOST_STEPS = 60
+"""Maximum number of steps per pass; the number of evaluations ends it earlier."""
+
+
+def search(evaluate: Evaluate, start: Array) -> Array:
+    """Return the end of the search, in scaled parameters.
+
+    Args:
+        evaluate: A design in scaled numbers; every c at most zero is wanted. May raise to end the search.
+        start: A design that does not fail, each value from 0 to 1.
+    """
+    x, reach = approached(evaluate, start, PRICES[0])
+    for price in PRICES:
+        x = _pass(evaluate, x, price, reach)
+        if _violation(evaluate, x) <= OBJECTIVE_TOLERANCE:
+            return x
+        x = _pass(evaluate, x, 1.0, reach, objective=False)
+        if _violation(evaluate, x) > OBJECTIVE_TOLERANCE:
+            return x  # the smallest possible violation
+    return x
+
+
+def _violation(evaluate: Evaluate, x: Array) -> float:
+    found = evaluate(x)
+    assert found is not None  # a search ends at a visited point
+    return float(found.c.max(initial=0.0))
+
+
+class _OtherMeshError(Exception):
+    """A trial was remeshed, so values before and after are not exactly comparable."""
+
+    def __init__(self, x: Array):
+        super().__init__()
+        self.x = x
+
+
+def _pass(evaluate: Evaluate, start: Array, price: float, reach: float, objective: bool = True) -> Array:
+    """Return the runs of SLSQP over the parameters and t, each on one mesh."""
+    for _ in range(MOST_MESHES):
+        steps = _Steps(evaluate, start, price, reach, objective)
+        bounds = [(0.0, 1.0)] * len(start) + [(0.0, None)]
+        limits = [{"type": "ineq", "fun": steps.limits, "jac": steps.limit_slopes}] if steps.count else []
+        try:
+            minimize(
+                steps.value, np.append(start, steps.elastic), jac=steps.slope, method="SLSQP", bounds=bounds,
+                constraints=limits, options={"maxiter": MOST_STEPS, "ftol": OBJECTIVE_TOLERANCE},
+            )  # fmt: skip
+        except _OtherMeshError as other:
+            start = other.x
+        else:
+            break
+    return steps.best
+
+
+class _Steps:
+    """Callbacks of SLSQP, which requests gradients only at accepted points."""
+
+    def __init__(self, evaluate: Evaluate, start: Array, price: float, reach: float, objective: bool):
+        self._evaluate, self.price, self.weight = evaluate, price, float(objective)
+        found = evaluate(start)
+        assert found is not None
+        self.count = len(found.c)
+        self.elastic = float(found.c.max(initial=0.0))
+        self.at, self.reach, self.failed = start, reach, list[Array]()
+        self.best, self._merit = start, self._worth(found)
+        self.slope(np.append(start, self.elastic))
+
+    def _worth(self, found: Scaled) -> float:
+        return self.weight * found.f + self.price * float(found.c.max(initial=0.0))
+
+    def _found(self, z: Array) -> Scaled | None:
+        x = np.clip(z[:-1], 0.0, 1.0)
+        step = float(np.abs(x - self.at).max())
+        if step > self.reach * (1 + 1e-9) or self._behind_a_failure(x):
+            return None
+        found = self._evaluate(x)
+        if found is None:
+            self.failed.append(x)
+            self.reach = step / 2
+        elif found.fresh:
+            raise _OtherMeshError(x)
+        if found is not None and self._worth(found) < self._merit:
+            self.best, self._merit = x, self._worth(found)
+        return found
+
+    def _behind_a_failure(self, x: Array) -> bool:
+        """Return whether a point is roughly in the direction of a failed one, and at least as far away."""
+        d = x - self.at
+        length = float(np.linalg.norm(d))
+        for known in self.failed:
+            f = known - self.at
+            far = float(np.linalg.norm(f))
+            if length >= 0.9 * far and float(d @ f) >= SAME_DIRECTION * length * far:
+                return True
+        return False
+
+    def value(self, z: Array) -> float:
+        found = self._found(z)
+        return self._base_value if found is None else self.weight * found.f + self.price * float(z[-1])
+
+    def slope(self, z: Array) -> Array:
+        before, self.at = self.at, np.clip(z[:-1], 0.0, 1.0)
+        if not np.array_equal(before, self.at):
+            self.reach = min(2 * self.reach, FARTHEST_REACH)
+        found = self._evaluate(self.at)
+        if found is None:  # SLSQP stopped because the last step failed
+            return np.zeros(len(z))
+        self._base_value = self.weight * found.f + self.price * float(z[-1])
+        self._base_limits = z[-1] - found.c
+        return np.append(self.weight * found.df, self.price)
+
+    def limits(self, z: Array) -> Array:
+        found = self._found(z)
+        return self._base_limits if found is None else np.asarray(z[-1] - found.c)
+
+    def limit_slopes(self, z: Array) -> Array:
+        found = self._evaluate(np.clip(z[:-1], 0.0, 1.0))
+        if found is None:
+            return np.zeros((self.count, len(z)))
+        return np.column_stack([-found.dc, np.ones(self.count)])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Least-squares search for the device closest to a target: Gauss-Newton in a trust region, within the bounds.
+#
+# The distance from a reachable target is not smooth where it is zero, and general searches stop early
+# there. Its square is a sum of squares with known derivatives, so few evaluations are enough
+# (SciPy's trust region reflective method: Branch, Coleman and Li 1999, doi 10.1137/S1064827595289108). A failed trial returns
+# NaN, which makes the method shrink its region.
+
+
+PARAMETER_TOLERANCE = 1e-6
+"""Convergence tolerance of the parameters, relative to their ranges."""
+GAIN = 1e-10
+"""Minimum relative decrease of the sum of squares per step."""
+MESHES = 3
+"""Maximum number of meshes; it restarts on each, because values of two meshes differ."""
+
+
+def can_follow(form: Formulation, trial: Trial) -> bool:
+    """Return whether the problem is a least-squares one: a target, and no limits other than bounds."""
+    keys = [term.quantity.key for term in form.problem.terms]
+    return form.problem.objective == "follow" and not form.rows and all(key in trial.squares for key in keys)
+
+
+def followed(judged: Callable[[Array], Trial], form: Formulation, start: Array) -> Array:
+    """Return the end of the search in scaled parameters.
+
+    Args:
+        judged: A trial by its scaled parameters; may raise to end the search.
+        form: The problem in scaled numbers.
+        start: Where to begin; a design that does not fail.
+    """
+    x, known = start, dict[bytes, Trial]()
+
+    def trial(point: Array) -> Trial:
+        key = point.tobytes()
+        if key not in known:
+            known[key] = judged(point)
+        return known[key]
+
+    for _ in range(MESHES):
+        known.clear()
+        rows = len(distances(form, trial(x)))
+
+        def residuals(point: Array, rows: int = rows) -> Array:
+            found = trial(point)
+            return np.full(rows, np.nan) if found.failed else distances(form, found)
+
+        x = least_squares(
+            residuals, x, lambda point: slopes(form, trial(point)), bounds=(0.0, 1.0), xtol=PARAMETER_TOLERANCE, ftol=GAIN,
+            gtol=1e-15,
+        ).x  # fmt: skip
+        if not any(one.remeshed for one in list(known.values())[1:]):
+            break
+    return np.asarray(x)
+
+
+def distances(form: Formulation, trial: Trial) -> Array:
+    """Return the residuals of all targets of a trial, relative to the first trial's distance, weighted
+    in a mean."""
+    return _stacked(form, trial)[:, -1]
+
+
+def slopes(form: Formulation, trial: Trial) -> Array:
+    """Return their derivatives by the scaled parameters."""
+    return _stacked(form, trial)[:, : len(form.problem.free)] * form.width
+
+
+def _stacked(form: Formulation, trial: Trial) -> Array:
+    return np.vstack(
+        [
+            np.sqrt(term.weight / trial.squares[term.quantity.key].count) / form.size
+            * trial.squares[term.quantity.key].triangle
+            for term in form.problem.terms
+        ]
+    )  # fmt: skip
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# One start: a search, repeated if values on a fresh mesh differ from those of the search.
+
+
+PASSES = 4
+"""Maximum passes of a robust search: standard deviations are fixed in a pass, and updated at its end."""
+SETTLED = 1e-3
+"""Change of the allowances, relative to a limit, below which a robust search has converged."""
+CORRECTIONS = 4
+"""Maximum number of continuations on a fresh mesh."""
+WASTED = 0.02
+"""Relative slack of a limit on the fresh mesh, active in the search, above which the search continues."""
+
+
+def follow(under_way: Evaluating, theta: Array) -> StartEnd:
+    """Search from a design, and confirm the result.
+
+    Args:
+        under_way: What evaluates designs; a design was judged before.
+        theta: Where to begin, values of the problem's `names`.
+    """
+    form = under_way.form
+    assert form is not None
+    seen: list[Trial] = []
+    ends: list[StartEnd] = []
+    try:
+        why = _searched(under_way, form, theta, seen)
+        best = form.best(seen)
+        if best is None or not under_way.how.get("confirm", True):
+            return StartEnd(under_way.start, best, form, why=why)
+        ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
+        safety = np.zeros(len(form.rows))
+        while len(ends) <= CORRECTIONS and _differs(ends[-1], len(ends)):
+            under_way.tell("limits differ on a fresh mesh: continuing the search from there")
+            if len(ends) > 1:  # meshes differ randomly too
+                safety = np.maximum(safety, _apart(ends[-1]))
+            under_way.fresh_mesh()
+            again = under_way.trial(np.array(best.theta))
+            if again.failed:
+                break
+            form, seen = under_way.form.corrected(again, ends[-1].confirmed, safety), [again]  # type: ignore[union-attr]
+            why = _searched(under_way, form, np.array(again.theta), seen)
+            best = form.best(seen) or again
+            ends.append(StartEnd(under_way.start, best, form, *under_way.confirmed(best), why))
+    except DesignStopped:
+        found = form.best(seen)
+        if not ends or found is not None:
+            return StartEnd(under_way.start, found, form, {}, "", StartEnd.STOPPED)
+        return dataclasses.replace(ends[-1], why=StartEnd.STOPPED)
+    return min(ends, key=StartEnd.order)
+
+
+def _apart(end: StartEnd) -> Array:
+    """Return how much more each limit is violated on the fresh mesh than in the search, relative to the limit."""
+    assert end.best is not None
+    allowances = end.form.allowances(end.best)
+    return end.form.passed(end.confirmed, allowances) - (end.form.violations(end.best) - end.form.safety)
+
+
+def _differs(end: StartEnd, rounds: int) -> bool:
+    """Return whether a search has to continue: limits are violated on the fresh mesh, or inactive there for the first time."""
+    if end.trouble or end.best is None or not end.form.rows or not end.form.feasible(end.best):
+        return False
+    fresh = end.form.passed(end.confirmed, end.form.allowances(end.best))
+    met = end.form.violations(end.best) > -MET
+    unused = rounds <= 2 and bool(met.any()) and float(fresh[met].max()) < -WASTED
+    return unused or not end.feasible
+
+
+def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list[Trial]) -> str:
+    """Search repeatedly until the standard deviations converge; return why it ended early.
+
+    Args:
+        under_way: What evaluates designs.
+        form: The problem in scaled numbers.
+        theta: Where to begin.
+        seen: Gets every trial.
+    """
+    start = form.x(theta)
+
+    def judged(point: Array) -> Trial:
+        # Reproduce the start exactly, so that it is not evaluated twice.
+        seen.append(under_way.trial(theta if np.array_equal(point, start) else form.theta(point)))
+        return seen[-1]
+
+    end = start
+    try:
+        if can_follow(form, judged(start)):
+            followed(judged, form, start)
+            return ""
+        for _ in range(PASSES if form.spread.any else 1):
+            allowances = form.allowances(judged(end))
+
+            def evaluate(point: Array, allowances: Array = allowances) -> Scaled | None:
+                before = set(under_way.visited)
+                trial = judged(point)
+                other_mesh = trial.remeshed and trial.number not in before
+                if other_mesh:
+                    del seen[:-1]  # compare only values of one mesh
+                return None if trial.failed else form.scaled(trial, allowances, other_mesh)
+
+            end = search(evaluate, end)
+            change = np.abs(form.allowances(judged(end)) - allowances) / np.array([row.scale for row in form.rows])
+            if change.max(initial=0.0) <= SETTLED:
+                break
+    except EnoughError:
+        return f"after {len(under_way.visited)} evaluations"
+    return ""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Starting points of searches: the given device, then points spread over the bounds.
+
+
+DRAWN = 64
+"""Number of points drawn; invalid devices, or those with too thin a wall, are skipped."""
+
+
+def further_starts(problem: DesignProblem, seed: int) -> Iterator[Array]:
+    """Yield the scaled parameters of devices spread over the bounds: a Latin hypercube (McKay, Beckman and Conover 1979).
+
+    Args:
+        problem: The problem.
+        seed: The same seed gives the same points.
+    """
+    for x in qmc.LatinHypercube(len(problem.free), rng=np.random.default_rng(seed)).random(DRAWN):
+        if _is_device(problem, x):
+            yield x
+
+
+def _is_device(problem: DesignProblem, x: Array) -> bool:
+    values = {one.name: one.low + share * one.width for one, share in zip(problem.free, x, strict=True)}
+    try:
+        device = changed(problem.case.actuator, values)
+    except GeometryError:
+        return False
+    least = max([keep.at_least or 0.0 for keep in problem.limits if keep.quantity.name == CLEARANCES], default=0.0)
+    return min(device.clearances.values(), default=least) >= least

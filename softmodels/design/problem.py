@@ -23,10 +23,20 @@ from softmodels.common.schema import about
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, brief, number_and_unit, quantity
 from softmodels.components.walls import Walls
-from softmodels.design.loads import PRESSURE, VOLUME, DesignError, JudgedLoad, factor, read, shown_unit, text
-from softmodels.design.quantities.base import DesignQuantity
-from softmodels.design.quantities.gaps import LeastGap
-from softmodels.design.trials import Evaluation, Trial
+from softmodels.design.extremes import LeastGap
+from softmodels.design.quantities import DesignQuantity
+from softmodels.design.trials import (
+    PRESSURE,
+    VOLUME,
+    DesignError,
+    Evaluation,
+    JudgedLoad,
+    Trial,
+    factor,
+    read,
+    shown_unit,
+    text,
+)
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -21,11 +21,10 @@ from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.common.arrays import Array
 from softmodels.common.names import keep_arrays
+from softmodels.design.extremes import LeastGap
 from softmodels.design.formulation import INSIDE, ConstraintRow, Formulation
-from softmodels.design.loads import factor, shown_unit, text
 from softmodels.design.problem import SURE, DesignProblem, Free, in_words, label, shown, shown_factor
-from softmodels.design.quantities.gaps import LeastGap
-from softmodels.design.trials import Trial
+from softmodels.design.trials import Trial, factor, shown_unit, text
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Identifiability of parameters from a target: standard errors, intervals, and weakly determined combinations.

@@ -36,10 +36,9 @@ def main():
 
     from softmodels.case.case import Case
     from softmodels.case.materials import DEFAULT
+    from softmodels.design.extremes import PeakStretch
     from softmodels.design.model import DesignModel
-    from softmodels.design.quantities.geometric import AddedVolume, StoredEnergy
-    from softmodels.design.quantities.peaks import PeakStretch
-    from softmodels.design.quantities.places import Place, Rise
+    from softmodels.design.quantities import AddedVolume, Place, Rise, StoredEnergy
     from softmodels.materials.silicones import silicone_called
     from softmodels.mechanics.controls import pressure_control
 

@@ -4,7 +4,7 @@
     uv run --with nlopt python tests/benchmarks/optimisers.py      NLopt's MMA and CCSA too
 
 Seconds. The thickness of a membrane in n rings is free; its rise is to be large, with limits on stretch, margin to the limit
-point and mass. Past the limit point there is no state: an evaluation fails. The table in `softmodels.design.search` is from
+point and mass. Past the limit point there is no state: an evaluation fails. The table in `softmodels.design.optimise` is from
 here.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import NonlinearConstraint, minimize
 
 from softmodels.design.formulation import Scaled
-from softmodels.design.search import search
+from softmodels.design.optimise import search
 
 MOST = 100
 """Evaluations after which a method is stopped."""

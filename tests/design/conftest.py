@@ -7,12 +7,10 @@ import pytest
 
 from geometries import HollowDisk
 from softmodels.case.case import Case
-from softmodels.design.loads import JudgedLoad
+from softmodels.design.extremes import PeakStretch, PeakVonMises
 from softmodels.design.model import DesignModel
-from softmodels.design.quantities.geometric import AddedVolume, Clearances, Mass, StoredEnergy
-from softmodels.design.quantities.limits import LimitMargin
-from softmodels.design.quantities.peaks import PeakStretch, PeakVonMises
-from softmodels.design.quantities.places import Place, Rise
+from softmodels.design.quantities import AddedVolume, Clearances, LimitMargin, Mass, Place, Rise, StoredEnergy
+from softmodels.design.trials import JudgedLoad
 from softmodels.materials.laws import NeoHookean
 
 WORKING = 2000.0

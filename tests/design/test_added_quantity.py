@@ -10,8 +10,7 @@ import pytest
 
 from softmodels.case.case import Case
 from softmodels.design.problem import DesignProblem
-from softmodels.design.quantities import QUANTITIES, DesignQuantity, register_quantity
-from softmodels.design.quantities.base import FormMeasure
+from softmodels.design.quantities import QUANTITIES, DesignQuantity, FormMeasure, register_quantity
 from softmodels.materials.laws import NeoHookean
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from geometries import HollowDisk
 from geometries.actuator import changed
-from softmodels.design.body import DesignedBody
-from softmodels.design.gradients import Adjoint, Bifurcations, Cubic
+from softmodels.design.quantities import DesignedBody
+from softmodels.design.states import Adjoint, Bifurcations, Cubic
 from softmodels.materials.laws import Yeoh
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.newton import NoConvergence

@@ -8,8 +8,8 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.components.walls import Walls
+from softmodels.design.extremes import SHARPNESS, LeastGap
 from softmodels.design.problem import DesignProblem
-from softmodels.design.quantities.gaps import SHARPNESS, LeastGap
 from softmodels.runs import self_contact as surface
 
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"

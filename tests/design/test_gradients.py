@@ -10,15 +10,11 @@ import pytest
 from geometries import Balloon, Bellows, Cylinder, HollowDisk, Membrane, SeminarActuator
 from softmodels.case.case import Case
 from softmodels.design import model as model_module
-from softmodels.design.loads import JudgedLoad
+from softmodels.design.extremes import PeakStretch
 from softmodels.design.model import DesignModel
-from softmodels.design.quantities.forces import BlockedForce, Stiffness
-from softmodels.design.quantities.geometric import AddedVolume, Mass
-from softmodels.design.quantities.limits import LimitPressure
-from softmodels.design.quantities.peaks import PeakStretch
-from softmodels.design.quantities.places import DeviceFigure, Rise
+from softmodels.design.quantities import AddedVolume, BlockedForce, DeviceFigure, LimitPressure, Mass, Rise, Stiffness
 from softmodels.design.states import WorkingStates
-from softmodels.design.trials import DesignFailure
+from softmodels.design.trials import DesignFailure, JudgedLoad
 from softmodels.materials.laws import NeoHookean, Yeoh
 
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"

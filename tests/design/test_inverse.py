@@ -9,13 +9,12 @@ import pytest
 
 from geometries import HollowDisk, SeminarActuator
 from softmodels.case.case import Case
-from softmodels.design.loads import JudgedLoad
 from softmodels.design.model import DesignModel
 from softmodels.design.optimise import optimise
 from softmodels.design.problem import DesignProblem
-from softmodels.design.quantities.composite import TipPath
-from softmodels.design.quantities.outline import Outline
-from softmodels.design.quantities.places import Place
+from softmodels.design.quantities import Place
+from softmodels.design.targets import Outline, TipPath
+from softmodels.design.trials import JudgedLoad
 from softmodels.materials.laws import NeoHookean
 
 RECOVERED = "parameters of known devices, recovered from what they did"

@@ -7,8 +7,8 @@ import pytest
 
 from geometries import HollowDisk
 from measurement.outline.outline import Outline as Measured
-from softmodels.design.loads import JudgedLoad
-from softmodels.design.quantities.outline import Outline, _middle
+from softmodels.design.targets import Outline, _middle
+from softmodels.design.trials import JudgedLoad
 
 TAYLOR = "Taylor's remainder of the distance from an outline, by every length"
 AT = 2000.0

@@ -9,12 +9,9 @@ from geometries import Cylinder, HollowDisk, Membrane
 from geometries.actuator import parameter
 from softmodels.case.case import Case
 from softmodels.components.fibres import Fabric, Fibres
-from softmodels.design.loads import DesignError, JudgedLoad
 from softmodels.design.problem import DesignProblem
-from softmodels.design.quantities.forces import Stiffness
-from softmodels.design.quantities.geometric import AddedVolume, StoredEnergy
-from softmodels.design.quantities.limits import LimitPressure
-from softmodels.design.quantities.places import DeviceFigure, Rise
+from softmodels.design.quantities import AddedVolume, DeviceFigure, LimitPressure, Rise, Stiffness, StoredEnergy
+from softmodels.design.trials import DesignError, JudgedLoad
 
 TAYLOR = "Taylor's remainder with parts on the boundary"
 LAW = sm.NeoHookean(20e3, 0.49)

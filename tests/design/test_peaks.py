@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import softmodels as sm
+from softmodels.design.extremes import PeakStretch, PeakVonMises
 from softmodels.design.model import DesignModel
 from softmodels.design.problem import DesignProblem
-from softmodels.design.quantities.peaks import PeakStretch, PeakVonMises
 from softmodels.runs.state_values import SHARE, volume_peak
 
 WOUND = (sm.Fibres(on="outer", angle=75.0, helices=2, stiffness=10e3),)

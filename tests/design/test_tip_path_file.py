@@ -8,9 +8,9 @@ import numpy as np
 import openpyxl
 import pytest
 
-from softmodels.design.loads import DesignError
 from softmodels.design.problem import DesignProblem
-from softmodels.design.quantities.composite import TipPath
+from softmodels.design.targets import TipPath
+from softmodels.design.trials import DesignError
 
 RUN = """step,pressure_cm,pressure_Pa,added_volume_ml,tip_mm,tip_below_mm,tip_x_mm,tip_z_mm,max_stretch_x_mm,requested
 0,0.0,0.0,0.0,0.0,0.0,70.0,0.0,1.0,1

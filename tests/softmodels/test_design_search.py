@@ -10,9 +10,8 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case
-from softmodels.design.optimise import optimise
+from softmodels.design.optimise import FARTHEST_REACH, FIRST_REACH, optimise
 from softmodels.design.problem import DesignProblem
-from softmodels.design.search import FARTHEST_REACH, FIRST_REACH
 from tests.support import fake_design as fake
 
 

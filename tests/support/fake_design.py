@@ -17,8 +17,7 @@ from geometries import GeometryError, HollowDisk, register_device
 from geometries.actuator import changed
 from softmodels.common.schema import length_field
 from softmodels.design import model, problem
-from softmodels.design.loads import JudgedLoad
-from softmodels.design.trials import DesignFailure
+from softmodels.design.trials import DesignFailure, JudgedLoad
 
 DENSITY = 1070.0
 

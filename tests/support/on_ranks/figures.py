@@ -172,12 +172,10 @@ def design(comm) -> list[float]:
     import numpy as np
 
     from softmodels.case.case import Case
-    from softmodels.design.loads import JudgedLoad
+    from softmodels.design.extremes import PeakStretch
     from softmodels.design.model import DesignModel
-    from softmodels.design.quantities.geometric import AddedVolume, Mass
-    from softmodels.design.quantities.limits import LimitMargin
-    from softmodels.design.quantities.peaks import PeakStretch
-    from softmodels.design.quantities.places import Rise
+    from softmodels.design.quantities import AddedVolume, LimitMargin, Mass, Rise
+    from softmodels.design.trials import JudgedLoad
     from softmodels.materials.laws import NeoHookean
 
     quantities = (

@@ -1,0 +1,843 @@
+"""Quantities of designs: a name, a unit, and the evaluation on a meshed device; `QUANTITIES` lists them by name.
+
+Add a quantity as a class with `@register_quantity`, also in other modules.
+"""
+
+from __future__ import annotations
+
+import abc
+import contextlib
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from geometries import Actuator, GeometryError
+from geometries.actuator import changed, is_length, parameter
+from softmodels.common.arrays import Array
+from softmodels.common.names import Registry
+from softmodels.common.units import quantity as read_quantity
+from softmodels.design.trials import JudgedLoad
+from softmodels.materials.strain import Strain
+from softmodels.mechanics.body import in_section
+from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.motion import MeshMotion
+from softmodels.mechanics.mpi import largest, total
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import face_load
+from softmodels.runs.grid import Grid, displacement_maps
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import ufl
+    from dolfinx import fem
+    from petsc4py import PETSc
+
+    from softmodels.mechanics.system import State
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Slopes:
+    """A quantity at a state, and its partial derivatives.
+
+    Attributes:
+        value: In SI units.
+        w: By the owned unknowns of the state, shape (n,); None if it does not depend on them.
+        P: By the dimensionless pressure.
+        X: By the dimensionless places of the mesh's nodes at fixed unknowns, flat over `MeshMotion.space`; None for none.
+        note: A sentence on how far the value can be trusted; empty for none.
+    """
+
+    value: float
+    w: Array | None = None
+    P: float = 0.0
+    X: Array | None = None
+    note: str = ""
+
+
+class Measure(abc.ABC):
+    """A quantity prepared on a meshed device, with its compiled forms."""
+
+    @abc.abstractmethod
+    def slopes(self, state: State | None) -> Slopes:
+        """Return value and derivatives; the state is loaded into the equations. None if it needs no state."""
+
+    def value(self, state: State | None) -> float:
+        """Return only the value, after `slopes` on this mesh."""
+        return self.slopes(state).value
+
+
+class TargetMeasure(Measure):
+    """Distances from a target.
+
+    Attributes:
+        run: Correlation length of the target's errors, in points.
+        sigma: Standard error of one in SI units; 0 where it is not known.
+    """
+
+    run: float = 1.0
+    sigma: float = 0.0
+
+    @abc.abstractmethod
+    def residuals(self, state: State) -> Array:
+        """Return the distances in SI units, shape (k,)."""
+
+    @abc.abstractmethod
+    def moved(self, state: State, w: Array, X: Array) -> Array:
+        """Return the derivative of the distances, shape (k,).
+
+        Args:
+            state: The state that is loaded.
+            w: Derivative of its dof values, with ghosts.
+            X: That of the mesh's dimensionless nodes, shape (nodes of `MeshMotion.space`, d), with ghosts.
+        """
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DesignQuantity(abc.ABC):
+    """A quantity of a design.
+
+    Attributes:
+        at: The state at which it is taken, a `Load` or a pressure in Pa.
+    """
+
+    name: ClassVar[str]
+    unit: ClassVar[str]
+    """SI unit of its values; "1" for a pure number."""
+    help: ClassVar[str]
+    """Its description, a clause."""
+    of_state: ClassVar[bool] = True
+    """Whether it belongs to a state, so that ``at`` is required."""
+
+    at: JudgedLoad | float | None = None
+
+    def __post_init__(self) -> None:
+        if self.at is not None:
+            object.__setattr__(self, "at", JudgedLoad.of(self.at))
+
+    @property
+    def load(self) -> JudgedLoad | None:
+        """The state at which it is evaluated."""
+        return None if self.at is None else JudgedLoad.of(self.at)
+
+    @property
+    def title(self) -> str:
+        """Its title without its load, as in ``rise of tip``."""
+        return self.name.replace("_", " ")
+
+    @property
+    def key(self) -> str:
+        """Unique text, as in ``rise of tip at 16.84 kPa``."""
+        return self.title if self.at is None else f"{self.title} at {self.load}"
+
+    @abc.abstractmethod
+    def measure(self, design: DesignedBody) -> Measure:
+        """Prepare it on a meshed device; raise ValueError with a message if the device does not have it."""
+
+
+def length(what: str, value: float | str) -> float:
+    """Return a length in m that is not negative, from a number or a text with a unit.
+
+    Raises:
+        ValueError: It is something else.
+    """
+    found = read_quantity(value, "m") if isinstance(value, str) else float(value)
+    if not (np.isfinite(found) and found >= 0.0):
+        raise ValueError(f"{what} is {value!r}; it must be a length above zero, or 0 for none")
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Quantities that are functions of integrals over the body, with values and derivatives from UFL forms.
+
+
+Combine = Callable[[Array], tuple[float, Array]]
+"""Value of a function of integrals, and its slopes by them."""
+
+
+class FormMeasure(Measure):
+    """A function of integrals.
+
+    Args:
+        design: The meshed device.
+        forms: UFL forms without arguments; those of the state are functions of `System.w`.
+        combine: The function, and its slopes.
+        counted_in_stress: Whether the function is in shear moduli.
+        by_pressure: Derivatives of the last forms' sum by the pressures of the cavities, dimensionless.
+    """
+
+    def __init__(
+        self, design: DesignedBody, forms: Sequence[ufl.Form], combine: Combine, *,
+        counted_in_stress: bool = False, by_pressure: Sequence[ufl.Form] = (),
+    ):  # fmt: skip
+        import ufl
+
+        self.design, self.combine, self.counted_in_stress = design, combine, counted_in_stress
+        system, form = design.system, design.system.form
+        self._forms = [form(one) for one in forms]
+        test = ufl.TestFunction(system.space)
+        self._slopes = [
+            form(ufl.derivative(one, system.w, test)) if system.w in one.coefficients() else None for one in forms
+        ]
+        self._by_pressure = [form(one) for one in by_pressure]
+        self._covectors = [design.motion.compiled(one) for one in forms]
+
+    def _combined(self) -> tuple[float, Array]:
+        """Return the value in SI units and its slopes by the integrals."""
+        system = self.design.system
+        unit = system.stress_unit if self.counted_in_stress else 1.0
+        value, rates = self.combine(np.array([system.integral(form) for form in self._forms]))
+        return unit * value, unit * rates
+
+    def value(self, state: State | None) -> float:
+        return self._combined()[0]
+
+    def slopes(self, state: State | None) -> Slopes:
+        system = self.design.system
+        value, rates = self._combined()
+        by_w: Array | None = None
+        by_X = np.zeros(self.design.motion.entries)
+        for rate, slope, covector in zip(rates, self._slopes, self._covectors, strict=True):
+            if slope is not None:
+                part = rate * system.assemble([slope])
+                by_w = part if by_w is None else by_w + part
+            by_X += rate * self.design.motion.assembled(covector)
+        by_P = sum(
+            (
+                share * system.integral(form)
+                for share, form in zip(system.coupling.shares, self._by_pressure, strict=False)
+            ),
+            0.0,
+        )
+        return Slopes(value, by_w, float(rates[-1] * by_P), by_X, self.note(value))
+
+    def note(self, value: float) -> str:
+        """Return a warning on the value, or ""."""
+        return ""
+
+
+def scaled(factor: float) -> Combine:
+    """Return the sum of the integrals times a factor."""
+    return lambda values: (factor * float(values.sum()), np.full(len(values), factor))
+
+
+QUANTITIES: Registry[type[DesignQuantity]] = Registry(
+    "quantity",
+    lambda quantity: quantity.name,
+    {
+        **dict.fromkeys(
+            ("peak_stretch", "max_stretch", "peak_von_mises", "von_mises", "least_gap"), "softmodels.design.extremes"
+        ),
+        **dict.fromkeys(("outline", "tip_path"), "softmodels.design.targets"),
+    },
+)
+"""Every known quantity by its name in problem files."""
+register_quantity = QUANTITIES.register
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Quantities of the undeformed device: manufacturing constraints.
+
+
+LENGTH_STEP = 1e-6
+"""Step of the central differences, relative to the device's size, or to 1."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DeviceQuantity(DesignQuantity):
+    """A quantity that depends only on the device's parameters."""
+
+    of_state: ClassVar = False
+
+    @abc.abstractmethod
+    def values(self, device: Actuator) -> dict[str, float]:
+        """Return the values by key, the same keys for every design."""
+
+    def derivatives(self, device: Actuator, names: Sequence[str]) -> dict[str, Array]:
+        """Return the derivatives of the values by parameters, by key: central differences, one-sided at the limits of
+        valid devices."""
+        here, columns = self.values(device), []
+        for name in names:
+            step = LENGTH_STEP * (device.size if is_length(device, name) else 1.0)
+            ends = []
+            for shift in (step, -step):
+                with contextlib.suppress(GeometryError):
+                    ends.append((shift, self.values(changed(device, {name: parameter(device, name) + shift}))))
+            (a, high), (b, low) = (*ends, (0.0, here), (math.inf, here))[:2]
+            columns.append([(high[key] - low[key]) / (a - b) for key in here])
+        return dict(zip(here, np.array(columns).T.reshape(len(here), len(names)), strict=True))
+
+    def measure(self, design: DesignedBody) -> Measure:
+        raise TypeError("a quantity of only the device needs no mesh")
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Clearances(DeviceQuantity):
+    """Width of every wall and channel with a minimum."""
+
+    name: ClassVar = "clearances"
+    unit: ClassVar = "m"
+    help: ClassVar = "width of every wall and channel with a minimum, one value each"
+
+    def values(self, device: Actuator) -> dict[str, float]:
+        return {f"clearance: {name}": value for name, value in device.clearances.items()}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Volumes, energies and masses.
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class AddedVolume(DesignQuantity):
+    """Volume that the whole device's cavity has gained."""
+
+    name: ClassVar = "added_volume"
+    unit: ClassVar = "m3"
+    help: ClassVar = "volume that the whole device's cavity has gained"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        system = design.system
+        unit = system.volume_unit
+        return FormMeasure(
+            design,
+            [system.potential.cavity_volume, design.rest_volume],
+            lambda values: (unit * float(values[0] - values[1]), unit * np.array([1.0, -1.0])),
+        )
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class StoredEnergy(DesignQuantity):
+    """Energy stored in the whole device."""
+
+    name: ClassVar = "stored_energy"
+    unit: ClassVar = "J"
+    help: ClassVar = "energy stored in the whole device's silicone"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        system = design.system
+        return FormMeasure(design, system.potential.energies, scaled(system.volume_unit), counted_in_stress=True)
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Mass(DesignQuantity):
+    """Mass of the silicone of the whole device.
+
+    Attributes:
+        density: kg/m3; common silicones have 1040 to 1130.
+    """
+
+    name: ClassVar = "mass"
+    unit: ClassVar = "kg"
+    help: ClassVar = "mass of the whole device's silicone"
+    of_state: ClassVar = False
+
+    density: float = 1070.0
+
+    def measure(self, design: DesignedBody) -> Measure:
+        from dolfinx import fem
+
+        body = design.system.body
+        # A constant 1, because UFL cannot find the mesh of a form with numbers only.
+        solid = fem.Constant(body.mesh, 1.0) * body.hoop * body.measures()[0]
+        return FormMeasure(design, [solid], scaled(self.density * design.system.volume_unit))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Positions of named points: rises, coordinates, and figures of a device derived from them.
+
+
+AXES = ("x", "y", "z")
+STEP = 1e-5
+"""Step of the central differences of a device's figures by probe positions, relative to the size."""
+
+
+class PlacesMeasure(Measure):
+    """A function of probe positions.
+
+    Args:
+        design: The meshed device.
+        function: Of the probes' places and displacements by name, device coordinates in m, each shape (3,).
+        names: The probes it depends on.
+    """
+
+    def __init__(
+        self, design: DesignedBody, names: tuple[str, ...],
+        function: Callable[[Mapping[str, Array], Mapping[str, Array]], float],
+    ):  # fmt: skip
+        self.design, self.names, self.function = design, names, function
+
+    def slopes(self, state: State | None) -> Slopes:
+        probes = self.design.probes
+        rest = {name: probes.place(name) for name in self.names}
+        moved = {name: probes.displacement(name) for name in self.names}
+        by_w = np.zeros(self.design.system.n)
+        by_X = np.zeros(self.design.motion.entries)
+        step = STEP * self.design.system.length_unit
+        for name in self.names:
+            by_place, by_displacement = np.zeros(3), np.zeros(3)
+            for axis in range(3):
+                shift = step * np.eye(3)[axis]
+                by_place[axis], by_displacement[axis] = (
+                    (
+                        self.function(*_shifted(rest, moved, which, name, shift))
+                        - self.function(*_shifted(rest, moved, which, name, -shift))
+                    )
+                    / (2 * step)
+                    for which in (0, 1)
+                )
+            probes.add(by_w, by_X, name, by_place, by_displacement)
+        return Slopes(self.function(rest, moved), self.design.system.by_unknowns(by_w).copy(), 0.0, by_X)
+
+
+def _shifted(
+    rest: dict[str, Array], moved: dict[str, Array], which: int, name: str, shift: Array
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return the places and displacements with one probe's place (0) or displacement (1) shifted."""
+    found = [dict(rest), dict(moved)]
+    found[which][name] = found[which][name] + shift
+    return found[0], found[1]
+
+
+def _probe(design: DesignedBody, name: str) -> str:
+    """Return the probe's name; the device's own first one if empty."""
+    known = design.system.body.actuator.probes
+    if not name:
+        return design.system.body.actuator.gauge
+    if name not in known:
+        raise ValueError(f"the device has no probe {name!r}; it has {', '.join(known)}")
+    return name
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Rise(DesignQuantity):
+    """Displacement of a probe along the lift.
+
+    Attributes:
+        of: The probe; the device's first one if empty.
+    """
+
+    name: ClassVar = "rise"
+    unit: ClassVar = "m"
+    help: ClassVar = "displacement of a probe along the lift"
+
+    of: str = ""
+
+    @property
+    def title(self) -> str:
+        return f"rise of {self.of}" if self.of else "rise"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        name, lift = _probe(design, self.of), np.asarray(design.system.body.actuator.lift)
+        return PlacesMeasure(design, (name,), lambda rest, moved: float(moved[name] @ lift))
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Height(DesignQuantity):
+    """Height of a probe under pressure: undeformed height plus rise.
+
+    A design changes both, so the device whose top is highest is not the one whose top rises most.
+
+    Attributes:
+        of: The probe; the device's first one if empty.
+    """
+
+    name: ClassVar = "height"
+    unit: ClassVar = "m"
+    help: ClassVar = "height of a probe under pressure, along the lift from the origin of the device's axes"
+
+    of: str = ""
+
+    @property
+    def title(self) -> str:
+        return f"height of {self.of}" if self.of else "height"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        name, lift = _probe(design, self.of), np.asarray(design.system.body.actuator.lift)
+        return PlacesMeasure(design, (name,), lambda rest, moved: float((rest[name] + moved[name]) @ lift))
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Place(DesignQuantity):
+    """Coordinate of a probe.
+
+    Attributes:
+        of: The probe; the device's first one if empty.
+        axis: "x", "y" or "z" of the device.
+    """
+
+    name: ClassVar = "place"
+    unit: ClassVar = "m"
+    help: ClassVar = "coordinate of a probe in the device's axes"
+
+    of: str = ""
+    axis: str = "z"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.axis not in AXES:
+            raise ValueError(f"axis is {self.axis!r}; it is one of {', '.join(AXES)}")
+
+    @property
+    def title(self) -> str:
+        return f"place {self.axis} of {self.of}" if self.of else f"place {self.axis}"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        name, axis = _probe(design, self.of), AXES.index(self.axis)
+        return PlacesMeasure(design, (name,), lambda rest, moved: float(rest[name][axis] + moved[name][axis]))
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DeviceFigure(DesignQuantity):
+    """A figure of this kind of device derived from its probes, such as a slab's lift angle.
+
+    Attributes:
+        of: Its column, such as ``lift_angle_deg``; the unit is the column's.
+    """
+
+    name: ClassVar = "figure"
+    unit: ClassVar = "1"
+    help: ClassVar = "a figure of this kind of device derived from its probes, in its column's unit"
+
+    of: str = ""
+
+    @property
+    def title(self) -> str:
+        return self.of
+
+    def measure(self, design: DesignedBody) -> Measure:
+        actuator = design.system.body.actuator
+        places = {name: np.asarray(place) for name, place in actuator.probes.items()}
+        known = actuator.device_figures({name: (p[0], p[1], p[2]) for name, p in places.items()})
+        if self.of not in known:
+            raise ValueError(
+                f"figure {self.of!r} is not defined for this device; "
+                + (f"it has {', '.join(known)}" if known else "it has none")
+            )
+
+        def value(rest: Mapping[str, Array], moved: Mapping[str, Array]) -> float:
+            now = {name: rest[name] + moved[name] for name in rest}
+            return actuator.device_figures({name: (p[0], p[1], p[2]) for name, p in now.items()})[self.of]
+
+        return PlacesMeasure(design, tuple(places), value)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Forces and stiffnesses of the whole device.
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BlockedForce(DesignQuantity):
+    """Blocked force along the lift at the device's held tip."""
+
+    name: ClassVar = "blocked_force"
+    unit: ClassVar = "N"
+    help: ClassVar = "blocked force of the whole device along its lift at its held tip"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        import ufl
+
+        system = design.system
+        actuator, potential = system.body.actuator, system.potential
+        if actuator.blocked is None:
+            raise ValueError("the device's tip is free, so it has no blocked force; hold it (a slab's tip = 'held')")
+        along = _moved_role(design, actuator.blocked)
+        # The virtual work of a unit motion of the support equals the residual there.
+        forms = [-ufl.action(force, along) for force in potential.forces]
+        unit = system.length_unit**2 * actuator.copies
+        pressures = [ufl.action(load, along) for load in potential.loads]
+        return FormMeasure(design, forms, scaled(unit), counted_in_stress=True, by_pressure=pressures)
+
+
+def _moved_role(design: DesignedBody, role: str) -> fem.Function:
+    """Return the dofs of a unit motion of a role along the lift, zero elsewhere."""
+    from dolfinx import fem
+
+    system = design.system
+    component = int(np.argmax(system.body.skew @ in_section(system.body.actuator.lift, system.body.actuator.dimension)))
+    dimension, found = system.body.entities[role]
+    along = fem.Function(system.space)
+    along.x.array[fem.locate_dofs_topological(system.vectors.sub(component), dimension, found)] = 1.0
+    return along
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Stiffness(DesignQuantity):
+    """Force along the lift, spread over the loaded face, per rise of it at a given pressure."""
+
+    name: ClassVar = "stiffness"
+    unit: ClassVar = "N/m"
+    help: ClassVar = "force along the lift on the loaded face (a slab's tip), per rise of it, at constant pressure"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        if design.system.body.actuator.pushed is None:
+            raise ValueError("the device defines no loaded face, so it has no stiffness")
+        return _StiffnessMeasure(design)
+
+
+class _StiffnessMeasure(Measure):
+    """One over the compliance c = 2 l.z - z.K z of a load l, whose answer is z = K^-1 l.
+
+    To first order c does not change with z, so only the changes of l and of K count, those by the state among them.
+    """
+
+    def __init__(self, design: DesignedBody):
+        import ufl
+        from dolfinx import fem
+
+        self.design, self.system = design, design.system
+        system, body, potential = design.system, design.system.body, design.system.potential
+        role = body.actuator.pushed
+        assert role is not None
+        self._role = role
+        self._z = fem.Function(system.space)
+        on_face, _ = body.sheet_face(role)
+        along = fem.Constant(body.mesh, in_section(body.actuator.lift, body.actuator.dimension))
+        moved = ufl.split(self._z)[0] if system.mixed else self._z
+        forms = [
+            ufl.dot(along, body.displacement(moved)) * body.hoop * on_face,
+            fem.Constant(body.mesh, 1.0) * body.hoop * on_face,
+            *(ufl.action(ufl.derivative(force, system.w, self._z), self._z) for force in potential.forces),
+        ]
+        turned = [-ufl.action(ufl.derivative(load, system.w, self._z), self._z) for load in potential.loads]
+        self._measure = FormMeasure(design, forms, self._stiffness, counted_in_stress=True, by_pressure=turned)
+
+    def _stiffness(self, values: Array) -> tuple[float, Array]:
+        work, area, energy = values[0], values[1], float(values[2:].sum())
+        compliance = 2 * work / area - energy
+        value = self.system.length_unit * self.system.body.actuator.copies / compliance
+        slopes = np.concatenate([[2 / area, -2 * work / area**2], np.full(len(values) - 2, -1.0)])
+        return value, -value / compliance * slopes
+
+    def slopes(self, state: State | None) -> Slopes:
+        system = self.system
+        load = self.design.face_load(self._role)
+        system.unknowns.push(self.design.answer(load), self._z.x.array)
+        self._z.x.scatter_forward()
+        return self._measure.slopes(state)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Limit and bifurcation pressures, and their margins to the working pressure.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class OfLimit(DesignQuantity):
+    """A quantity of the limit point."""
+
+    of_state: ClassVar = False
+    margin: ClassVar = False
+    """Whether it is relative to the highest working pressure."""
+
+    def factor(self, working: float) -> float:
+        """By which the limit pressure in Pa is multiplied; ``working`` is the highest working pressure."""
+        return 1.0 / working if self.margin else 1.0
+
+    def measure(self, design: DesignedBody) -> Measure:
+        raise TypeError("a quantity of the limit point needs only that point")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class OfBifurcation(OfLimit):
+    """A quantity of the first bifurcation."""
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BifurcationPressure(OfBifurcation):
+    """Pressure at the first bifurcation."""
+
+    name: ClassVar = "bifurcation_pressure"
+    unit: ClassVar = "Pa"
+    help: ClassVar = "pressure at the first bifurcation, where the device buckles out of its symmetric shape"
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BifurcationMargin(OfBifurcation):
+    """Bifurcation pressure over the highest working pressure."""
+
+    name: ClassVar = "bifurcation_margin"
+    unit: ClassVar = "1"
+    help: ClassVar = "pressure at the first bifurcation over the highest working pressure"
+    margin: ClassVar = True
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LimitPressure(OfLimit):
+    """Pressure at the first limit point."""
+
+    name: ClassVar = "limit_pressure"
+    unit: ClassVar = "Pa"
+    help: ClassVar = "pressure at the first limit point, where the device balloons"
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LimitMargin(OfLimit):
+    """Limit pressure over the highest working pressure."""
+
+    name: ClassVar = "limit_margin"
+    unit: ClassVar = "1"
+    help: ClassVar = "limit pressure over the highest working pressure"
+    margin: ClassVar = True
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A device under design, ready to be solved and differentiated: equations, mesh motion, probes.
+
+
+class DesignedBody:
+    """A meshed device whose mesh follows its design.
+
+    Args:
+        solver: The device, its mesh as it was read.
+
+    Attributes:
+        motion: Moves the mesh.
+        probes: The device's named points.
+        rest_volume: UFL form of what `System.volume` is of the undeformed device.
+    """
+
+    def __init__(self, solver: Solver):
+        import ufl
+        from dolfinx import fem
+
+        self.solver, self.system = solver, solver.system
+        system = self.system
+        self.motion = MeshMotion(system.body)
+        resting = fem.Function(system.space)
+        self.rest_volume: ufl.Form = ufl.replace(system.potential.cavity_volume, {system.w: resting})
+        self._rest_volume = system.form(self.rest_volume)
+        self.probes = Probes(self)  # now, before the mesh moves
+        self._vectors: tuple[PETSc.Vec, PETSc.Vec] | None = None
+
+    @functools.cached_property
+    def strain(self) -> Strain:
+        """Strain of the current state in UFL."""
+        return Strain(self.system.body.deformation_gradient(self.system.potential.displacement))
+
+    @functools.cached_property
+    def _gradients(self) -> object:
+        from dolfinx import fem
+
+        return fem.Expression(self.strain.F, self.system.points, jit_options=JIT)
+
+    def gradients(self) -> Array:
+        """Return the deformation gradients of the loaded state at the integration points, shape (cells, points, 3, 3)."""
+        system = self.system
+        values = self._gradients.eval(system.body.mesh, system.cells)  # type: ignore[attr-defined]
+        return np.asarray(values).reshape(len(system.cells), -1, 3, 3)
+
+    def volume_at_rest(self) -> float:
+        """Return the dimensionless undeformed volume conjugate to the pressure, on the current mesh."""
+        system, chambers = self.system, self.system.body.chambers
+        return system.integral(self._rest_volume) + float(system.coupling.shares[: len(chambers)] @ chambers)
+
+    def face_load(self, role: str) -> Array:
+        """Return a unit load along the lift, spread evenly over a role: owned entries; see `face_load`."""
+        return self.system.by_unknowns(face_load(self.system, role, self.system.body.actuator.lift)).copy()
+
+    def answer(self, force: Array) -> Array:
+        """Return K^-1 times a force with the current factorisation, refined once on the factorised K;
+        owned entries."""
+        bordered, K = self.solver.bordered, self.system.K
+        if self._vectors is None:
+            self._vectors = K.createVecRight(), K.createVecRight()
+        b, x = self._vectors
+        b.array_w[:] = force
+        bordered.solve(b, x)
+        found = np.array(x.array_r)
+        if not bordered.inverse.exact:  # iterations have converged, with the state's own tangent
+            return found
+        K.mult(x, b)
+        b.array_w[:] = force - b.array_r
+        bordered.solve(b, x)
+        return found + x.array_r
+
+    def release(self) -> None:
+        """Release the PETSc and MPI objects."""
+        for vector in self._vectors or ():
+            vector.destroy()
+        self.motion.release()
+        self.solver.release()
+
+
+class Probes:
+    """The device's named points, which are vertices of every design's mesh.
+
+    Args:
+        design: The device, its mesh as it was made.
+    """
+
+    def __init__(self, design: DesignedBody):
+        self.design, self.system = design, design.system
+        grid = Grid(self.system)
+        skew, _ = displacement_maps(self.system, grid)
+        motion, actuator = design.motion, self.system.body.actuator
+        here = grid.space.tabulate_dof_coordinates()[: grid.owned]
+        there = motion.rest_places()
+        self._dofs: dict[str, npt.NDArray[np.int32] | None] = {}
+        self._nodes: dict[str, int | None] = {}
+        for name, place in actuator.probes.items():
+            node = self._owner(here, np.asarray(place))
+            self._dofs[name] = None if node is None else skew[node]
+            self._nodes[name] = self._owner(there, np.asarray(place))
+
+    def _owner(self, places: Array, point: Array) -> int | None:
+        """Return the local index of the one of the owned ``places`` (of the mesh) at a device point, if this rank owns it."""
+        system = self.system
+        device = system.body.actuator.device_points(places * system.length_unit)
+        distance = np.linalg.norm(device - point, axis=1)
+        near = float(distance.min()) if len(distance) else np.inf
+        closest = -largest(system.comm, -near)
+        if closest > 1e-6 * system.length_unit:
+            raise RuntimeError("a probe of the device is not a vertex of its mesh")
+        return int(np.argmin(distance)) if near == closest else None
+
+    def place(self, name: str) -> Array:
+        """Return where it is undeformed, device coordinates in m, shape (3,), on all ranks."""
+        node = self._nodes[name]
+        x = np.zeros(self.design.motion.dimension) if node is None else self.design.motion.now(node)
+        return self._everywhere(self._device(x * self.system.length_unit))
+
+    def displacement(self, name: str) -> Array:
+        """Return its displacement in the loaded state, m, shape (3,), on all ranks."""
+        dofs, system = self._dofs[name], self.system
+        d = self.design.motion.dimension
+        w = np.zeros(d) if dofs is None else system.w.x.array[dofs]
+        return self._everywhere(self._device(system.body.skew_inverse @ w * system.length_unit))
+
+    def add(self, by_w: Array, by_X: Array, name: str, by_place: Array, by_displacement: Array) -> None:
+        """Add a derivative by a probe's place and displacement (device coordinates, per m) to those by owned dofs and nodes."""
+        system, motion = self.system, self.design.motion
+        dofs, node = self._dofs[name], self._nodes[name]
+        if dofs is not None:
+            by_w[dofs] += system.length_unit * (self._mesh(by_displacement) @ system.body.skew_inverse)
+        if node is not None:
+            start = node * motion.dimension
+            by_X[start : start + motion.dimension] += system.length_unit * self._mesh(by_place)
+
+    def _device(self, x: Array) -> Array:
+        return x if len(x) == 3 else np.array([x[0], 0.0, x[1]])
+
+    def _mesh(self, x: Array) -> Array:
+        return x if self.design.motion.dimension == 3 else x[[0, 2]]
+
+    def _everywhere(self, x: Array) -> Array:
+        return np.array([total(self.system.comm, float(value)) for value in x])
