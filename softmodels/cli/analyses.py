@@ -194,7 +194,7 @@ def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: L
     _csv(folder / "scatter.csv", [{**changes, **row_of("", found, column)} for changes, found in scatter.sampled])
     what, counted = scatter.borne
     if counted:
-        from softmodels.pictures.limits import scatter_figure
+        from softmodels.pictures.analyses import scatter_figure
 
         pressures = [(changes, found.pressure / column.cm) for changes, found in counted]
         nominal = next(iter(limits.values())).pressure / column.cm
@@ -630,7 +630,7 @@ def modes_table(found: NaturalFrequencies, cm: float) -> str:
 
 def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path) -> None:
     """Draw the frequencies, and the modes of the last state; say so if that fails."""
-    from softmodels.pictures.modes import DRAWN, frequency_figure, section_shapes, solid_shapes
+    from softmodels.pictures.analyses import DRAWN, frequency_figure, section_shapes, solid_shapes
     from softmodels.pictures.style import png
 
     write_bytes(place / "frequencies.png", png(frequency_figure(found.pressure / case.cm, found.frequency, sealed)))
@@ -645,7 +645,7 @@ def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "shapes.npz"
         np.savez(file, **vars(solid_shapes(found.points, found.cells, found.cell_name, case.actuator, moved, shapes)))
-        process = start_drawing(case, "softmodels.pictures.modes", str(file), str(place / "shapes.png"), *titles)
+        process = start_drawing(case, "softmodels.pictures.analyses", str(file), str(place / "shapes.png"), *titles)
         try:
             out, errors = process.communicate()
         finally:

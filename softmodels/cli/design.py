@@ -175,7 +175,7 @@ def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
 def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool) -> bool:
     """Run the initial and the final device and draw both; return whether there are pictures."""
     from softmodels.cli.run import run
-    from softmodels.pictures.design_files import FILES
+    from softmodels.design.result import FILES
 
     assert result.folder is not None
     if folder is not None:

@@ -2,7 +2,6 @@
 
 Begin with `draw`, which draws a folder of results; `draw_design` draws a design.
 
-- `solid`, `section`, `curves`, `film`: what is drawn of a run. `report`: one page with all of it.
-- `offscreen`, `style`: rendering; colours and titles. `fits`, `limits`, `modes`: fits, scatter, natural modes.
-  `design_files`: names of files.
+- `solid`, `curves`, `film`: what is drawn of a run, solids and half sections. `report`: one page with all of it.
+- `offscreen`, `style`: rendering; colours and titles. `fits`: fits. `analyses`: scatter of limits, natural modes.
 """

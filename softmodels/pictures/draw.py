@@ -27,7 +27,7 @@ from softmodels.common.commands import unswept
 from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError
 from softmodels.common.processes import say
 from softmodels.components.contact import obstacle_of
-from softmodels.pictures import curves, offscreen, report, section, solid
+from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.film import Film
 from softmodels.pictures.offscreen import Look, can_render, draw_outlines, look
 from softmodels.pictures.solid import AtRest
@@ -248,17 +248,17 @@ def _sections(states: States, out: DrawnFolder) -> None:
     if (at := states.bifurcation) is not None:
         out.save(
             "mode",
-            section.section_mode(points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], words),
+            solid.section_mode(points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], words),
         )
     stretch, hot = states.field(step, "largest_stretch"), offscreen.hot_spots_of(states, step)
-    out.save("hot-spots", section.section_hot(moved, cells, stretch, hot, states.rows[step]))
+    out.save("hot-spots", solid.section_hot(moved, cells, stretch, hot, states.rows[step]))
 
 
 def _slice(states: States, out: DrawnFolder) -> None:
     """Draw the stress in a section."""
     step, plate = states.main, _plate(states)
     points, moved, values = states.points, states.moved(step), states.field(step, "von_mises")
-    stress = section.section_stress(points, moved, states.cells, values, states.rows[step], states.words, plate)
+    stress = solid.section_stress(points, moved, states.cells, values, states.rows[step], states.words, plate)
     draw_outlines(stress.axes[0], states, step)
     out.save("slice", stress)
 

@@ -25,9 +25,8 @@ from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.common.arrays import Array
 from softmodels.common.files import image_uri, read_text, render, write_text
 from softmodels.common.processes import say
-from softmodels.design.result import DesignTold, ParameterTold, TrialTold
+from softmodels.design.result import CAPTIONS, REPORT, DesignTold, ParameterTold, TrialTold
 from softmodels.pictures.curves import kilopascals, limits, smooth
-from softmodels.pictures.design_files import CAPTIONS, REPORT
 from softmodels.pictures.offscreen import PIXELS, Image, Look, ViewCamera, can_render, look, studio
 from softmodels.pictures.style import (
     BRANCH,

@@ -8,7 +8,7 @@ import pytest
 from geometries import HollowDisk, registry as geometry_table
 from softmodels.cli import run
 from softmodels.common.units import exact_text, quantity, readable
-from softmodels.pictures import curves, offscreen, report, section
+from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.offscreen import look
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import events, jumps_text, unlocated
@@ -62,7 +62,7 @@ def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated):
     scale = look(states).scale(states.shown())
     assert (f"{scale.largest:.4g}", scale.defined) == (stress, "at an integration point")
     moved, values = states.moved(states.main), states.field(states.main, "von_mises")
-    figure = section.section_stress(states.points, moved, states.cells, values, states.rows[states.main], states.words)
+    figure = solid.section_stress(states.points, moved, states.cells, values, states.rows[states.main], states.words)
     assert f"largest, at an integration point: {stress} kPa" in texts(figure)
     assert f"largest stretch {stretch} at 177 cm" in offscreen.peak_text(states, states.main)
 

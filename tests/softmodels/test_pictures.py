@@ -17,7 +17,7 @@ from PIL import Image
 from geometries import HollowDisk
 from softmodels.common.schema import about
 from softmodels.path.supply import Syringe
-from softmodels.pictures import curves as curves_module, draw as pictures, offscreen, section, solid
+from softmodels.pictures import curves as curves_module, draw as pictures, offscreen, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
 from softmodels.pictures.style import Scale, png
@@ -259,7 +259,7 @@ def test_a_bifurcation_is_drawn_with_its_mode(kind, request, monkeypatch):
     if kind == "wedge":
         figure = solid.mode(look(states), step)
     else:
-        figure = section.section_mode(
+        figure = solid.section_mode(
             states.points, states.moved(step), states.field(step, "mode"), states.cells, states.rows[step], states.words
         )
     canvas = FigureCanvasAgg(figure)
