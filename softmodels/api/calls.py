@@ -23,9 +23,8 @@ from softmodels.common.files import GEOMETRY, read_file, read_text
 from softmodels.common.names import callback, checked, flag, place
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.units import WATER_DENSITY
-from softmodels.decks.calculix import calculix
 from softmodels.decks.deck import WRITTEN, Deck, check, deck_of, needs_equations
-from softmodels.decks.febio import check_without_springs, febio
+from softmodels.decks.programs import calculix, check_without_springs, febio
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.mpi import is_root, start

@@ -3,5 +3,5 @@
 Begin with `make`.
 
 - `settings`: what a workshop sets. `bodies`: the parts of the mould in the CAD kernel. `facets`: their surfaces, measured.
-- `sheet`, `pictures`: the sheet for the bench. `files`: STEP, STL and the call `sm.mould`.
+- `files`: STEP, STL, the sheet for the bench with its pictures, and the call `sm.mould`.
 """

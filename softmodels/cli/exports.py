@@ -60,9 +60,8 @@ def mould(
         fail(str(error))
     if folder is None:
         return
-    from softmodels.casting.files import write_bodies
+    from softmodels.casting.files import write_bodies, write_sheet
     from softmodels.casting.make import made
-    from softmodels.casting.pictures import write_sheet
 
     drawn = False
 

@@ -1,4 +1,4 @@
 """A case for other programs.
 
-- `deck`: the same mesh, silicones, supports and loads. `calculix`, `febio`: in the words of each program.
+- `deck`: the same mesh, silicones, supports and loads. `programs`: in the words of CalculiX and FEBio.
 """
