@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from softmodels.api.run import InFolder, InMemory, Run
-from softmodels.case.case import Case
+from softmodels.case.case import Case, Values, case_of
 from softmodels.case.components import without_walls
-from softmodels.case.entries import CaseError
-from softmodels.case.from_python import Values, case_of
+from softmodels.case.entries import CaseError, Probes
 from softmodels.case.load import LoadRequest
 from softmodels.case.materials import AnyBand
-from softmodels.case.requests import Probes
 from softmodels.common import errors
 from softmodels.common.files import GEOMETRY, read_file, read_text
 from softmodels.common.names import callback, checked, flag, place

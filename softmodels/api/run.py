@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from softmodels.case.case import Case
+from softmodels.case.case import Case, one_value
 from softmodels.case.entries import CaseError
-from softmodels.case.from_python import one_value
 from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.errors import Spoken, known_are, spoken

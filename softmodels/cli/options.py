@@ -24,9 +24,9 @@ import click
 from geometries import ACTUATORS, Actuator, GeometryError, MeshFileError, MeshingError, MeshingStopped, meshing
 from geometries.options import device_options, device_told, field_option, flag
 from softmodels.case.case import Case, entries
+from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import INPUT_ERRORS, MISSING, CaseError
 from softmodels.case.materials import DEFAULT, material_from, material_options_of
-from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.common.commands import (
     STOPPED,
     STOPS,

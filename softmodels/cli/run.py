@@ -20,7 +20,7 @@ from typing import TypedDict, Unpack
 
 from geometries.apart import interpreter
 from softmodels.case.case import Case
-from softmodels.case.own_modules import VARIABLE, own_modules
+from softmodels.case.components import VARIABLE, own_modules
 from softmodels.common.commands import bounded
 from softmodels.common.errors import reason, spoken
 from softmodels.common.processes import COLUMNS, columns, cores, say

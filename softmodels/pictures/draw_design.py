@@ -20,8 +20,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from softmodels.case.case import Case
+from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import CaseError
-from softmodels.case.own_modules import OwnModuleError, import_own_modules
 from softmodels.common.arrays import Array
 from softmodels.common.files import image_uri, read_text, render, write_text
 from softmodels.common.processes import say

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries.actuator import Vector, reflected
-from softmodels.case.requests import NONE, ProbeError, Probes, followed_text
+from softmodels.case.entries import NO_PROBES, ProbeError, Probes, followed_text
 from softmodels.common.arrays import Array
 from softmodels.common.names import Registry
 from softmodels.components.rigid import symmetric_motions
@@ -557,7 +557,7 @@ class Fields:
         rest_volume: Of the cavity, dimensionless.
     """
 
-    def __init__(self, solver: Solver, gauges: Probes = NONE):
+    def __init__(self, solver: Solver, gauges: Probes = NO_PROBES):
         import ufl
         from dolfinx import fem
 

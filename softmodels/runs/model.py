@@ -34,7 +34,7 @@ from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, RunError
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from softmodels.case.from_python import Values
+    from softmodels.case.case import Values
     from softmodels.mechanics.body import Body
     from softmodels.mechanics.system import State
     from softmodels.path.continuation import Continuation
@@ -207,7 +207,7 @@ class Model:
             ArgumentError, CaseError: Invalid input.
             RunError: The path ends before the last requested value.
         """
-        from softmodels.case.from_python import in_unit
+        from softmodels.case.case import in_unit
 
         if (pressures is None) == (volumes is None):
             raise CaseError("give the pressures or the added volumes that the path goes to, one of them")

@@ -15,8 +15,8 @@ import numpy as np
 
 from geometries import Actuator
 from softmodels.case.case import Case
+from softmodels.case.entries import followed_text
 from softmodels.case.materials import Region
-from softmodels.case.requests import followed_text
 from softmodels.common.commands import FULL
 from softmodels.components.clamps import Clamp
 from softmodels.components.contact import obstacle_of

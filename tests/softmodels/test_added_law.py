@@ -15,8 +15,8 @@ from click.testing import CliRunner
 
 from geometries import HollowDisk, PneuNet
 from softmodels.case.case import Case
+from softmodels.case.components import own_modules
 from softmodels.case.materials import Region, from_table, to_table
-from softmodels.case.own_modules import own_modules
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import fit_curves
 from softmodels.fitting.outlines.device import MeasuredDevice

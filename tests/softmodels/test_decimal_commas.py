@@ -15,9 +15,8 @@ from measurement.__main__ import main as measure
 from measurement.cli.shared import per_metre
 from measurement.screen.setup import SetupError
 from softmodels.__main__ import softmodels
-from softmodels.case.case import Case
+from softmodels.case.case import Case, case_of
 from softmodels.case.entries import CaseError
-from softmodels.case.from_python import case_of
 from softmodels.common.errors import GeometryError
 from softmodels.disk import command as disk
 from softmodels.fitting.outlines.residuals import read_heights

@@ -10,8 +10,8 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case
+from softmodels.case.components import VARIABLE, own_modules
 from softmodels.case.entries import CaseError
-from softmodels.case.own_modules import VARIABLE, own_modules
 from softmodels.components.fibres import Fabric, Fibres, register_fibre_law
 from softmodels.components.walls import Walls
 from softmodels.mechanics.component import ComponentError
@@ -24,7 +24,7 @@ TUBE, HALF = sm.Cylinder(), sm.Cylinder(section="half", strip=90.0)
 READ = """
 import sys
 from softmodels.case.case import Case
-from softmodels.case.own_modules import import_own_modules
+from softmodels.case.components import import_own_modules
 import_own_modules()
 print(Case.from_file(sys.argv[1]).components[0].law)
 """

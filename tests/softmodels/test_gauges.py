@@ -10,8 +10,7 @@ import pytest
 import softmodels as sm
 from geometries import HollowDisk
 from softmodels.case.case import Case, difference, identity
-from softmodels.case.entries import CaseError
-from softmodels.case.requests import ProbeError, Probes, from_tables, to_tables
+from softmodels.case.entries import CaseError, ProbeError, Probes, probes_from_tables, probes_to_tables
 from tests.support import runs
 from tests.support.ranks import mpirun
 
@@ -74,8 +73,8 @@ def test_two_lines_have_an_angle():
 
 
 def test_tables_come_back():
-    gauges = from_tables(TABLES)
-    assert from_tables(to_tables(gauges)) == gauges and to_tables(gauges) == TABLES
+    gauges = probes_from_tables(TABLES)
+    assert probes_from_tables(probes_to_tables(gauges)) == gauges and probes_to_tables(gauges) == TABLES
     case = Case("disk", HollowDisk(), Case.from_toml("[geometry]\ndevice='HollowDisk'\n[load]\npressure_cm=[1]\n").material,
                 pressures_cm=(1.0,), gauges=gauges)  # fmt: skip
     assert Case.from_toml(case.to_toml()).gauges == gauges
@@ -98,7 +97,7 @@ REFUSED = (
 @pytest.mark.parametrize(("tables", "said"), REFUSED)
 def test_bad_texts_are_refused(tables, said):
     with pytest.raises(ProbeError, match=said):
-        from_tables(tables)
+        probes_from_tables(tables)
 
 
 def test_a_device_keeps_its_own_columns():
@@ -204,8 +203,8 @@ def test_the_rotation_of_a_face_is_the_bend():
         "points": {"root": "0, 0, 0 mm", "end": f"{1e3 * length:.9g}, 0, 0 mm"},
         "angles": {"bend": f"face x = {1e3 * length:.9g} mm", "chord": "root to end"},
     }
-    gauges = from_tables(tables)
-    assert to_tables(gauges) == tables and gauges.columns()[-2:] == ["chord_deg", "bend_deg"]
+    gauges = probes_from_tables(tables)
+    assert probes_to_tables(gauges) == tables and gauges.columns()[-2:] == ["chord_deg", "bend_deg"]
     case = Case("bent", finger, sm.NeoHookean(30e3), pressures_cm=(0.0, 10.0), gauges=gauges)
     run = sm.run(case)
     bend, chord, probes = (run.path[name][-1] for name in ("bend_deg", "chord_deg", "bend_angle_deg"))
@@ -215,15 +214,15 @@ def test_the_rotation_of_a_face_is_the_bend():
     assert 0.4 < chord / bend < 0.75
     with pytest.raises(ProbeError, match="has no face 'face x = 1 mm'"):
         sm.run(Case("bent", finger, sm.NeoHookean(30e3), pressures_cm=(0.0, 1.0),
-                    gauges=from_tables({"angles": {"bend": "face x = 1 mm"}})))  # fmt: skip
+                    gauges=probes_from_tables({"angles": {"bend": "face x = 1 mm"}})))  # fmt: skip
 
 
 def test_faces_that_cannot_turn_are_refused():
     with pytest.raises(CaseError, match="faces of an axisymmetric section do not rotate"):
         Case("disk", HollowDisk(section="axisymmetric"), sm.NeoHookean(30e3), pressures_cm=(0.0, 1.0),
-             gauges=from_tables({"angles": {"bend": "face z = 16 mm"}}))  # fmt: skip
+             gauges=probes_from_tables({"angles": {"bend": "face z = 16 mm"}}))  # fmt: skip
     with pytest.raises(ProbeError, match="select the face by its position"):
-        from_tables({"angles": {"bend": "face named tip"}})
+        probes_from_tables({"angles": {"bend": "face named tip"}})
 
 
 def test_a_point_of_a_device_that_hangs_is_where_it_was_named():

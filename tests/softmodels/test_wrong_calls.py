@@ -18,7 +18,7 @@ import pytest
 
 import softmodels as sm
 from geometries import Actuator
-from softmodels.case.from_python import case_of
+from softmodels.case.case import case_of
 from softmodels.common.errors import OWN
 from softmodels.common.schema import Choice, Flag, Length, Open, Quantity, Several, Words, about
 from softmodels.fitting.problem import LawChoice
