@@ -8,9 +8,9 @@
 Every name is loaded when it is first used. Numbers are in SI units. Nothing is printed; errors are exceptions, with the
 sentence that the command line prints.
 
-A photograph goes through `camera`, `screen` (pixels to metres), `edge` (the shadow's edge) and `outline` (heights above the
-zero plane); `series` measures a whole run. `robust`: fits that outliers do not move. `synthetic`: photographs whose truth is
-known. `cli`: the commands.
+A photograph goes through `pictures` (files as light), `camera` (the lens), `screen` (pixels to metres) and `outline` (the
+shadow's edge, heights above the zero plane); `series` measures a whole run. `robust`: fits that outliers do not move.
+`photographer`: photographs whose truth is known. `cli`: the commands.
 """
 
 from __future__ import annotations
@@ -20,11 +20,10 @@ from typing import TYPE_CHECKING
 from softmodels.common.names import lazy_names
 
 if TYPE_CHECKING:
-    from measurement.camera.camera import Camera as Camera, CameraError as CameraError
+    from measurement.camera import Camera as Camera, CameraError as CameraError
     from measurement.outline.outline import Outline as Outline, OutlineError as OutlineError
-    from measurement.screen.calibration import calibrate as calibrate
+    from measurement.screen.calibration import calibrate as calibrate, setup_from_grid as setup_from_grid
     from measurement.screen.grid import GridError as GridError
-    from measurement.screen.seen import setup_from_grid as setup_from_grid
     from measurement.screen.setup import Setup as Setup, SetupError as SetupError
     from measurement.series.checks import (
         Check as Check,
@@ -49,12 +48,11 @@ if TYPE_CHECKING:
 
 
 _PLACES = {
-    "measurement.camera.camera": ("Camera", "CameraError"),
+    "measurement.camera": ("Camera", "CameraError"),
     "measurement.outline.outline": ("Outline", "OutlineError"),
-    "measurement.screen.calibration": ("calibrate",),
+    "measurement.screen.calibration": ("calibrate", "setup_from_grid"),
     "measurement.screen.grid": ("GridError",),
     "measurement.screen.setup": ("Setup", "SetupError"),
-    "measurement.screen.seen": ("setup_from_grid",),
     "measurement.series.checks": ("Check", "Doubt", "Evidence", "register_check"),
     "measurement.series.photo_list": ("Column", "ColumnError", "Photograph", "PhotoListError", "read_photos"),
     "measurement.series.measuring": ("Measurement", "outlines", "NoZero", "Result"),

@@ -13,10 +13,10 @@ with stoppable("measurement"):
     from softmodels.common.commands import CommandGroup, run_command
 
 COMMANDS = {
-    "calibrate": "measurement.cli.calibrate",
+    "calibrate": "measurement.cli.setup",
     "setup": "measurement.cli.setup",
     "photos": "measurement.cli.photos",
-    "demo": "measurement.cli.demo",
+    "demo": "measurement.cli.photos",
 }
 """Commands in the order of their use, and the modules that hold them: imported when asked for, so that help is quick."""
 

@@ -1,5 +1,5 @@
 """The commands of ``python -m measurement``.
 
-- `calibrate`, `setup`, `photos`, `demo`: one file for each command.
+- `setup`: the commands ``calibrate`` and ``setup``. `photos`: the commands ``photos`` and ``demo``.
 - `shared`: exit statuses, texts of options as numbers, the progress bar.
 """

@@ -1,4 +1,4 @@
-"""The command ``photos``: outlines from a list of photographs."""
+"""The commands ``photos`` and ``demo``: outlines from a list of photographs; a synthetic set of them."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any
 import click
 import numpy as np
 
-from measurement.camera.pictures import TONES, Unmeasurable, read_photograph
 from measurement.cli.shared import DONE, SOME_REFUSED, bar, length, stop, with_error
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
+from measurement.pictures import TONES, Unmeasurable, read_photograph
 from measurement.screen.setup import Setup, SetupError
 from measurement.series.measuring import Measurement, NoZero, Result, measure_all, with_zero
 from measurement.series.photo import AUTO, Refusal
@@ -27,11 +27,14 @@ from measurement.series.photo_list import (
     PhotoListError,
     read_photos,
 )
-from softmodels.common.commands import FAILED, UNUSABLE, FolderType, open_folder, status_of
+from softmodels.common.commands import FAILED, UNUSABLE, FolderType, open_folder, open_place, status_of, stoppable
 from softmodels.common.errors import reason
 from softmodels.common.folders import OwnFolderError, ResultFolder
 from softmodels.common.processes import cores, say
 from softmodels.common.units import WATER_DENSITY, UnitError, quantity
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``photos``: outlines from a list of photographs.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -204,9 +207,8 @@ def _line(result: Result) -> str:
 
 
 def _draw(output: Path, made: Measurement, tone: str) -> None:
-    from measurement.series.overview import animate, draw_heights, draw_profiles, write_overview
-    from measurement.series.photo import trace_image
-    from measurement.series.pictures import draw_steps
+    from measurement.series.measuring import animate, draw_heights, draw_profiles, write_overview
+    from measurement.series.photo import draw_steps, trace_image
 
     outlines = sorted(made.outlines, key=lambda outline: outline.pressure)
     if outlines:
@@ -223,3 +225,57 @@ def _draw(output: Path, made: Measurement, tone: str) -> None:
         shown = [output / "edges" / f"{r.name}.png" for r in by_pressure if isinstance(r.outcome, Outline)]
         animate(output / "animation.gif", [file for file in shown if file.is_file()])
     write_overview(output / "overview.html", made.results, output)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``demo``: a set of synthetic photographs, and the commands that measure it.
+
+
+WRITTEN = ("photographs/", "setup.toml", "setup.png", "outlines/")
+"""What the demonstration writes into its folder."""
+
+
+@click.command()
+@click.option("-o", "--output", type=FolderType(), help="Folder for all files.  [default: demo; demo-2 and so on "
+              "if that exists]")  # fmt: skip
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes at a time.  [default: one per core]")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
+def demo(output: Path | None, jobs: int | None, quiet: bool) -> None:
+    """Make a set of synthetic photographs, and measure them."""
+    with stoppable("measurement"):
+        from measurement.cli.setup import setup
+        from measurement.photographer import make_photographs
+
+    try:
+        place = open_place(output, Path("demo"), "demonstration of the measurement", WRITTEN)
+        photographs = open_folder(place / "photographs", place, "photographs", {})
+        with photographs.writing() as folder:
+            make_photographs(folder)
+        photographs.leave()
+    except OwnFolderError as error:
+        stop(str(error))
+    except OSError as error:
+        stop(f"the photographs cannot be written: {reason(error)}", status_of(error))
+    folder, setup_file, outlines = photographs.path, place / "setup.toml", place / "outlines"
+    lines = {
+        setup: ["setup", folder / "IMG_0100.JPG", "--grid-pitch", "9mm", "--lens", "none", "-o", setup_file],
+        photos: ["photos", folder / "photos.csv", "--setup", setup_file, "-o", outlines],
+    }
+    more = (["--jobs", str(jobs)] if jobs else []) + (["--quiet"] if quiet else [])
+    for command, line in lines.items():
+        words = list(map(str, line))
+        if not quiet:
+            click.echo(f"$ python -m measurement {' '.join(words)}")
+        status = _status(command, [*words[1:], *(more if command is photos else [])])
+        if status != 0:
+            sys.exit(status)
+    if not quiet:
+        click.echo(f"Look at {outlines / 'overview.html'}")
+
+
+def _status(command: click.Command, words: list[str]) -> int:
+    try:
+        command.main(words, standalone_mode=False)
+    except SystemExit as end:
+        return int(end.code or 0)
+    return 0

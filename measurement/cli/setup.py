@@ -1,31 +1,108 @@
-"""The command ``setup``: camera, screen and light from one photograph of the grid, of a board, or of known points."""
+"""The commands ``calibrate`` and ``setup``: a camera from a chessboard; camera, screen and light of a run."""
 
 from __future__ import annotations
 
 import dataclasses
+import sys
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
+import tomli_w
 from numpy.typing import NDArray
 
-from measurement.camera.camera import Camera, CameraError, frame_points
-from measurement.camera.lens import Exif, lens_profile, read_exif
+from measurement.camera import Camera, CameraError, Exif, frame_points, lens_profile, read_exif
 from measurement.cli import shared as texts
-from measurement.cli.shared import check_place, stop, write_text
-from measurement.screen.calibration import find_charuco, find_chessboard
+from measurement.cli.shared import DONE, SOME_REFUSED, bar, check_place, stop, write_text
+from measurement.screen.calibration import (
+    STEPS,
+    Calibration,
+    calibrate as calibrated,
+    draw_points,
+    find_charuco,
+    find_chessboard,
+    read_picture,
+)
 from measurement.screen.grid import GridError, counted_from, find_grid
-from measurement.screen.plane import Plane, PlaneError, plane_of_points, plane_of_scale
-from measurement.screen.seen import draw_points, read_picture
-from measurement.screen.setup import PITCH_ERROR, Setup, SetupError
-from softmodels.common.commands import UNUSABLE, status_of
+from measurement.screen.setup import PITCH_ERROR, Plane, PlaneError, Setup, SetupError, plane_of_points, plane_of_scale
+from softmodels.common.commands import FAILED, UNUSABLE, status_of
 from softmodels.common.errors import reason
 from softmodels.common.files import is_same
 from softmodels.common.folders import OwnFolderError, check_output_file, has_table, is_drawn
 from softmodels.common.processes import say
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.common.units import UnitError, number
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``calibrate``: a camera from photographs of a chessboard.
+
+
+REACHED = 0.9
+"""Share of the way to the frame's corners that the boards of a good calibration reach."""
+
+
+@click.command()
+@click.argument("photographs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--pattern", default="9x6", show_default=True, metavar="NxM",
+              help="Inner corners of the board (where four squares meet) in a row and in a column.")  # fmt: skip
+@click.option("--pitch", default="25mm", show_default=True, metavar="LENGTH", help="Side of a square.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("camera.toml"), show_default=True,
+              help="Camera file to write, for setup --lens.")  # fmt: skip
+@click.option("--quiet", is_flag=True, help="Print only errors.")
+def calibrate(photographs: tuple[Path, ...], pattern: str, pitch: str, output: Path, quiet: bool) -> None:
+    """Calibrate the camera from PHOTOGRAPHS of a flat chessboard.
+
+    Take about ten photographs with the focus and zoom of the measurement, each with a different tilt of the board,
+    which together cover the picture up to its corners. Photographs without the board are skipped and listed.
+
+    \b
+    Exit status: 0 done; 3 some photographs refused; 2 the input cannot be used; 1 nothing measured.
+    """
+    check_place(output)
+    try:
+        check_output_file(output, photographs, lambda file: has_table("camera")(file) and not has_table("plane")(file),
+                          "the camera file", "-o")  # fmt: skip
+        board, side = texts.pattern(pattern), texts.length(pitch)
+        with bar("looking for boards", STEPS * len(photographs), quiet) as advance:
+            made = calibrated(photographs, board, side, advance)
+    except (OwnFolderError, UnitError, SetupError) as error:
+        stop(str(error))
+    except CameraError as error:
+        stop(str(error), FAILED)
+    table = tomli_w.dumps({"camera": made.camera.as_table()})
+    write_text(output, f"# A camera; made by python -m measurement calibrate.\n{table}")
+    for path, why in made.refused.items():
+        say(f"{path}: refused, {why}", err=True)
+    if not quiet:
+        _report_camera(made, output)
+    sys.exit(SOME_REFUSED if made.refused else DONE)
+
+
+def _report_camera(made: Calibration, output: Path) -> None:
+    camera = made.camera
+    for path, rms in made.per_image.items():
+        say(f"{path}: {rms:.2f} px")
+    say(
+        f"Focal length fx {camera.matrix[0, 0]:.1f} px, principal point {camera.matrix[0, 2]:.1f}, "
+        f"{camera.matrix[1, 2]:.1f} px; {len(made.per_image)} photographs used, reprojection "
+        f"error {made.residual_px:.2f} px (rms)"
+    )
+    say(
+        f"Standard error of the lens: {camera.error_px:.2g} px in the region of the boards, {camera.errors_px[-1]:.2g} "
+        f"px in the picture's corners; written to {output}"
+    )
+    if made.coverage < REACHED:
+        say(
+            f"Boards cover {made.coverage:.0%} of the distance from the middle to the corners; add photographs "
+            f"with the board near the corners",
+            err=True,
+        )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``setup``: camera, screen and light from one photograph of the grid, of a board, or of known points.
+
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The camera that the options ``--lens``, ``--camera`` and ``--focal`` of the setup command mean.

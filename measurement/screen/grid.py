@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter, median_filter
 
-from measurement.camera.camera import Camera, Points
+from measurement.camera import Camera, Points
 from measurement.robust import deviation, deviations
-from measurement.screen.plane import Plane, PlaneError
+from measurement.screen.setup import Plane, PlaneError
 
 # ----------------------------------------------------------------------------------------------------------------------
 # What makes a grid, and the error of a picture that shows none.

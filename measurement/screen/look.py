@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
-from measurement.camera.pictures import LIGHT, Pixels, sample_light
+from measurement.pictures import LIGHT, Pixels, sample_light
 from measurement.robust import deviation, deviations, robust_fit
 from measurement.screen.setup import Setup
 from softmodels.common.arrays import Array

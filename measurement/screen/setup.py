@@ -1,22 +1,313 @@
-"""What stays the same over a run of photographs: camera, screen, light, region and zero line; kept in one TOML file."""
+"""What stays the same over a run of photographs, and the plane of the screen: pixels to metres."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import tomli_w
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
-from measurement.camera.camera import Camera, CameraError, Points, as_points
-from measurement.screen.plane import Plane
+from measurement.camera import Camera, CameraError, Points, as_points
 from softmodels.common.errors import known_are
 from softmodels.common.tables import TomlError, numbers, parse_toml, read_toml
 from softmodels.common.units import brief, number
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The screen's plane: a homography from ideal pinhole pixels to metres, with the covariance of its fit.
+#
+# The known points are exact on the screen and uncertain in the photograph, so the fit minimises distances in pixels
+# (the "gold standard" of Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 4.2, with errors in one image
+# only); the map from pixels to metres is the inverse of what is fitted.
+
+
+FEWEST = 4
+"""Points that fix a homography; a fifth is the first that can contradict it."""
+
+FEWEST_NEIGHBOURS = 12
+"""Points from which what neighbours have in common can be told from chance."""
+
+
+class PlaneError(ValueError):
+    """Known points that do not determine a plane; the message is for the user."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Plane:
+    """A map from ideal pixels to the screen's plane (X to the right, Z up, in metres).
+
+    Attributes:
+        homography: Matrix (3, 3) that takes (x, y, 1) in px to (X, Z, 1) times a factor; its Frobenius norm is 1.
+        covariance: Covariance (9, 9) of the homography's entries, row by row.
+        residual: Root mean square distance in m of the known points from their images on the plane.
+        points: The known points (n, 2) in ideal px.
+        targets: The same points (n, 2) in m.
+    """
+
+    homography: Points
+    covariance: Points
+    residual: float
+    points: Points
+    targets: Points
+
+    @classmethod
+    def fit(cls, px: ArrayLike, metres: ArrayLike, sigma_px: float | ArrayLike | None = None) -> Plane:
+        """Fit the plane to known points.
+
+        Args:
+            px: Points (n, 2) in ideal pixels, n at least 4.
+            metres: The same points (n, 2) on the screen in m.
+            sigma_px: Standard error of ``px`` per axis in px, one for all or one per point (n,). Without it all points
+                weigh the same and the error is taken from what the fit leaves, which needs a fifth point.
+
+        Raises:
+            PlaneError: Too few points, or points on a line.
+        """
+        seen, known = as_points(px), as_points(metres)
+        _check(seen, known, sigma_px)
+        # Centred and scaled coordinates keep the equations well conditioned (Hartley 1997, doi 10.1109/34.601246).
+        from_metres, from_px = _scaling(known), _scaling(seen)
+        start, end = _apply(from_metres, known), _apply(from_px, seen)
+        sigma = 1.0 if sigma_px is None else np.asarray(sigma_px, dtype=float) * from_px[0, 0]
+        weights = 1.0 / np.broadcast_to(sigma, (len(seen),))
+        first, _ = cv2.findHomography(start, end, 0)
+        if first is None or not np.isfinite(first).all() or abs(first[2, 2]) < 1e-9:
+            raise PlaneError("the known points do not determine a plane; give points that do not lie on a line")
+        inverse = first / first[2, 2]
+        for _ in range(30):
+            design, left = _linearised(inverse, start, end, weights)
+            step, _, rank, singular = np.linalg.lstsq(design, left, rcond=None)
+            if rank < 8 or singular[-1] < 1e-7 * singular[0]:
+                raise PlaneError("the known points do not determine a plane; give points that do not lie on a line")
+            inverse = inverse + np.append(step, 0.0).reshape(3, 3)
+            if np.abs(step).max() < 1e-13:
+                break
+        design, left = _linearised(inverse, start, end, weights)
+        covariance = np.linalg.inv(design.T @ design)
+        if sigma_px is None:
+            covariance *= left @ left / (2 * len(seen) - 8)
+        homography, spread = _inverted(inverse, covariance, from_metres, from_px)
+        missed = _apply(homography, seen) - known
+        return cls(homography, spread, float(np.sqrt(np.mean(np.sum(missed**2, axis=1)))), seen, known)
+
+    @functools.cached_property
+    def systematic(self) -> float:
+        """Standard error in m, per axis, of the error common to neighbouring points: a wrong lens, a screen that is not flat.
+
+        Noise differs from point to point, and many points take it out; this they do not. It is the root of the mean product
+        of what each point misses with what its nearest neighbour misses, 0 where that is negative or the points are few.
+        """
+        if len(self.points) < FEWEST_NEIGHBOURS:
+            return 0.0
+        missed = self.to_metres(self.points) - self.targets
+        nearest = cKDTree(self.targets).query(self.targets, k=2)[1][:, 1]
+        return float(np.sqrt(max(0.0, np.mean(np.sum(missed * missed[nearest], axis=1)) / 2.0)))
+
+    def to_metres(self, ideal_px: ArrayLike) -> Points:
+        """Return the points (n, 2) on the screen in m for ideal pixels (n, 2)."""
+        return _apply(self.homography, as_points(ideal_px))
+
+    def to_pixels(self, metres: ArrayLike) -> Points:
+        """Return the ideal pixels (n, 2) for points (n, 2) on the screen in m."""
+        return _apply(np.linalg.inv(self.homography), as_points(metres))
+
+    def jacobian(self, ideal_px: ArrayLike) -> Points:
+        """Return the derivative (n, 2, 2) of `to_metres` in m per px; the last index is the pixel's."""
+        px = as_points(ideal_px)
+        below = _homogeneous(px) @ self.homography[2]
+        metres = self.to_metres(px)
+        top = self.homography[None, :2, :2] - metres[:, :, None] * self.homography[None, 2:, :2]
+        return top / below[:, None, None]
+
+    def covariances(self, ideal_px: ArrayLike) -> Points:
+        """Return the covariance (n, 2, 2) in m2 that the fit's uncertainty gives a point at these pixels."""
+        px = as_points(ideal_px)
+        homogeneous = _homogeneous(px)
+        ray = homogeneous / (homogeneous @ self.homography[2])[:, None]
+        metres = self.to_metres(px)
+        slope = np.zeros((len(px), 2, 9))
+        slope[:, 0, 0:3] = slope[:, 1, 3:6] = ray
+        slope[:, :, 6:9] = -metres[:, :, None] * ray[:, None, :]
+        return slope @ self.covariance @ np.swapaxes(slope, 1, 2)
+
+
+def _check(seen: Points, known: Points, sigma_px: float | ArrayLike | None) -> None:
+    if len(seen) != len(known):
+        raise PlaneError(f"there are {len(seen)} points in the photograph but {len(known)} on the screen")
+    needed = FEWEST + (sigma_px is None)
+    if len(seen) < needed:
+        raise PlaneError(f"{len(seen)} known points do not fix a plane and its error; give at least {needed}")
+    if not (np.isfinite(seen).all() and np.isfinite(known).all()):
+        raise PlaneError("the known points must be finite numbers")
+    if sigma_px is not None and not np.all(np.asarray(sigma_px, dtype=float) > 0.0):
+        raise PlaneError("the standard error of the known points must be positive")
+
+
+def _homogeneous(points: Points) -> Points:
+    return np.column_stack([points, np.ones(len(points))])
+
+
+def _apply(matrix: Points, points: Points) -> Points:
+    mapped = _homogeneous(points) @ matrix.T
+    return mapped[:, :2] / mapped[:, 2:]
+
+
+def _scaling(points: Points) -> Points:
+    """Return the similarity (3, 3) that brings the points' centre to 0 and their mean distance from it to about 1."""
+    centre = points.mean(axis=0)
+    spread = np.linalg.norm(points - centre, axis=1).mean()
+    if not spread > 0.0:
+        raise PlaneError("all known points are the same point; give points that do not lie on a line")
+    return np.array([[1 / spread, 0, -centre[0] / spread], [0, 1 / spread, -centre[1] / spread], [0, 0, 1]])
+
+
+def _linearised(matrix: Points, start: Points, end: Points, weights: Points) -> tuple[Points, Points]:
+    """Return the weighted design (2n, 8) and what is left (2n,) for the first eight entries of a homography whose last is
+    fixed."""
+    homogeneous = _homogeneous(start)
+    mapped = homogeneous @ matrix.T
+    image = mapped[:, :2] / mapped[:, 2:]
+    ray = homogeneous / mapped[:, 2:]
+    design = np.zeros((len(start), 2, 9))
+    design[:, 0, 0:3] = design[:, 1, 3:6] = ray
+    design[:, :, 6:9] = -image[:, :, None] * ray[:, None, :]
+    weighted = design[:, :, :8] * weights[:, None, None]
+    return weighted.reshape(-1, 8), ((end - image) * weights[:, None]).ravel()
+
+
+def _inverted(inverse: Points, covariance: Points, from_metres: Points, from_px: Points) -> tuple[Points, Points]:
+    """Return the homography of norm 1 from px to m with its covariance (9, 9), from the scaled one the other way (8, 8)."""
+    wide = np.zeros((9, 9))
+    wide[:8, :8] = covariance
+    forward = np.linalg.inv(inverse)
+    back, ahead = np.linalg.inv(from_metres), from_px
+    full = back @ forward @ ahead
+    # d(A^-1) = -A^-1 dA A^-1, framed by the two scalings; kron works on rows laid end to end.
+    slope = -np.kron(back @ forward, (forward @ ahead).T)
+    norm = np.linalg.norm(full)
+    unit = full.ravel() / norm
+    project = (np.eye(9) - np.outer(unit, unit)) / norm
+    return full / norm, project @ slope @ wide @ slope.T @ project.T
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The screen's plane from a user's data of a photograph without a grid: positions of some points, or only the scale.
+
+
+CLICKED = 1.0
+"""Standard error in px of a point that a person picked, where four points leave nothing to tell it."""
+
+WORST_PX, WORST_SHARE = 4.0, 0.005
+"""Largest miss of a known point: in px, or as a share of the points' extent in the picture if that is more."""
+
+FLATTEST = 0.03
+"""Least height of a triangle over its longest side that some three points must make for them not to be on one line."""
+
+
+def plane_of_points(camera: Camera, px: Points, metres: Points) -> Plane:
+    """Fit the plane to four or more known points, none of them on a line with all but one of the others.
+
+    Args:
+        camera: The camera that saw the points.
+        px: Points (n, 2) in px of the photograph.
+        metres: The same (n, 2) on the screen in m, X to the right and Z up.
+
+    Raises:
+        PlaneError: Too few points, points given twice, on one line, mirrored, or exchanged with each other.
+    """
+    seen, known = as_points(px), as_points(metres)
+    if len(seen) < 4:
+        raise PlaneError(
+            f"{len(seen)} known points do not determine a plane; give at least 4, and 6 to see how well they fit"
+        )
+    outside = ~np.all((seen >= -0.5) & (seen <= [camera.width - 0.5, camera.height - 0.5]), axis=1)
+    if outside.any():
+        raise PlaneError(f"the known point at {_name(seen[outside][0])} is outside the picture")
+    for first in range(len(seen)):
+        for second in range(first):
+            if np.linalg.norm(seen[first] - seen[second]) < 1.0 or np.allclose(known[first], known[second], atol=1e-9):
+                raise PlaneError(
+                    f"the known points at {_name(seen[second])} and {_name(seen[first])} are the same point; give each once"
+                )
+    _check_spread(seen)
+    _check_spread(known)
+    ideal = camera.undistort(seen)
+    try:
+        plane = Plane.fit(ideal, known, CLICKED if len(seen) == 4 else None)
+    except PlaneError:  # they lie on no line, as was seen above
+        raise PlaneError(
+            "the known points do not fit a plane; check for points that were exchanged or mistyped"
+        ) from None
+    below = np.column_stack([ideal, np.ones(len(ideal))]) @ plane.homography[2]
+    missed = np.linalg.norm(plane.to_pixels(known) - ideal, axis=1)
+    if np.ptp(np.sign(below)) > 0 or missed.max() > max(WORST_PX, WORST_SHARE * float(np.ptp(seen, axis=0).max())):
+        worst = int(np.argmax(missed))
+        raise PlaneError(
+            f"the known points do not fit a plane: the one at {_name(seen[worst])} has a residual of {missed[worst]:.0f} px; "
+            f"check for points that were exchanged or mistyped"
+        )
+    if np.linalg.det(plane.jacobian(ideal.mean(axis=0))[0]) > 0.0:
+        raise PlaneError(
+            "the known points are mirrored; X counts to the right and Z upwards, y in the picture downwards"
+        )
+    return plane
+
+
+def plane_of_scale(
+    camera: Camera, scale: float, error: float = 0.0, origin: tuple[float, float] | None = None
+) -> Plane:
+    """Return the plane of a camera that looks straight at it.
+
+    Args:
+        camera: The camera.
+        scale: Pixels per metre.
+        error: Its standard error.
+        origin: Pixel (x, y) of X = Z = 0; the middle of the picture unless given.
+
+    Raises:
+        PlaneError: No positive scale.
+    """
+    if not (0.0 < scale < np.inf and 0.0 <= error < scale):
+        raise PlaneError("the scale must be a positive number of pixels per metre, larger than its error")
+    width, height = camera.width, camera.height
+    x, y = camera.undistort(((width - 1) / 2, (height - 1) / 2) if origin is None else origin)[0]
+    # Times the scale, so that only the last entry depends on it.
+    matrix = np.array([[1.0, 0.0, -x], [0.0, -1.0, y], [0.0, 0.0, scale]])
+    norm = np.linalg.norm(matrix)
+    unit = matrix.ravel() / norm
+    slope = (np.eye(9)[8] - unit * unit[8]) / norm
+    px = np.array([[0.0, 0.0], [width - 1.0, 0.0], [0.0, height - 1.0], [width - 1.0, height - 1.0]])
+    ideal = camera.undistort(px)
+    plane = Plane(matrix / norm, np.outer(slope, slope) * error**2, 0.0, ideal, ideal)
+    return dataclasses.replace(plane, targets=plane.to_metres(ideal))
+
+
+def _check_spread(points: Points) -> None:
+    """A homography needs four points of which no three lie on one line; so no line may hold all but one of them."""
+    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    for first in range(len(points)):
+        for second in range(first):
+            along = points[first] - points[second]
+            length = float(np.linalg.norm(along))
+            offset = (points - points[second]) @ np.array([-along[1], along[0]]) / max(length, 1e-12)
+            if np.sum(np.abs(offset) > FLATTEST * extent) < 2:
+                raise PlaneError("at most one of the known points is off a common line; add points beside it")
+
+
+def _name(pixel: Points) -> str:
+    return f"{pixel[0]:g},{pixel[1]:g}"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What stays the same over a run of photographs: camera, screen, light, region and zero line; kept in one TOML file.
+
 
 VERSION = 1
 """Version of the setup file; one that means something else by its numbers gets another."""

@@ -14,20 +14,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from measurement.camera.pictures import Unmeasurable
-from measurement.edge.edge import widest_patch
-from measurement.edge.tracing import Traced
-from measurement.outline.shape import (
+from measurement.outline.edge import Traced, widest_patch
+from measurement.outline.zero import (
     ON_SURFACE,
     UNCLEAR,
+    Bow,
     Displacement,
     Mask,
+    ZeroLine,
     highest_ripple,
     rounded,
     scale_of,
     sharpest_turn,
 )
-from measurement.outline.zero import Bow, ZeroLine
+from measurement.pictures import Unmeasurable
 from measurement.series.witness import Run
 from softmodels.common.arrays import Array
 from softmodels.common.names import Registry

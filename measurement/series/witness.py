@@ -19,11 +19,10 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.stats import norm
 
-from measurement.camera.pictures import Pixels
 from measurement.outline.outline import Outline
-from measurement.outline.shape import ON_SURFACE
-from measurement.series.copies import copies, same_pictures
-from measurement.series.photo_list import Photograph
+from measurement.outline.zero import ON_SURFACE
+from measurement.pictures import Pixels
+from measurement.series.photo_list import Photograph, copies, same_pictures
 from softmodels.common.arrays import Array
 
 # ----------------------------------------------------------------------------------------------------------------------

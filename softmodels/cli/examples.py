@@ -19,7 +19,7 @@ import numpy as np
 
 from geometries import HollowDisk
 from geometries.apart import interpreter
-from measurement.synthetic.photographer import FLOOR, SCENE, Scene, chessboard, photograph, save
+from measurement.photographer import FLOOR, SCENE, Scene, chessboard, photograph, save
 from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
 from softmodels.common.arrays import Array

@@ -220,7 +220,7 @@ def _cells(actuator: Any) -> float:
 
 def _pictures(measure: bool) -> dict[str, bytes]:
     """Small photographs of the bench: its grid, a body at rest, an inflated one."""
-    from measurement.synthetic.photographer import Scene, dome, photograph, save
+    from measurement.photographer import Scene, dome, photograph, save
 
     if not measure:
         blank = cv2.imencode(".jpg", np.full((60, 80, 3), 180, np.uint8))[1].tobytes()

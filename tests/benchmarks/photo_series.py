@@ -17,11 +17,10 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from measurement.series.copies import cut_out, is_copy, likeness, prepared
-from measurement.series.photo_list import Column, PhotoListError, read_photos
+from measurement import photographer
+from measurement.photographer import Scene, dome, photograph
+from measurement.series.photo_list import Column, PhotoListError, cut_out, is_copy, likeness, prepared, read_photos
 from measurement.series.witness import Run
-from measurement.synthetic import photographer
-from measurement.synthetic.photographer import Scene, dome, photograph
 from tests.support.photographs.courses import COURSES, DAMAGES, damaged, run
 
 

@@ -15,12 +15,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from measurement.camera.camera import Camera
-from measurement.camera.pictures import read_photograph
+from measurement.camera import Camera
+from measurement.photographer import Scene, dome, dome_height, photograph, save, truth_of
+from measurement.pictures import read_photograph
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
 from measurement.series.photo import outline_of, trace, trace_image, zero_of
-from measurement.synthetic.photographer import Scene, dome, dome_height, photograph, save, truth_of
 
 SCENE = Scene(
     width=5184, height=3456, focal_px=9000.0, pixel_size=10e-6, tilt=10.0, pan=-20.0, target=(0.001, 0.002), ambient=0.12,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.camera.camera import Camera
+from measurement.camera import Camera
+from measurement.photographer import Scene, dome, dome_height, photograph, truth_of
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
 from measurement.series.photo import outline_of, trace_image, zero_of
-from measurement.synthetic.photographer import Scene, dome, dome_height, photograph, truth_of
 
 SEEDS = range(20)
 TRUTH = "20 seeded benches, 10 um per pixel: oblique, noise, blur, dust, uneven light, lens, JPEG"

@@ -7,8 +7,8 @@ import inspect
 import pytest
 
 import measurement
+from measurement import photographer
 from measurement.series.checks import CHECKS, COURSE, EDGE, LIST, OUTLINE, RUN, TONE, ZERO
-from measurement.synthetic import photographer
 
 
 class Low(measurement.Check):

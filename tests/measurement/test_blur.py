@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from measurement.edge.edge import Edge
+from measurement.outline.edge import Edge
 from measurement.series.checks import Drop
 
 SCALE = 30e-6

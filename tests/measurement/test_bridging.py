@@ -7,9 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from measurement.edge.edge import Edge, smoothed
-from measurement.outline.shape import highest_ripple
-from measurement.outline.zero import ZeroLine
+from measurement.outline.edge import Edge, smoothed
+from measurement.outline.zero import ZeroLine, highest_ripple
 from measurement.series.checks import Membrane
 
 RADIUS, SPACING, NOISE = 900.0, 3.0, 0.06

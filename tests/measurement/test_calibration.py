@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
-from measurement.camera.camera import Camera
+from measurement.camera import Camera
+from measurement.photographer import Scene, chessboard, truth_of
 from measurement.screen import calibration
 from measurement.screen.calibration import corner_reach, find_chessboard, straightened_corners
-from measurement.synthetic.photographer import Scene, chessboard, truth_of
 
 POSES = [(20, 0), (-25, 10), (5, 30), (10, -30), (-15, -20), (0, 35), (30, 5), (-30, -10)]
 LENSES = {"two terms": (-0.2, 0.04), "all terms": (-0.2, 0.04, 1e-3, -1e-3, 0.1)}

@@ -9,10 +9,9 @@ import lensfunpy
 import numpy as np
 import pytest
 
-from measurement.camera.camera import Camera, CameraError, frame_points
-from measurement.camera.lens import Exif, lens_profile, read_exif
+from measurement.camera import Camera, CameraError, Exif, frame_points, lens_profile, read_exif
+from measurement.photographer import Scene, save, truth_of
 from measurement.screen.calibration import calibrate, find_chessboard
-from measurement.synthetic.photographer import Scene, save, truth_of
 
 PUBLISHED_FOCAL = 535.91573396163199
 """From left_intrinsics.yml beside the boards (OpenCV's samples, 13 photographs)."""

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from PIL import Image
 
 from measurement.__main__ import main
+from measurement.photographer import Scene, chessboard, dome, photograph, save
 from measurement.screen.setup import Setup
-from measurement.synthetic.photographer import Scene, chessboard, dome, photograph, save
 
 EXIF = {"maker": "Canon", "camera": "Canon EOS 550D", "lens": "EF-S18-55mm f/3.5-5.6 IS", "focal_mm": 40.0}
 

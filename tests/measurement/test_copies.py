@@ -12,11 +12,11 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
+from measurement import photographer
 from measurement.__main__ import main
 from measurement.outline.outline import Outline
-from measurement.series.copies import COPIED, copies, cut_out, likeness, prepared
-from measurement.synthetic import photographer
-from measurement.synthetic.photographer import dome, dome_height, photograph, save
+from measurement.photographer import dome, dome_height, photograph, save
+from measurement.series.photo_list import COPIED, copies, cut_out, likeness, prepared
 
 SCENE = dataclasses.replace(photographer.SCENE, width=1000, height=640, focal_px=1750.0, pixel_size=48e-6, dust=3)
 HEIGHTS = (0.0, 3.0, 4.0, 5.0, 6.0)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import measurement
+from measurement import photographer
 from measurement.series.photo_list import DENSITY_ERROR
-from measurement.synthetic import photographer
 from softmodels.common.units import quantity
 
 

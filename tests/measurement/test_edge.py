@@ -7,10 +7,9 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
-from measurement.camera.pictures import TONES, Unmeasurable
-from measurement.edge.edge import coarse_contour, refine_edge, smoothed
-from measurement.edge.profiles import Shading
-from measurement.edge.shadow import find_shadow
+from measurement.outline.edge import coarse_contour, refine_edge, smoothed
+from measurement.outline.profiles import Shading, find_shadow
+from measurement.pictures import TONES, Unmeasurable
 
 ROWS, COLUMNS = np.indices((240, 320)).astype(float)
 LINEAR = TONES["linear"]

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from measurement.camera.camera import Camera
+from measurement.camera import Camera
+from measurement.photographer import Scene, dome, photograph
 from measurement.screen.calibration import find_charuco, find_chessboard
 from measurement.screen.grid import GridError, find_grid
-from measurement.synthetic.photographer import Scene, dome, photograph
 
 DOME = dome(0.006, floor=-0.002)
 VIEWS = {

@@ -9,12 +9,12 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import ndtr
 
-from measurement.camera.camera import Camera
+from measurement.camera import Camera
+from measurement.photographer import lens_of, photograph, truth_of
 from measurement.screen.grid import find_grid
 from measurement.screen.look import LineShape
 from measurement.screen.setup import Setup
 from measurement.series.photo import outline_of, trace_image, zero_of
-from measurement.synthetic.photographer import lens_of, photograph, truth_of
 from tests.support.photographs.bench import Bench
 from tests.support.photographs.verdict import across
 

@@ -12,12 +12,11 @@ import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
 
+from measurement import photographer
 from measurement.__main__ import main
 from measurement.outline.outline import Outline
-from measurement.series.photo import Refusal
-from measurement.series.pictures import draw_edge
-from measurement.synthetic import photographer
-from measurement.synthetic.photographer import Scene, photograph, save
+from measurement.photographer import Scene, photograph, save
+from measurement.series.photo import Refusal, draw_edge
 from softmodels.common.folders import OwnFolder
 from softmodels.common.processes import plain
 

@@ -12,14 +12,13 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image, ImageCms
 
+from measurement import photographer, pictures
 from measurement.__main__ import main
-from measurement.camera import pictures
-from measurement.camera.lens import read_exif
-from measurement.camera.pictures import PictureError, read_pixels
+from measurement.camera import read_exif
+from measurement.photographer import Scene, chessboard, dome, photograph, save
+from measurement.pictures import PictureError, read_pixels
 from measurement.screen.setup import Setup
 from measurement.series.photo import find_zero, outline_of, trace
-from measurement.synthetic import photographer
-from measurement.synthetic.photographer import Scene, chessboard, dome, photograph, save
 
 SMALL = photograph(Scene(width=96, height=64, pixel_size=4e-4, noise=0.0, jpeg_quality=None), dome(8e-3), 1)[0]
 SCENE = dataclasses.replace(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.camera.camera import Camera
-from measurement.screen.plane import Plane, PlaneError
-from measurement.synthetic.photographer import Scene, truth_of
+from measurement.camera import Camera
+from measurement.photographer import Scene, truth_of
+from measurement.screen.setup import Plane, PlaneError
 
 TRUTH = truth_of(Scene(tilt=35.0, pan=-15.0, width=2400, height=1600, target=(0.002, 0.004)))
 NODES = np.stack(np.meshgrid(np.arange(-3, 4), np.arange(-2, 3)), axis=-1).reshape(-1, 2) * 0.009

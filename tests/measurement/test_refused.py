@@ -17,9 +17,9 @@ import pytest
 from click.testing import CliRunner
 from scipy.special import ndtr
 
+from measurement import photographer
 from measurement.__main__ import main
-from measurement.synthetic import photographer
-from measurement.synthetic.photographer import Scene, dome, photograph, save
+from measurement.photographer import Scene, dome, photograph, save
 
 SCENE = dataclasses.replace(photographer.SCENE, width=1200, height=800, focal_px=2100.0, pixel_size=40e-6, dust=3)
 HEIGHT, FLOOR = 4e-3, photographer.FLOOR
@@ -332,7 +332,7 @@ def test_unusable_setups_are_refused_with_their_reason(tmp_path, kind):
 
 
 def test_a_scene_needs_polygons_for_its_things():
-    from measurement.synthetic.photographer import SceneError
+    from measurement.photographer import SceneError
 
     with pytest.raises(SceneError, match="polygon"):
         photograph(Scene(), DOME, things=[[[0.0, 0.0], [1.0, 1.0]]])

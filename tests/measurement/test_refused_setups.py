@@ -11,8 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
+from measurement.photographer import Scene, photograph, save
 from measurement.screen.setup import Setup, SetupError
-from measurement.synthetic.photographer import Scene, photograph, save
 
 
 def run(*arguments):

@@ -7,8 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from measurement.outline.shape import highest_ripple
-from measurement.outline.zero import ZeroLine
+from measurement.outline.zero import ZeroLine, highest_ripple
 from measurement.series.checks import Membrane, unsure_of
 
 

@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
+from measurement import photographer
 from measurement.__main__ import main
 from measurement.outline.outline import Outline
-from measurement.synthetic import photographer
-from measurement.synthetic.photographer import dome, dome_height, photograph, save
+from measurement.photographer import dome, dome_height, photograph, save
 
 DEMO = "the demonstration's photographs, 22 um per pixel, 28 degrees oblique"
 HEIGHTS = (0.0, 1e-3, 4e-3, 9e-3)

@@ -7,11 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from measurement.camera.camera import Camera
+from measurement.camera import Camera
 from measurement.outline.outline import Outline
 from measurement.outline.zero import Sides, ZeroLine, sides_of, with_known_body
-from measurement.screen.plane import Plane
-from measurement.screen.setup import Setup, SetupError
+from measurement.screen.setup import Plane, Setup, SetupError
 from measurement.series.checks import Evidence, Scaling
 from measurement.series.witness import Run
 

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from measurement.edge.edge import Edge
-from measurement.edge.shadow import ShadowColour
+from measurement.outline.edge import Edge
+from measurement.outline.profiles import ShadowColour
 from measurement.series.checks import OneLamp
 
 COLOUR = ShadowColour(np.full(3, 0.1), np.full(3, 0.8), np.eye(3) * 1e-4)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from measurement.outline.outline import Outline
-from measurement.outline.shape import Displacement
-from measurement.outline.zero import Sides, ZeroLine
+from measurement.outline.zero import Displacement, Sides, ZeroLine
 from measurement.series.checks import Evidence, Moved, Settling
 from measurement.series.witness import Run
 

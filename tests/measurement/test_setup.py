@@ -7,11 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from measurement.camera.camera import Camera
-from measurement.camera.lens import Exif, lens_profile
-from measurement.screen.plane import Plane
-from measurement.screen.setup import Setup, SetupError, magnification
-from measurement.synthetic.photographer import Scene, truth_of
+from measurement.camera import Camera, Exif, lens_profile
+from measurement.photographer import Scene, truth_of
+from measurement.screen.setup import Plane, Setup, SetupError, magnification
 
 TRUTH = truth_of(Scene(tilt=35.0, pan=-10.0, distortion=(-0.2, 0.05, 1e-3, 0.0), magnification=1.05))
 CAMERA = Camera(TRUTH.matrix, TRUTH.distortion, 1200, 800, "truth", 0.1)

@@ -10,10 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
-from measurement.camera.camera import frame_points
-from measurement.camera.lens import Exif, lens_profile
+from measurement.camera import Exif, frame_points, lens_profile
+from measurement.photographer import Scene, chessboard, dome, photograph, save, truth_of
 from measurement.screen.setup import Setup
-from measurement.synthetic.photographer import Scene, chessboard, dome, photograph, save, truth_of
 from tests.support.photographs.boards import charuco
 
 DOME = dome(0.005, floor=-0.003)

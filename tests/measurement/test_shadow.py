@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from measurement.camera.pictures import Unmeasurable
-from measurement.edge.shadow import chi_square_limit, find_shadow, learn_colour, robust_covariance
+from measurement.outline.profiles import chi_square_limit, find_shadow, learn_colour, robust_covariance
+from measurement.pictures import Unmeasurable
 from measurement.series.checks import Exposure
 
 DARK, LIT = np.array([0.08, 0.09, 0.11]), np.array([0.7, 0.68, 0.6])

@@ -9,10 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
-from measurement.camera.pictures import TONES, Unmeasurable, read_photograph
-from measurement.edge.edge import coarse_contour, refine_edge
-from measurement.edge.profiles import Shading
-from measurement.edge.shadow import find_shadow
+from measurement.outline.edge import coarse_contour, refine_edge
+from measurement.outline.profiles import Shading, find_shadow
+from measurement.pictures import TONES, Unmeasurable, read_photograph
 from measurement.screen.setup import Setup
 from measurement.series.photo import trace_image
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from measurement.edge.edge import robust_loess
+from measurement.outline.edge import robust_loess
 
 X = np.linspace(0.0, 0.03, 260)
 

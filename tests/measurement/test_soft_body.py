@@ -10,13 +10,13 @@ import pytest
 from click.testing import CliRunner
 
 from measurement.__main__ import main
-from measurement.camera.camera import Camera
+from measurement.camera import Camera
 from measurement.outline.outline import Outline
+from measurement.photographer import Scene, dome_height, photograph, save
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
 from measurement.series.measuring import measure_all, zero_line
 from measurement.series.photo_list import Photograph
-from measurement.synthetic.photographer import Scene, dome_height, photograph, save
 
 SCENE = Scene(tilt=8.0, pan=-15.0, ambient=0.12, srgb=True, target=(0.0, 0.002))
 FLOOR, HALF_WIDTH, RADIUS = -0.0067, 0.017, 0.014

@@ -9,18 +9,8 @@ from PIL import Image
 from scipy.optimize import brentq, curve_fit
 from scipy.special import erf
 
-from measurement.camera.lens import read_exif
-from measurement.synthetic.photographer import (
-    Outline,
-    Scene,
-    SceneError,
-    Truth,
-    dome,
-    dome_height,
-    photograph,
-    save,
-    truth_of,
-)
+from measurement.camera import read_exif
+from measurement.photographer import Outline, Scene, SceneError, Truth, dome, dome_height, photograph, save, truth_of
 
 CLEAN = {"noise": 0.0, "jpeg_quality": None, "unevenness": 0.0, "line_grey": 0.0}
 LENS = (-0.2, 0.05, 1e-3, -1e-3, 0.01)

@@ -6,10 +6,9 @@ import os
 
 import pytest
 
-from measurement.camera.camera import CameraError
-from measurement.camera.lens import _database_file
-from measurement.camera.pictures import PictureError, read_pixels
+from measurement.camera import CameraError, _database_file
 from measurement.outline.outline import Outline, OutlineError
+from measurement.pictures import PictureError, read_pixels
 from measurement.series.photo_list import PhotoListError, read_photos
 from softmodels.common.files import UserFileError, check_file, file_digest, read_file, read_text, replace_text
 from softmodels.common.folders import FolderLock, has_table, is_drawn

@@ -9,11 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from measurement.camera.camera import Camera
-from measurement.camera.pictures import Unmeasurable
+from measurement.camera import Camera
 from measurement.outline.zero import Bow, Sides, ZeroLine
-from measurement.screen.plane import Plane
-from measurement.screen.setup import Setup
+from measurement.pictures import Unmeasurable
+from measurement.screen.setup import Plane, Setup
 from measurement.series import measuring as series
 from measurement.series.checks import Level
 from measurement.series.photo_list import Photograph

@@ -18,8 +18,8 @@ import softmodels as sm
 from geometries import HollowDisk
 from geometries.__main__ import main as geometries
 from measurement.__main__ import main as measurement
-from measurement.cli import demo as measurement_demo
-from measurement.synthetic.photographer import dome
+from measurement.cli import photos as measurement_demo
+from measurement.photographer import dome
 from softmodels import disk, seminar
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import softmodels as sm
 from measurement.__main__ import main as measurement
 from measurement.outline.outline import Outline
-from measurement.synthetic.photographer import photograph, save
+from measurement.photographer import photograph, save
 from softmodels.case.case import Case
 from softmodels.cli import examples
 from softmodels.cli.fit_command import fit_material

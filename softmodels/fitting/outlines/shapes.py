@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from measurement.edge.edge import SPAN
+from measurement.outline.edge import SPAN
 from measurement.outline.outline import Outline, OutlineError
 from softmodels.common.arrays import Array
 from softmodels.common.names import keep_arrays

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from measurement.synthetic.photographer import Scene, dome, dome_height
+from measurement.photographer import Scene, dome, dome_height
 from softmodels.common.arrays import Array
 
 PA_PER_CM = 95.1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from measurement.synthetic.photographer import Light, Scene, _board, _pixels, truth_of
+from measurement.photographer import Light, Scene, _board, _pixels, truth_of
 
 
 @_board

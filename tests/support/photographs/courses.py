@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from measurement.outline.outline import Outline
-from measurement.synthetic.photographer import dome_height
+from measurement.photographer import dome_height
 from softmodels.common.arrays import Array
 from tests.support.photographs.bench import PA_PER_CM
 

@@ -14,16 +14,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from measurement.camera.camera import Camera
-from measurement.camera.pictures import Unmeasurable
+from measurement.camera import Camera
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine, with_known_body
+from measurement.photographer import column, lens_of, photograph, truth_of
+from measurement.pictures import Unmeasurable
 from measurement.screen.grid import GridError, find_grid
 from measurement.screen.setup import Setup, SetupError
 from measurement.series.measuring import Result, judged
 from measurement.series.photo import Refusal, outline_of, trace_image, zero_of
 from measurement.series.photo_list import Photograph
-from measurement.synthetic.photographer import column, lens_of, photograph, truth_of
 from tests.support.photographs.bench import PA_PER_CM, Bench
 from tests.support.photographs.damages import KINDS, NEEDS_SIDES, ONE, RAISED, SETUP
 from tests.support.photographs.faults import Change, Target

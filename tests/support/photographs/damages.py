@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from measurement.synthetic.photographer import lens_of
+from measurement.photographer import lens_of
 from tests.support.photographs.faults import (
     Change,
     Target,

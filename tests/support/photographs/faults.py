@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from measurement.synthetic.photographer import Fault, Image, Rays, Truth, shadowed
+from measurement.photographer import Fault, Image, Rays, Truth, shadowed
 from softmodels.common.arrays import Array
 
 Shape = Callable[[Array], Array]

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from measurement.camera.camera import Camera
-from measurement.camera.pictures import Unmeasurable
+from measurement.camera import Camera
 from measurement.outline.outline import Outline
 from measurement.outline.zero import with_known_body
+from measurement.pictures import Unmeasurable
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
 from measurement.series.measuring import Result, judged

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 
 from measurement.outline.outline import Outline
+from measurement.photographer import Truth
 from measurement.screen.setup import Setup
-from measurement.synthetic.photographer import Truth
 from softmodels.common.arrays import Array
 from tests.support.photographs.bench import Bench
 

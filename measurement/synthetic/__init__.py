@@ -1,4 +1,0 @@
-"""Synthetic photographs of known truth, for demonstrations and tests.
-
-- `photographer`: camera, screen, lamps, bodies and boards; the light in each pixel.
-"""
