@@ -13,8 +13,10 @@ Every name is loaded when it is first used.
 Begin with `actuator`: a device is a frozen dataclass of it that is registered (`registry`).
 
 - `disk`, `seminar`, `pneunet`, `membrane`, `balloon`, `bellows`, `bending_bellows`, `cylinder`, `beam`: one file for
-  each device: its lengths, their checks, its mesh and its outline. `imported`: parts from files.
-- `revolved`: half sections of bodies of revolution. `meshing`, `apart`: Gmsh, in a process of its own where it takes long.
+  each device: its lengths, their checks, its mesh and its outline.
+- `imported`: parts from files: faces and points chosen by short texts. `imported_step`: STEP files. `imported_mesh`: meshes of
+  Gmsh, Abaqus or CalculiX, and STL surfaces.
+- `revolved`: half sections of bodies of revolution. `meshing`: Gmsh, in a process of its own where it takes long.
 - `mesh_arrays`: meshes as arrays. `options`: command-line options of a device.
 """
 
@@ -31,8 +33,8 @@ PLACES = {
     "BendingBellows": "geometries.bending_bellows",
     "Cylinder": "geometries.cylinder",
     "HollowDisk": "geometries.disk",
-    "ImportedActuator": "geometries.imported.step",
-    "ImportedMesh": "geometries.imported.mesh",
+    "ImportedActuator": "geometries.imported_step",
+    "ImportedMesh": "geometries.imported_mesh",
     "Membrane": "geometries.membrane",
     "PneuNet": "geometries.pneunet",
     "SeminarActuator": "geometries.seminar",
@@ -47,8 +49,8 @@ if TYPE_CHECKING:
     from geometries.bending_bellows import BendingBellows as BendingBellows
     from geometries.cylinder import Cylinder as Cylinder
     from geometries.disk import HollowDisk as HollowDisk
-    from geometries.imported.mesh import ImportedMesh as ImportedMesh
-    from geometries.imported.step import ImportedActuator as ImportedActuator
+    from geometries.imported_mesh import ImportedMesh as ImportedMesh
+    from geometries.imported_step import ImportedActuator as ImportedActuator
     from geometries.membrane import Membrane as Membrane
     from geometries.pneunet import PneuNet as PneuNet
     from geometries.registry import ACTUATORS as ACTUATORS, register_device as register_device

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, registry as geometry_table
-from geometries.imported.part import FORMATS
+from geometries.imported import FORMATS
 from softmodels.case import materials
 from softmodels.case.components import Parts, PartsEntry, check_parts, with_walls
 from softmodels.case.entries import (

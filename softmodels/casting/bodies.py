@@ -489,7 +489,7 @@ def _name(device: Actuator, place: Array) -> str:
     """Return ``at`` the place, with the face nearest to it."""
     import gmsh  # type: ignore[import-untyped]
 
-    from geometries.imported.part import face_names, named_surfaces
+    from geometries.imported import face_names, named_surfaces
     from geometries.meshing import private_model
 
     where = "at " + ", ".join(f"{value + 0.0:.4g}" for value in np.round(place, 3)) + " mm"

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from geometries.apart import apart
+from geometries.meshing import apart
 from softmodels.casting.bodies import (
     MM,
     OTHER_SIDE,

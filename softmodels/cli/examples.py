@@ -18,7 +18,7 @@ import click
 import numpy as np
 
 from geometries import HollowDisk
-from geometries.apart import interpreter
+from geometries.meshing import interpreter
 from measurement.photographer import FLOOR, SCENE, Scene, chessboard, photograph, save
 from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
@@ -400,7 +400,7 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
     folder.add("fast.csv", lambda file: file.write_text(memory_curve(FAST, 33), encoding="utf-8"))
     truth = f"{told_truth()}, a leak of 1 %\ncycles.csv, hold.csv, fast.csv: {told_memory()}\n"
     folder.add("truth.txt", lambda file: file.write_text(truth, encoding="utf-8"))
-    from geometries.apart import apart
+    from geometries.meshing import apart
 
     folder.add("mypart.step", lambda file: apart(finger, file))
     folder.add("twopart.step", lambda file: apart(two_cavities, file))

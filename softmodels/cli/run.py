@@ -18,7 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypedDict, Unpack
 
-from geometries.apart import interpreter
+from geometries.meshing import interpreter
 from softmodels.case.case import Case
 from softmodels.case.components import VARIABLE, own_modules
 from softmodels.common.commands import bounded

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
 from geometries.actuator import Vector
-from geometries.imported.part import UNITS, faces as plane_faces
+from geometries.imported import UNITS, faces as plane_faces
 from softmodels.common.arrays import Array
 from softmodels.common.errors import whole_path
 from softmodels.common.schema import (
@@ -681,7 +681,7 @@ def surface_of(shape: FileShape) -> tuple[Array, Indices]:
 
 @functools.lru_cache(maxsize=8)
 def _read(file: str, unit: float, changed: int) -> tuple[Array, Indices]:
-    from geometries.imported.mesh import read_surfaces
+    from geometries.imported_mesh import read_surfaces
 
     points, triangles = read_surfaces(file, unit)
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)

@@ -11,8 +11,7 @@ import time
 import pytest
 
 from geometries import GeometryError, HollowDisk, ImportedActuator, MeshingError, MeshingStopped
-from geometries.apart import apart
-from geometries.meshing import QUICK, summarize
+from geometries.meshing import QUICK, apart, summarize
 
 FINE = HollowDisk(fillet=0, cell_size=0.0008, refinement=2)
 

@@ -12,7 +12,7 @@ import pytest
 
 from geometries import ACTUATORS, GeometryError, HollowDisk
 from geometries.disk import expected_cells
-from geometries.imported.part import ImportedPart
+from geometries.imported import ImportedPart
 from geometries.registry import device_from, from_table, to_table
 
 REFUSED = [

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geometries import GeometryError, ImportedActuator
-from geometries.imported.part import region_name
+from geometries.imported import region_name
 from geometries.meshing import private_model
 
 LENGTH, WIDTH, BASE, TOP, WALL = 30.0, 12.0, 3.0, 9.0, 2.0  # mm

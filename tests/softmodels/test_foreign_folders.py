@@ -12,7 +12,7 @@ import pytest
 
 import softmodels as sm
 from geometries import HollowDisk
-from geometries.apart import apart
+from geometries.meshing import apart
 from tests.support import runs
 
 WRITER = """

@@ -9,9 +9,17 @@ import gmsh
 import numpy as np
 import pytest
 
-from geometries import ACTUATORS, Balloon, Cylinder, GeometryError, HollowDisk, PneuNet, pneunet
+from geometries import (
+    ACTUATORS,
+    Balloon,
+    Cylinder,
+    GeometryError,
+    HollowDisk,
+    PneuNet,
+    imported_mesh as mesh_module,
+    pneunet,
+)
 from geometries.actuator import check_closed, find_openings
-from geometries.imported import mesh as mesh_module
 from geometries.meshing import mirror_mesh, private_model
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case

@@ -11,9 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from geometries.actuator import Vector, check_slice
-from geometries.apart import apart
 from geometries.disk import TRIANGLE
-from geometries.imported.part import (
+from geometries.imported import (
     AXES,
     BONDED,
     ImportedPart,
@@ -27,6 +26,7 @@ from geometries.imported.part import (
     solid_names,
     surface_points,
 )
+from geometries.meshing import apart
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.schema import choice_field, length_field, number_field, shown
@@ -75,7 +75,7 @@ def _curvatures(face: int) -> np.ndarray:
 # The solids of a STEP file: one, or several that are glued where they touch, each a region with its own name.
 #
 # A solid's name is that of its body in the file, else that of its part. Bodies' names do not come through Gmsh; they travel as
-# colours, as faces' names do (`geometries.imported.part`).
+# colours, as faces' names do (`geometries.imported`).
 
 
 MAIN = "solid"

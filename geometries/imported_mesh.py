@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import Vector, check_slice, joined
-from geometries.apart import apart
-from geometries.imported.part import (
+from geometries.imported import (
     AXES,
     BONDED,
     FORMATS,
@@ -34,6 +33,7 @@ from geometries.imported.part import (
     region_name,
 )
 from geometries.mesh_arrays import TO_GMSH, Ints, Tetrahedra
+from geometries.meshing import apart
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.files import GEOMETRY, check_file, read_file
@@ -349,7 +349,7 @@ def _extent(shell: list[int]) -> float:
 # ----------------------------------------------------------------------------------------------------------------------
 # What each boundary triangle of a foreign mesh does: cut plane, wall of a cavity, support, or just its outside.
 #
-# The rules are those of drawings (`geometries.imported.step`): take away the cut planes; the triangles that are connected by
+# The rules are those of drawings (`geometries.imported_step`): take away the cut planes; the triangles that are connected by
 # their edges are then the outside or one cavity each.
 
 
