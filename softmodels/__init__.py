@@ -79,8 +79,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.mpi import StartError as StartError
     from softmodels.path.air_flow import Reservoir as Reservoir
     from softmodels.path.supply import SupplyError as SupplyError, Syringe as Syringe
-    from softmodels.runs.frequencies import NaturalFrequencies as NaturalFrequencies
-    from softmodels.runs.limits import Limit as Limit
+    from softmodels.runs.analyses import Limit as Limit, NaturalFrequencies as NaturalFrequencies
     from softmodels.runs.model import Equilibrium as Equilibrium, Mode as Mode, Model as Model
     from softmodels.runs.outcomes import RunError as RunError
     from softmodels.runs.store import ResultsError as ResultsError
@@ -131,8 +130,7 @@ _PLACES = {
     "softmodels.fitting.curves.curve": ("TensileCurve", "TensileError"),
     "softmodels.fitting.curves.fit": ("fit_curves",),
     "softmodels.fitting.scoring": ("score", "Score"),
-    "softmodels.runs.frequencies": ("NaturalFrequencies",),
-    "softmodels.runs.limits": ("Limit",),
+    "softmodels.runs.analyses": ("Limit", "NaturalFrequencies"),
     "softmodels.runs.model": ("Model", "Equilibrium", "Mode"),
     "softmodels.runs.outcomes": ("RunError",),
     "softmodels.runs.store": ("ResultsError",),

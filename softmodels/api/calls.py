@@ -28,16 +28,21 @@ from softmodels.mechanics.component import Component
 from softmodels.mechanics.mpi import is_root, start
 from softmodels.path.program import TOLERANCE, Program
 from softmodels.path.supply import AirSupply
+from softmodels.runs.analyses import (
+    MOST_MODES,
+    Limit,
+    NaturalFrequencies,
+    case_for_modes,
+    check_hold,
+    find_frequencies,
+    find_limit,
+)
 from softmodels.runs.columns import state_labels
-from softmodels.runs.frequencies import MOST_MODES, NaturalFrequencies, case_for_modes, find_frequencies
-from softmodels.runs.limits import Limit, check_hold, find_limit
+from softmodels.runs.formats import Row
 from softmodels.runs.model import AtRest, temporary_folder
 from softmodels.runs.notes import no_branch, sentences
-from softmodels.runs.outcomes import BAD_INPUT, Ended, RunError, UnwrittenError
-from softmodels.runs.progress import Progress
-from softmodels.runs.recording import is_loaded, solved_into
-from softmodels.runs.resume import ResultsPlace
-from softmodels.runs.row import Row
+from softmodels.runs.outcomes import BAD_INPUT, Ended, Progress, RunError, UnwrittenError
+from softmodels.runs.recording import ResultsPlace, is_loaded, solved_into
 from softmodels.runs.simulation import Listener, PathEnded, Silent, Simulation, solve_sources
 
 if TYPE_CHECKING:

@@ -25,19 +25,15 @@ from softmodels.common.names import checked, keep_arrays, place, read_only
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.units import UnitError, brief, number
 from softmodels.mechanics.mpi import on_root, start
-from softmodels.runs.band import in_order, read_sources
-from softmodels.runs.columns import state_labels
-from softmodels.runs.formats import Restart
-from softmodels.runs.limits import Limit
+from softmodels.runs.analyses import Limit
+from softmodels.runs.columns import in_order, read_sources, state_labels
+from softmodels.runs.formats import Restart, Row
 from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
-from softmodels.runs.recording import begin_branch, gather
-from softmodels.runs.resume import ResultsPlace, begin, recall, stored_point
-from softmodels.runs.row import Row
+from softmodels.runs.recording import ResultsPlace, begin, begin_branch, gather, recall, stored_point
 from softmodels.runs.simulation import Simulation, Step
-from softmodels.runs.store import Results, ResultsError
-from softmodels.runs.stored import States
+from softmodels.runs.store import Results, ResultsError, States
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

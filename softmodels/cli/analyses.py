@@ -46,14 +46,17 @@ from softmodels.materials.silicones import extrapolated
 from softmodels.materials.stability import check_rest, weakest, weakness
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.mpi import abort_on_error, is_root, start
-from softmodels.runs.frequencies import MOST_MODES, NaturalFrequencies, case_for_modes, find_frequencies
-from softmodels.runs.limits import (
+from softmodels.runs.analyses import (
     LARGEST_STRETCH,
+    MOST_MODES,
     Limit,
+    NaturalFrequencies,
     Tolerance,
     band_texts,
+    case_for_modes,
     check_hold,
     check_varied,
+    find_frequencies,
     find_limit,
     samples,
     scatter,

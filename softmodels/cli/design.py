@@ -18,8 +18,7 @@ from softmodels.design.problem import DesignProblem
 from softmodels.design.trials import DesignError
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, speaks, start
 from softmodels.runs.columns import StateLabels
-from softmodels.runs.outcomes import DONE, FAILED, NO_EQUILIBRIUM, RunError, no_memory
-from softmodels.runs.progress import Progress
+from softmodels.runs.outcomes import DONE, FAILED, NO_EQUILIBRIUM, Progress, RunError, no_memory
 
 if TYPE_CHECKING:
     from mpi4py import MPI

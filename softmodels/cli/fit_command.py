@@ -52,8 +52,7 @@ from softmodels.fitting.tables import as_json, as_text, material_toml, name_of, 
 from softmodels.materials.specimens import SOFTENING
 from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start
 from softmodels.runs.columns import StateLabels
-from softmodels.runs.outcomes import DONE, FAILED
-from softmodels.runs.progress import Progress
+from softmodels.runs.outcomes import DONE, FAILED, Progress
 
 BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
 """Units of the bench corrections that have one."""

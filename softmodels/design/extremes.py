@@ -14,8 +14,18 @@ from softmodels.materials.strain import Strain, eigenvalues
 from softmodels.mechanics.body import in_space
 from softmodels.mechanics.mpi import is_root, largest, on_root
 from softmodels.runs.grid import Grid, displacement_maps
-from softmodels.runs.self_contact import LAST_REACH, REACH, FacingWalls, Gaps
-from softmodels.runs.state_values import ROUNDED, SHARE, principal_stretches, shape_stresses, volume_peak, von_mises
+from softmodels.runs.state_values import (
+    LAST_REACH,
+    REACH,
+    ROUNDED,
+    SHARE,
+    FacingWalls,
+    Gaps,
+    principal_stretches,
+    shape_stresses,
+    volume_peak,
+    von_mises,
+)
 
 if TYPE_CHECKING:
     import scipy.sparse
@@ -173,7 +183,7 @@ def _mises_square(design: DesignedBody) -> Expr:
 # ----------------------------------------------------------------------------------------------------------------------
 # Smallest gap between facing walls; negative if they overlap.
 #
-# The gap at a place of the surface is that of `softmodels.runs.self_contact`: the signed distance to the closest place of a
+# The gap at a place of the surface is that of `softmodels.runs.state_values`: the signed distance to the closest place of a
 # wall that it faces. The minimum of several values is not differentiable where two are equal. The quantity is therefore the
 # smooth minimum of Kreisselmeier and Steinhauser (1979, doi 10.1016/S1474-6670(17)65584-8),
 #

@@ -29,8 +29,8 @@ from softmodels.pictures.offscreen import (
 )
 from softmodels.pictures.solid import tiled
 from softmodels.pictures.style import CURVE, DPI, FAINT, INK, SOLID, STYLE, WARNING, WIDTH, png
+from softmodels.runs.analyses import Tolerance
 from softmodels.runs.grid import Cells, outline, surface_of
-from softmodels.runs.limits import Tolerance
 
 SHOWN = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}
 """Factor and text of each unit on an axis."""

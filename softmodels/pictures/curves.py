@@ -18,11 +18,10 @@ from geometries import Actuator
 from softmodels.common.arrays import Array
 from softmodels.materials.silicones import product_of
 from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, LINES, SPAN, WARNING, WIDTH, number
-from softmodels.runs.band import SourceRows, key_of
-from softmodels.runs.columns import StateLabels, load_columns, term
+from softmodels.runs.columns import SourceRows, StateLabels, key_of, load_columns, term
+from softmodels.runs.formats import Row, at_rise, split
 from softmodels.runs.grid import parabolas
 from softmodels.runs.notes import cycles, jumped_over
-from softmodels.runs.row import Row, at_rise, split
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -362,7 +361,7 @@ def cut_profiles(
     """Plot the section of the outer surface by a plane at rest, seen along its normal.
 
     Args:
-        lines: Pieces (k, 2, 3) in m by number of the step, as `softmodels.runs.stored.cut_line` gives them.
+        lines: Pieces (k, 2, 3) in m by number of the step, as `softmodels.runs.store.cut_line` gives them.
         rest: The undeformed ones.
         path: All rows of ``path.csv``, and what is shown of them.
         axes_of_plane: Unit vectors to the right and upwards, shape (2, 3).

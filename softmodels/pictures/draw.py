@@ -32,8 +32,7 @@ from softmodels.pictures.film import Film
 from softmodels.pictures.offscreen import Look, can_render, draw_outlines, look
 from softmodels.pictures.solid import AtRest
 from softmodels.pictures.style import STYLE, DrawnFolder, headline
-from softmodels.runs.store import ResultsError, picture_files, picture_folder
-from softmodels.runs.stored import States, axes_of, cut_line
+from softmodels.runs.store import ResultsError, States, axes_of, cut_line, picture_files, picture_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -43,10 +43,9 @@ from softmodels.pictures.style import (
     headline,
     wrapped,
 )
+from softmodels.runs.formats import Row
 from softmodels.runs.grid import outline
-from softmodels.runs.row import Row
-from softmodels.runs.store import ResultsError
-from softmodels.runs.stored import States
+from softmodels.runs.store import ResultsError, States
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -27,9 +27,8 @@ from softmodels.common.processes import cores
 from softmodels.pictures.offscreen import Image, Look, look, studio
 from softmodels.pictures.style import Scale, load
 from softmodels.runs.columns import load_columns
-from softmodels.runs.row import Row
-from softmodels.runs.store import ResultsError
-from softmodels.runs.stored import States
+from softmodels.runs.formats import Row
+from softmodels.runs.store import ResultsError, States
 
 FRAMES = 40
 FEWER = (40, 32, 25, 19, 14, 10)

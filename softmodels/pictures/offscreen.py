@@ -20,7 +20,7 @@ from softmodels.common.arrays import Array
 from softmodels.components.contact import RigidShape, obstacle_of, surface_of
 from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Scale, load, number
 from softmodels.runs.grid import CUT, OUTSIDE, Cells, Surface
-from softmodels.runs.stored import States
+from softmodels.runs.store import States
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -35,11 +35,11 @@ from softmodels.pictures.offscreen import Look
 from softmodels.pictures.style import COLOURS, STYLE, Scale, headline, load
 from softmodels.runs.columns import StateLabels, term
 from softmodels.runs.fields import coloured
+from softmodels.runs.formats import Cell, Row
 from softmodels.runs.grid import CUT, OUTSIDE
 from softmodels.runs.notes import left_out, notes_of, stability_text
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
-from softmodels.runs.row import Cell, Row
-from softmodels.runs.stored import States
+from softmodels.runs.store import States
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The case of a report: device, material, load and solver as tables with units.

@@ -61,10 +61,9 @@ from softmodels.pictures.style import (
     wrapped,
 )
 from softmodels.runs.columns import StateLabels
+from softmodels.runs.formats import Row
 from softmodels.runs.grid import CUT, OUTSIDE, SHARP, Cells, Surface, edge_curves, fine_triangles, outer_faces, outline
-from softmodels.runs.row import Row
-from softmodels.runs.store import ResultsError
-from softmodels.runs.stored import States
+from softmodels.runs.store import ResultsError, States
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -31,7 +31,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.files import write_bytes
 from softmodels.runs.columns import OVERLAP_MARK, StateLabels, overlap_text
 from softmodels.runs.fields import coloured
-from softmodels.runs.row import Row
+from softmodels.runs.formats import Row
 
 DPI = 160
 WIDTH = 10.0

@@ -1,11 +1,10 @@
 """From a case to a run: solved state by state, kept in memory or in a folder.
 
-Begin with `simulation`, which yields states; `recording` writes them.
+Begin with `simulation`, which yields states; `recording` writes them, and resumes an interrupted run.
 
-- `fields`, `state_values`, `self_contact`, `grid`: fields and figures of a state, and where they live.
-- `columns`, `row`: what stands in ``path.csv``. `notes`: warnings and explanations. `outcomes`: exit statuses.
-- `store`, `formats`, `stored`, `resume`: the results folder: written, in which formats, read, continued. `progress`: the bar.
-- `model`: `sm.Model`: equilibria, paths and modes without files.
-- `frequencies`: natural frequencies along a path. `limits`: limit pressure and its scatter.
-- `band`: 95 % bands and the sources of a silicone.
+- `model`: `sm.Model`: equilibria, paths and modes without files. `analyses`: limit pressures, natural frequencies.
+- `fields`, `state_values`, `grid`: fields and figures of a state, gaps between walls, and where they live.
+- `columns`: what stands in ``path.csv``, and the 95 % bands there. `notes`: warnings and explanations.
+- `store`, `formats`: the results folder, written and read; the formats of its files.
+- `outcomes`: exit statuses, and the bar while a run works.
 """

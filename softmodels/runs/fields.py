@@ -22,10 +22,9 @@ from softmodels.mechanics.mpi import largest, summed, total
 from softmodels.mechanics.rigid import RigidMotion, rotation_vector
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System, held_force
+from softmodels.runs.formats import AT_POINTS
 from softmodels.runs.grid import Grid
-from softmodels.runs.row import AT_POINTS
-from softmodels.runs.self_contact import FacingWalls
-from softmodels.runs.state_values import WORDS, Sampling, StateValues, volume_peak
+from softmodels.runs.state_values import WORDS, FacingWalls, Sampling, StateValues, volume_peak
 
 # ----------------------------------------------------------------------------------------------------------------------
 # One state of a device in numbers.

@@ -39,10 +39,9 @@ from softmodels.mechanics.dead_loads import requestable
 from softmodels.mechanics.mpi import petsc_reason
 from softmodels.path.air_flow import TURBULENT_FROM, Reservoir
 from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
-from softmodels.runs.band import SourceRows, span_sentence
-from softmodels.runs.columns import StateLabels, loads_words, state_labels
+from softmodels.runs.columns import SourceRows, StateLabels, loads_words, span_sentence, state_labels
+from softmodels.runs.formats import Row, split
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
-from softmodels.runs.row import Row, split
 
 if TYPE_CHECKING:
     from softmodels.path.continuation import Continuation

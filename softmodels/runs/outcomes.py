@@ -1,11 +1,24 @@
-"""Exit statuses of a run, and the error that carries one."""
+"""How a run ends, with which exit status, and what it says while it works."""
 
 from __future__ import annotations
 
 import dataclasses
+import os
+import sys
+import time
+from typing import TYPE_CHECKING
 
-from softmodels.common.errors import MeshingError, Spoken, written
+from softmodels.common.errors import MeshingError, Spoken, spoken, written
+from softmodels.common.processes import COLUMNS, columns, wrapped
 from softmodels.mechanics.mpi import TooLargeError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+
+    from softmodels.runs.columns import StateLabels
+    from softmodels.runs.formats import Row
+
 
 DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130
 
@@ -47,3 +60,97 @@ class Ended:
             error.status if isinstance(error, RunError) else FAILED if isinstance(error, MeshingError) else BAD_INPUT
         )
         return cls(status, written(error), error)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a run says while it works: a bar on a terminal, a line per step in a log, nothing when quiet.
+
+
+class Progress:
+    """Reports the progress of a path towards its last requested value.
+
+    Args:
+        last: Last requested value.
+        unit: Its unit, ``"cm"`` or ``"ml"``.
+        words: What is shown of a state.
+        quiet: Say nothing.
+    """
+
+    def __init__(self, last: float, unit: str, words: StateLabels, quiet: bool):
+        self.last, self.unit, self.words, self.quiet = last, unit, words, quiet
+        self.started = time.monotonic()
+        self._console: Console | None = None
+        self._bar: Bar | None = None
+        self._first: tuple[float, float] | None = None
+
+    def __enter__(self) -> Progress:
+        width = columns("stderr")
+        if self.quiet or sys.stderr is None or width is None:
+            return self  # a log has no bar, so rich need not be imported
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress as Bar, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+        self._console = Console(
+            stderr=True, highlight=False, markup=False, emoji=False,
+            force_terminal=COLUMNS["stderr"] in os.environ or None, width=width,
+        )  # fmt: skip
+        self._console.on_broken_pipe = self._hush  # type: ignore[method-assign]
+        if self._console.is_terminal:
+            parts = (
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TimeElapsedColumn(),
+                TextColumn("left"),
+                TimeRemainingColumn(),
+            )
+            self._bar = Bar(*parts, console=self._console)
+            self._task = self._bar.add_task("starting", total=self.last)
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def say(self, text: str) -> None:
+        """Report a line on the current step."""
+        if self.quiet:
+            return
+        try:
+            if self._console is not None:
+                self._console.print(wrapped(spoken(text), self._console.width))
+            else:
+                print(spoken(text), file=sys.stderr, flush=True)
+        except (OSError, ValueError):  # writing to a closed stream raises ValueError
+            self._hush()
+
+    def _hush(self) -> None:
+        """Stop reporting if the stream is closed or its disk is full: the run goes on, where rich would end the program."""
+        self.quiet = True
+        if self._console is not None:
+            self._console.quiet = True
+
+    def step(self, row: Row, value: float) -> None:
+        """Report a step: its row of the table, and the progress towards the last requested value."""
+        gauge = self.words.gauge
+        volume = f"{row['added_volume_ml']:+8.3f} ml  " if self.words.volume else ""
+        when = f"{row['time_s']:8.3g} s  " if "time_s" in row else ""
+        text = (
+            f"step {row['step']:3d}  {when}{self.words.under(row, f'{row["pressure_cm"]:8.3f} cm')}  "
+            f"{gauge} rise {row[f'{gauge}_mm']:+8.3f} mm  {volume}{row['newton_iterations']:2d} iterations"
+        )
+        if self._bar is not None:
+            self.say(text)  # above the bar, where it stays
+            self._bar.update(
+                self._task,
+                completed=max(0.0, min(value, self.last)),
+                description=f"{value:.4g} of {self.last:g} {self.unit}",
+            )
+            return
+        now = time.monotonic()
+        if self._first is None:
+            self._first = (now, value)  # the time of meshing and compiling does not predict that of the steps
+        since, first = self._first
+        left = (now - since) * (self.last - value) / (value - first) if value > first else None
+        rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
+        self.say(f"{text}  {now - self.started:6.1f} s{rest}")

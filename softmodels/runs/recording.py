@@ -1,31 +1,305 @@
-"""Write a simulation into a results folder while it runs."""
+"""Write a simulation into a results folder while it runs, and resume an interrupted run."""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
+import hashlib
+import itertools
 import json
+import math
+import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, Protocol, TypedDict
 
-from softmodels.case.case import Case
+import numpy as np
+
+from softmodels.case.case import Case, difference, identity
+from softmodels.common.arrays import Array
+from softmodels.common.commands import FULL
 from softmodels.common.errors import Spoken, reason
-from softmodels.common.files import file_digest, write_text
-from softmodels.common.folders import OwnFolderError
+from softmodels.common.files import file_digest, is_same, read_text, write_text
+from softmodels.common.folders import OwnFolder, OwnFolderError, numbered, take_default
 from softmodels.materials.silicones import stretch_at_break
-from softmodels.mechanics.mpi import is_root, on_root
-from softmodels.runs import resume
-from softmodels.runs.columns import state_labels
+from softmodels.mechanics.mpi import is_root, largest, on_root
+from softmodels.path.program import goes_on
+from softmodels.runs.columns import cavity_columns, state_labels
+from softmodels.runs.formats import Row
 from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
-from softmodels.runs.outcomes import BAD_INPUT, DONE, Ended, UnwrittenError
-from softmodels.runs.row import Row
+from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, Ended, RunError, UnwrittenError
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
-from softmodels.runs.store import BRANCH, Results
+from softmodels.runs.store import BRANCH, RUN, Results, picture_files, picture_folder
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    from softmodels.mechanics.system import State
+    from softmodels.path.points import Point
+    from softmodels.path.schedule import StageEnd
+    from softmodels.runs.fields import Fields
+    from softmodels.runs.formats import Restart
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Resume an interrupted run: check that the case matches the stored results, and load the states to continue from.
+
+
+def check_same(case: Case, old: Case, known: Mapping[str, str], wanted: Mapping[str, str], folder: Path) -> None:
+    """Raise `RunError`, with the first difference, where a run differs from this case in more than the requested values.
+
+    ``old`` is the case of the folder's case file, ``known`` and ``wanted`` are the `identity` of its states and of this case.
+    """
+    if (name := difference(known, wanted)) is not None:
+        what = name.removeprefix("components.").split(".")[0]
+        there, here = (table.get(name, "not given") for table in (known, wanted))
+        other = f"another {what} ({name} is {there} there, {here} here); resume with its options"
+    elif case.load_unload and case.values != old.values:
+        other = "a --load-unload through other pressures; resume with the same pressures"
+    elif not goes_on(case.program, old.program):
+        other = "other steps; resume with the same steps (further ones may follow)"
+    elif old.quantity != case.quantity:
+        other = f"requested {old.quantity}s; resume with the same"
+    else:
+        return
+    raise RunError(f"{folder} holds a run with {other}, or run without --resume", BAD_INPUT)
+
+
+def drop_between(case: Case, results: Results) -> None:
+    """Drop the last states that were found between two steps, or within a step of a program: they are found again with it."""
+    while results.stored:
+        row = results.stored[-1].row
+        found = ("limit", "bifurcation", "stroke_limit", "jump")
+        between = any(row.get(name) for name in found) or (
+            row["requested"] and row["step"] and row["control"] != case.quantity
+        )
+        if not (not row["requested"] if case.program else between):
+            return
+        results.stored.pop()
+
+
+def check_values(case: Case, results: Results) -> None:
+    """Reject requested values that the stored states have passed without stopping."""
+    key, unit = case.column, case.unit
+    reached = max((row[key] for row in results.rows), default=0.0)
+    for value in case.values:
+        if 0.0 < value < reached * (1 - 1e-9) and not stopped_at(results, key, value):
+            text = f"{results.folder} holds a run that passed {value:g} {unit} without stopping there"
+            raise RunError(f"{text}; resume with the run's own values, or run without --resume", BAD_INPUT)
+
+
+def last_stop(case: Case, results: Results, fields: Fields, comm: MPI.Comm) -> StageEnd:
+    """Return the end of a program's step that the stored states end with."""
+    from softmodels.path.schedule import StageEnd
+
+    last, row, record = on_root(comm, lambda: (len(results.stored) - 1, results.rows[-1], results.stored[-1].restart))
+    state = stored_state(results, fields, comm, last, record["P"], record["V"])
+    system = fields.system
+    pressures = [row[name] * case.cm / system.stress_unit for name in cavity_columns(row, "pressure", "cm")]
+    dead = [row[load.column] * load.column_unit for load in system.dead.loads] / system.dead.units
+    system.load(state)
+    drives = np.concatenate([pressures[: len(system.body.actuator.ratios)], dead])
+    return StageEnd(round(row["load_step"]), state, drives, system.driven())
+
+
+def stopped_at(results: Results, key: str, value: float) -> bool:
+    """Return whether a requested value, by its column of ``path.csv``, is among the stored states."""
+    return any(row["requested"] and math.isclose(row[key], value, rel_tol=1e-6) for row in results.rows)
+
+
+def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Point]:
+    """The points a trace goes on from: bifurcations, the first limit point, the last turn of a stroke, and the last two."""
+    records = on_root(comm, lambda: [stored.restart for stored in results.stored])
+    # A bifurcation is interpolated: the path did not continue from it.
+    branching = on_root(comm, lambda: [i for i, row in enumerate(results.rows) if row["bifurcation"]])
+    solved = [i for i in range(len(records)) if i not in branching]
+    limits = [i for i, record in enumerate(records) if record["limit"]][:1]
+    turns = [i for i, record in enumerate(records) if record["turn"]][-1:]
+    chosen = sorted({*limits, *turns, *solved[-2:], *branching})
+    return [stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
+
+
+def recall(results: StoredRun, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
+    """Restore what friction and silicone remember, by going through stored steps, whose times in s are given."""
+    potential, last = fields.system.potential, 0.0
+    for step, time in steps.items() if potential.remembers else ():
+        potential.pass_time(time - last)
+        potential.keep(stored_state(results, fields, comm, step, 0.0, 0.0).w)
+        last = time
+
+
+class StoredRun(Protocol):
+    """Access to the fields of stored steps, such as a `Results`."""
+
+    def fields(self, step: int, names: tuple[str, ...]) -> Mapping[str, Array]: ...
+
+
+def stored_point(
+    results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, restart: Restart, branching: bool
+) -> Point:
+    """The point of a stored step; of its tangent the changes of P and V alone are stored."""
+    from softmodels.mechanics.controls import Tangent
+    from softmodels.path.points import Point
+    from softmodels.path.stability import Signature
+
+    state = stored_state(results, fields, comm, step, restart["P"], restart["V"])
+    tangent = Tangent(np.zeros_like(state.w), *restart["tangent"])
+    mode = None
+    if branching:
+        nodal = results.fields(step, ("mode",)) if is_root(comm) else None
+        shape = None if nodal is None else {"displacement": nodal["mode"], "p": np.zeros(len(nodal["mode"]))}
+        mode = fields.state(shape, 0.0, 0.0).w
+        mode /= largest(comm, float(np.abs(mode).max()))
+    return Point(
+        state, tangent, restart["requested"], restart["limit"], restart["step"], restart["line"], restart["stiffest"],
+        Signature(**restart["signature"]), mode, restart["jump"], restart["turn"],
+    )  # fmt: skip
+
+
+def stored_state(results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float) -> State:
+    """A stored step's state."""
+    return fields.state(results.fields(step, ("displacement", "p")) if is_root(comm) else None, P, V)
+
+
+@dataclasses.dataclass(frozen=True)
+class ResultsPlace:
+    """A folder to solve into.
+
+    Attributes:
+        folder: All ranks see it. None for the first of ``results/NAME``, ``results/NAME-2`` ... that `take_default` finds.
+        resume: Go on from what an interrupted run of the same case has left.
+        inputs: Files that the user has given: they are never written.
+        draw: Whether pictures are to be drawn there too.
+    """
+
+    folder: Path | None = None
+    resume: bool = False
+    inputs: Sequence[Path] = ()
+    draw: bool = False
+
+
+def begin(case: Case, place: ResultsPlace) -> tuple[Results, bool]:
+    """Take a folder for a run and prepare it; return the results, locked, and whether there are states to go on from.
+
+    Raises:
+        RunError, OwnFolderError, InUseError, ResultsError, CaseError: The folder, or what is in it, cannot be used.
+    """
+    try:
+        wanted, output, base = identity(case), place.folder, Path("results") / case.name
+        if output is None and place.resume:
+            output = _found(base, case, wanted)
+        own = take_default(base, RUN, wanted) if output is None else OwnFolder(output, RUN)
+        results = Results(own.path, case.name, case.actuator.gauge)
+        results.own = own
+        own.take()
+        try:
+            if place.draw:
+                picture_folder(own.path).check_names(picture_files(case.actuator.gauge))
+            resumed = place.resume and _go_on(case, wanted, results)
+            if not resumed:
+                _begin_anew(case, wanted, results, place.inputs)
+        except BaseException:
+            own.leave()
+            raise
+        return results, resumed
+    except OSError as error:
+        status = FAILED if error.errno in FULL else BAD_INPUT
+        raise RunError(f"the folder {place.folder or base} cannot be written ({error.strerror})", status) from None
+
+
+def begin_together(case: Case, place: ResultsPlace, comm: MPI.Comm) -> tuple[Results, bool]:
+    """The same on all ranks, where rank 0 alone takes the folder and writes there."""
+    begun: list[Results] = []
+
+    def on_rank_0() -> tuple[Path, Path, bool]:
+        results, resumed = begin(case, place)
+        begun.append(results)
+        return results.own.path, results.folder, resumed
+
+    home, at, resumed = on_root(comm, on_rank_0)
+    results = begun[0] if begun else Results(home, case.name, case.actuator.gauge)
+    results.folder = at
+    return results, resumed
+
+
+def _found(base: Path, case: Case, wanted: Mapping[str, str]) -> Path:
+    """Return the numbered folder with a run of this case, or else with the only one that it can resume."""
+    fitting = []
+    for path in itertools.takewhile(Path.exists, numbered(base)):
+        old = OwnFolder(path, RUN).about.get("inputs")
+        if isinstance(old, dict) and difference(old, wanted) is None:
+            if old == dict(wanted):
+                return path
+            fitting.append(path)
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        several = " and ".join(map(str, fitting))
+        raise RunError(f"{several} hold runs that this case can resume; choose one with --output", BAD_INPUT)
+    what = f"none of the folders {base}, {base.name}-2 and so on holds a run of this case to resume"
+    raise RunError(f"{what}; give its folder (--output), or run without --resume", BAD_INPUT)
+
+
+def _go_on(case: Case, wanted: Mapping[str, str], results: Results) -> bool:
+    """Load the states of an earlier run; return whether there are any."""
+    folder, about = results.own.path, results.own.about
+    stored = [file for file in results.own.files if file.endswith(".h5") and (folder / file).exists()]
+    if not stored:
+        return False
+    file = folder / "case.toml"
+    if not file.exists():
+        text = f"{file} is missing, the case of the states in that folder; restore it, or run without --resume"
+        raise RunError(f"{text}, which replaces them", BAD_INPUT)
+    _check_unchanged(results)
+    check_same(case, Case.from_file(file), about.get("inputs", {}), wanted, folder)
+    results.load(go_on=True)
+    if not case.load_unload:
+        drop_between(case, results)
+        check_values(case, results)
+    there = {file: name for file, name in results.inputs_of(case.files).items() if (folder / name).is_file()}
+    text = case.to_toml(there)
+    if results.stored:
+        results.record(inputs=dict(wanted), case_file=_digest(text))
+        write_text(file, text)
+    return bool(results.stored)
+
+
+def _begin_anew(case: Case, wanted: Mapping[str, str], results: Results, inputs: Sequence[Path]) -> None:
+    """Prepare new results beside the earlier ones."""
+    copies = results.inputs_of(case.files)
+    text, own = case.to_toml(copies), results.own.path / "case.toml"
+    # A case file among its own run's results may be run again: it is written unchanged.
+    results.own.check_inputs(file for file in inputs if not (is_same(own, file) and read_text(file) == text))
+    _check_unchanged(results)
+    results.prepare({"inputs": dict(wanted), "case_file": _digest(text)})
+    for source, copy in copies.items():
+        (results.folder / copy).parent.mkdir(exist_ok=True)
+        shutil.copyfile(source, results.folder / copy)
+    write_text(results.folder / "case.toml", text)
+
+
+def _check_unchanged(results: Results) -> None:
+    """Raise `RunError` if the user has changed the case.toml that is to be replaced."""
+    file, known = results.own.path / "case.toml", results.own.about.get("case_file")
+    if known is not None and file.exists() and file_digest(file) != known:
+        fix = "move it out of the results folder and run it from there, or use another folder (--output)"
+        raise RunError(f"{file} has changed since its run wrote it; {fix}", BAD_INPUT)
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def mesh_is_known(results: Results, mesh: Path) -> bool:
+    """Return whether a mesh file is still the one that the run wrote."""
+    known = results.own.about.get("mesh")
+    return mesh.is_file() and known == file_digest(mesh)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Write a simulation into a results folder while it runs.
 
 
 class Summary(TypedDict, total=False):
@@ -85,7 +359,7 @@ def unstopped() -> Iterator[Callable[[], bool]]:
 
 
 def solved_into(
-    place: resume.ResultsPlace,
+    place: ResultsPlace,
     case: Case,
     comm: MPI.Comm,
     listener: Listener | None = None,
@@ -113,7 +387,7 @@ def solved_into(
             simulation = Simulation(case, comm, listener, stopped)
             try:
                 with sentences(unwritten):
-                    results, resumed = resume.begin_together(case, place, comm)
+                    results, resumed = begin_together(case, place, comm)
                     if is_root(comm):
                         observer.opened(results)
                     record(simulation, results, resumed, branch, observer.begun)
@@ -164,7 +438,7 @@ def record(
     """
     case, comm = simulation.case, simulation.comm
     mesh = results.folder / f"{case.name}.msh"
-    if not (resumed and on_root(comm, lambda: resume.mesh_is_known(results, mesh))):
+    if not (resumed and on_root(comm, lambda: mesh_is_known(results, mesh))):
         simulation.write_mesh(mesh)
         on_root(comm, lambda: results.record(mesh=file_digest(mesh)))
     simulation.prepare(mesh)
@@ -217,13 +491,13 @@ def _begun(simulation: Simulation, results: Results) -> Begun:
     solved = on_root(
         comm, lambda: {i: row.get("time_s", 0.0) for i, row in enumerate(results.rows) if not row["bifurcation"]}
     )
-    again = functools.partial(resume.recall, results, fields, comm, solved)
+    again = functools.partial(recall, results, fields, comm, solved)
     if case.program:
-        stop = resume.last_stop(case, results, fields, comm)
+        stop = last_stop(case, results, fields, comm)
         simulation.listener.say(f"resuming from step {stop.number} of the program")
         return Begun(rows, stop=stop, recall=again)
-    left = on_root(comm, lambda: [not resume.stopped_at(results, case.column, value) for value in case.values])
-    points = resume.stored_points(results, fields, comm)
+    left = on_root(comm, lambda: [not stopped_at(results, case.column, value) for value in case.values])
+    points = stored_points(results, fields, comm)
     simulation.listener.say(f"resuming from step {len(rows) - 1}")
     return Begun(rows, left, points, recall=again)
 

@@ -17,11 +17,10 @@ from softmodels.materials.stability import weakness
 from softmodels.mechanics.compiling import cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.runs.columns import Solved, row_of
-from softmodels.runs.formats import Restart, restart_of
+from softmodels.runs.formats import Restart, Row, restart_of
 from softmodels.runs.model import Model, body_of
 from softmodels.runs.notes import explain, explain_failure, explain_step
 from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
-from softmodels.runs.row import Row
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import PathQuantity, Point
     from softmodels.path.schedule import StageEnd
-    from softmodels.runs.band import Band
+    from softmodels.runs.columns import Band
     from softmodels.runs.fields import Fields
 
 
@@ -170,7 +169,7 @@ class Simulation:
             self._band = self._make_band()
 
     def _make_band(self) -> Band | None:
-        from softmodels.runs.band import Band
+        from softmodels.runs.columns import Band
 
         case = self.case
         return Band(self.fields, case.band, case.cm, case.quantity) if isinstance(case.band, MaterialErrors) else None

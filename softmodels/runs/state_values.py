@@ -1,7 +1,8 @@
-"""A state's values at integration points, vertices and nodes, from which output fields are computed."""
+"""A state's values at integration points, vertices and nodes, from which output fields are computed; gaps between walls."""
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System, face_load
-from softmodels.runs.grid import Grid, displacement_maps
+from softmodels.runs.grid import EDGES, FACES, Cells, Grid, displacement_maps
 
 if TYPE_CHECKING:
     from dolfinx import fem
@@ -314,3 +315,418 @@ def volume_peak(comm: MPI.Comm, values: Array, volumes: Array, rest: float = 0.0
         low, high = (low, q) if slope(q) > 0.0 else (q, high)
     above, _ = excess(values / q - 1.0)
     return rest + q * (1.0 + total(comm, float((volumes * above).sum())) / whole), rest + q
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The gap between facing walls of a deformed device; negative where they overlap.
+#
+# A place x on the surface with outward normal n faces a facet if air lies between the two at rest and the facet's normal m is
+# opposed to n once deformed. Its gap is the signed distance to the closest point y of the deformed facet, which is a quadratic
+# patch, as the solution is:
+#
+#     gap = (x - y) . m        d gap = m . (du(x) - du(y)),
+#
+# the latter because m is square to the facet at y and x - y is along m. So the gap depends only on the deformed surface,
+# not on the mesh. It is taken at a lattice of places on each facet; the least of them is the gap of the device. It is
+# differentiable by the displacement, and alike by the shape at rest (it depends on their sum), while the closest place stays
+# the same. A wall that meets its mirror image in a cut plane has a gap of twice its distance from the plane.
+
+
+OPPOSED = -0.3
+"""Largest product of the normals of a place and a facet that face each other."""
+AIR = 1e-6
+"""Sine of the angle under which a chord has to leave into air at both ends."""
+PIECES = 4
+"""Parts of a facet's edge between the places that the gap is taken at."""
+BESIDE = 1e-3
+"""Tolerance in a facet's own coordinates within which a closest point counts as on it."""
+CURVED = 0.3
+"""Search range of a closest point beside the plane triangle of a facet's corners, and off it in edge lengths."""
+REACH, LAST_REACH = 0.02, 0.3
+"""Search distances in mesh sizes, for gaps and, once walls overlap, for overlaps."""
+PROJECTIONS = 5
+"""Iterations for a closest point; each gains digits if the distance is small against the radius of curvature."""
+OVERLAP = 0.01
+"""Overlap, relative to the wall thickness, above which walls count as overlapping."""
+CHUNK = 200_000
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Gap:
+    """The least gap of a state.
+
+    Attributes:
+        value: In m, below zero where walls overlap.
+        place: Where, deformed, in m, shape (3,).
+        nodes: Nodes of the mesh whose displacement it depends on, shape (k,); one may be there twice.
+        rates: Derivative of the value by the displacement of each, or by its place at rest, shape (k, 3).
+        share: Largest overlap of the state over the thickness of the wall there at rest; 0 where none overlaps. It may be
+            of another place than the least gap, where walls differ in thickness.
+    """
+
+    value: float
+    place: Array
+    nodes: npt.NDArray[np.int64]
+    rates: Array
+    share: float
+
+    @property
+    def overlaps(self) -> bool:
+        """Whether walls overlap by more than `OVERLAP` of their thickness."""
+        return self.share > OVERLAP
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Gaps:
+    """Gaps of the points near another wall, each to the closest facing facet.
+
+    Attributes:
+        values: In m, shape (p,).
+        places: Deformed, in m, shape (p, 3).
+        thickness: In m at rest, the smaller one of the two walls', shape (p,).
+        facets, points: Facet of each place, and which one of its places it is, shape (p,).
+        others: The facet that it faces, or -1 less the number of the cut plane, shape (p,).
+        weights: Of the other facet's nodes at the closest point, zero of a plane, shape (p, k).
+        normals: Out of the other wall at the closest point, shape (p, 3).
+    """
+
+    values: Array
+    places: Array
+    thickness: Array
+    facets: npt.NDArray[np.int64]
+    points: npt.NDArray[np.int64]
+    others: npt.NDArray[np.int64]
+    weights: Array
+    normals: Array
+
+    @property
+    def share(self) -> float:
+        """Largest overlap over the thickness of the wall there; 0 where none overlaps."""
+        return float(np.maximum(-self.values / self.thickness, 0.0).max(initial=0.0))
+
+
+class FacingWalls:
+    """The surface of a mesh without its cut planes.
+
+    Args:
+        points: Nodes in m, shape (n, 3); of a section, radius and height in the first and last column.
+        cells: Second-order triangles or tetrahedra, shape (c, 6) or (c, 10).
+        cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
+        planes: Unit normals of the cut planes, which pass through the origin and point out of the slice, shape (3,) each.
+
+    Attributes:
+        facets: Nodes of each facet, corners first, shape (f, 3 or 6).
+        reach: Distance in m up to which walls are near each other: a fiftieth of the mesh's size, or half a facet.
+        thickness: From the middle of each facet straight through the solid to its other side, in m at rest, shape (f,).
+    """
+
+    def __init__(self, points: Array, cells: Cells, cell_name: str, planes: Sequence[npt.ArrayLike] = ()):
+        self.points, self.flat = points, cell_name == "Triangle_6"
+        parts = EDGES if self.flat else np.array(FACES[cell_name])
+        corners, count = parts.shape[1] // 2 + self.flat, len(cells)
+        every = cells[:, parts].reshape(-1, parts.shape[1])
+        owner = np.repeat(np.arange(count), len(parts))
+        _, first, number, shared = np.unique(
+            np.sort(every[:, :corners], axis=1), axis=0, return_index=True, return_inverse=True, return_counts=True
+        )
+        size = self.size = float(np.ptp(points, axis=0).max())
+        self.planes = [np.asarray(normal, dtype=float) for normal in planes]
+        if self.flat:
+            self.planes = [*self.planes, np.array([-1.0, 0.0, 0.0])]  # a section meets its other half at the axis
+        on_plane = [np.abs(points @ plane) < 1e-7 * size for plane in self.planes]
+        cut = np.any([on[every].all(axis=1) for on in on_plane], axis=0) if on_plane else np.zeros(len(every), bool)
+        surface = np.zeros(len(every), bool)
+        surface[first[shared == 1]] = True
+        chosen = np.flatnonzero(surface & ~cut)
+        self.facets = every[chosen]
+        self._at_plane = [on[self.facets].any(axis=1) for on in on_plane]
+        inside = points[cells[owner[chosen], : 3 if self.flat else 4]].mean(axis=1)
+        self._lattice, self._middle = _lattice(self.flat)
+        self._turn = np.ones(len(self.facets))
+        middle, normal = self._middles(points)
+        self._turn = np.where(np.einsum("fi,fi->f", middle - inside, normal) > 0.0, 1.0, -1.0)
+        self._rest = self._middles(points)
+        self._air = _joined(self.facets)
+        corner = points[self.facets[:, :2]]
+        edge = float(np.median(np.linalg.norm(corner[:, 1] - corner[:, 0], axis=1))) if len(corner) else 0.0
+        self.reach = max(REACH * size, 0.5 * edge)
+        beyond = _neighbours(number.ravel(), len(parts), surface)
+        self.thickness = _through(points, cells, parts[:, :corners], beyond, owner[chosen], self._rest)
+
+    def _middles(self, at: Array) -> tuple[Array, Array]:
+        """Return the middles and outward unit normals of the facets of a shape, (f, 3) each."""
+        nodes = at[self.facets]
+        place, tangents = _patch(nodes, np.tile(self._middle, (len(nodes), 1)))
+        return place, self._normal(tangents, np.arange(len(nodes)))
+
+    def _normal(self, tangents: Array, facets: npt.NDArray[np.int64]) -> Array:
+        across = (
+            np.stack([tangents[:, 0, 2], np.zeros(len(tangents)), -tangents[:, 0, 0]], axis=1)
+            if self.flat
+            else np.cross(tangents[:, 0], tangents[:, 1])
+        )
+        length = np.maximum(np.linalg.norm(across, axis=1), 1e-300)
+        return np.asarray(across / length[:, None] * self._turn[facets, None])
+
+    def least(self, displacement: Array, reach: float | None = None) -> Gap | None:
+        """Return the smallest gap of a shape; None if no walls are near each other.
+
+        Args:
+            displacement: Of the nodes in m, shape (n, 3).
+            reach: See `gaps`.
+        """
+        gaps = self.gaps(displacement, reach)
+        if not len(gaps.values):
+            return None
+        at = int(np.argmin(gaps.values))
+        facet, other, normal = gaps.facets[at], gaps.others[at], gaps.normals[at]
+        own = _weights(self._lattice[gaps.points[at]][None], self.flat)[0]
+        if other < 0:
+            nodes, rates = self.facets[facet], 2.0 * own[:, None] * normal
+        else:
+            nodes = np.concatenate([self.facets[facet], self.facets[other]])
+            rates = np.concatenate([own, -gaps.weights[at]])[:, None] * normal
+        return Gap(float(gaps.values[at]), gaps.places[at], nodes, rates, gaps.share)
+
+    def gaps(self, displacement: Array, reach: float | None = None) -> Gaps:
+        """Return the gaps of the places near other walls; where some overlap, all that overlap.
+
+        Args:
+            displacement: Of the nodes in m, shape (n, 3).
+            reach: Distance in m up to which walls are near; `reach` if None.
+        """
+        at, before = self.points + displacement, np.inf
+        reach = self.reach if reach is None else reach
+        while True:
+            seen = self._within(at, reach)
+            least = float(np.min(seen.values, initial=np.inf))
+            # A deep overlap is as far from the wall it has passed through.
+            if least >= 0.0 or least >= before or reach >= LAST_REACH * self.size:
+                return seen
+            before, reach = least, 2.0 * reach
+
+    def shapes(self, points: npt.NDArray[np.int64]) -> Array:
+        """Return the shape functions of a facet's nodes at some of the places that gaps are taken at, shape (p, 3 or 6)."""
+        return _weights(self._lattice, self.flat)[points]
+
+    def _within(self, at: Array, reach: float) -> Gaps:
+        """Return the gaps up to a distance."""
+        found = [
+            *(self._of_plane(at, number, reach) for number in range(len(self.planes))),
+            *self._of_facets(at, reach),
+        ]
+        values, facets, points, others, weights, normals = (np.concatenate(side) for side in zip(*found, strict=True))
+        far = np.where((others < 0) & (values < 0.0), 0.0, np.abs(values))  # a cut plane has only one side
+        order = np.lexsort((far, points, facets))
+        place = facets[order] * len(self._lattice) + points[order]
+        order = order[np.flatnonzero(np.diff(place, prepend=-1))]  # of each place the closest one
+        facets, points, others = facets[order], points[order], others[order]
+        thickness = np.where(
+            others < 0, self.thickness[facets], np.minimum(self.thickness[facets], self.thickness[others])
+        )
+        shapes = _weights(self._lattice, self.flat)[points]
+        places = np.einsum("pk,pki->pi", shapes, at[self.facets[facets]])
+        return Gaps(values[order], places, thickness, facets, points, others, weights[order], normals[order])
+
+    def _of_plane(self, at: Array, number: int, reach: float) -> tuple[Array, ...]:
+        """Return the places that face a cut plane."""
+        plane, k = self.planes[number], self.facets.shape[1]
+        nodes = np.flatnonzero(~self._at_plane[number])
+        corners = at[self.facets[nodes]]
+        nodes = nodes[(corners @ plane).max(axis=1, initial=-np.inf) > -reach]
+        facet, point = (grid.ravel() for grid in np.meshgrid(nodes, np.arange(len(self._lattice)), indexing="ij"))
+        place, tangents = _patch(at[self.facets[facet]], self._lattice[point])
+        beyond = place @ plane
+        # In front of the plane a point has to face it; behind it every point counts.
+        faces = ((self._normal(tangents, facet) @ plane > -OPPOSED) & (beyond > -reach / 2)) | (beyond > 0.0)
+        facet, point, beyond = facet[faces], point[faces], beyond[faces]
+        normals = np.tile(-plane, (len(facet), 1))
+        return -2.0 * beyond, facet, point, np.full(len(facet), -1 - number), np.zeros((len(facet), k)), normals
+
+    def _of_facets(self, at: Array, reach: float) -> list[tuple[Array, ...]]:
+        """Return the places that face a facet."""
+        middle, normal = self._middles(at)
+        corners = at[self.facets]
+        radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
+        i, j = _near(middle, reach + 2 * float(radius.max()))
+        near = np.linalg.norm(middle[i] - middle[j], axis=1) < reach + radius[i] + radius[j]
+        near &= (self._air[i] == self._air[j]) & (np.einsum("pi,pi->p", normal[i], normal[j]) < -OPPOSED)
+        i, j = i[near], j[near]
+        X, N = self._rest
+        chord = X[j] - X[i]
+        least = AIR * np.linalg.norm(chord, axis=1)
+        air = (np.einsum("pi,pi->p", chord, N[i]) > least) & (np.einsum("pi,pi->p", chord, N[j]) < -least)
+        i, j = i[air], j[air]
+        # A closest point lies on the facet, straight in front of the place.
+        between = normal[i] - normal[j]
+        between /= np.linalg.norm(between, axis=1)[:, None]
+        way = middle[j] - middle[i]
+        far = np.einsum("pi,pi->p", way, between)
+        aside = np.linalg.norm(way - far[:, None] * between, axis=1)
+        wide = radius[i] + radius[j]
+        straight = (aside < (1 + CURVED) * wide + CURVED * np.abs(far)) & (np.abs(far) < reach + CURVED * wide)
+        i, j = i[straight], j[straight]
+        apart = (self.facets[i][:, :, None] != self.facets[j][:, None, :]).all(axis=(1, 2))
+        i, j = np.concatenate([i[apart], j[apart]]), np.concatenate([j[apart], i[apart]])
+        places = np.einsum("sk,fki->fsi", _weights(self._lattice, self.flat), corners)
+        step = max(CHUNK // len(self._lattice), 1)
+        chunks = range(0, max(len(i), 1), step)
+        return [self._projected(corners, places, i[a : a + step], j[a : a + step], reach) for a in chunks]
+
+    def _projected(
+        self, nodes: Array, places: Array, i: npt.NDArray[np.int64], j: npt.NDArray[np.int64], reach: float
+    ) -> tuple[Array, ...]:
+        """Return the places of facets ``i`` on facets ``j``, those that have a closest point there.
+
+        Args:
+            nodes: Places of each facet's nodes, shape (f, k, 3).
+            places: Its lattice, shape (f, s, 3).
+            i, j: Shape (p,).
+            reach: Largest distance.
+        """
+        d = 1 if self.flat else 2
+        base, sides = nodes[:, 0], np.swapaxes(nodes[:, 1 : d + 1] - nodes[:, :1], 1, 2)
+        flat = np.linalg.pinv(sides)  # in the plane through the corners
+        bent = np.linalg.norm(np.diff(nodes[:, [0, *range(1, d + 1), 0]], axis=1), axis=2).max(axis=1) * CURVED
+        way = places[i] - base[j][:, None]
+        start = np.einsum("pdi,psi->psd", flat[j], way)
+        off = np.linalg.norm(way - np.einsum("pid,psd->psi", sides[j], start), axis=2)
+        near = (np.minimum(start.min(axis=2), 1.0 - start.sum(axis=2)) > -CURVED) & (off < reach + bent[j][:, None])
+        pair, point = np.nonzero(near)
+        start, x, i, j = start[pair, point], places[i[pair], point], i[pair], j[pair]
+        for _ in range(PROJECTIONS):
+            y, tangents = _patch(nodes[j], start)
+            gram = np.einsum("pai,pbi->pab", tangents, tangents)
+            gram += 1e-14 * np.einsum("paa->p", gram)[:, None, None] * np.eye(d)
+            step = np.linalg.solve(gram, np.einsum("pai,pi->pa", tangents, x - y)[:, :, None])[:, :, 0]
+            start = start + np.clip(step, -0.5, 0.5)
+        y, tangents = _patch(nodes[j], start)
+        m = self._normal(tangents, j)
+        _, own = _patch(nodes[i], self._lattice[point])
+        gap = np.einsum("pi,pi->p", x - y, m)
+        kept = np.minimum(start.min(axis=1), 1.0 - start.sum(axis=1)) > -BESIDE
+        kept &= (np.abs(gap) < reach) & (np.einsum("pi,pi->p", self._normal(own, i), m) < OPPOSED)
+        return gap[kept], i[kept], point[kept], j[kept], _weights(start[kept], self.flat), m[kept]
+
+
+def _lattice(flat: bool) -> tuple[Array, Array]:
+    """Return the places on a facet in its own coordinates, shape (s, d), and its middle."""
+    if flat:
+        return np.linspace(0.0, 1.0, 2 * PIECES + 1)[:, None], np.array([0.5])
+    places = [(a / PIECES, b / PIECES) for a in range(PIECES + 1) for b in range(PIECES + 1 - a)]
+    return np.array(places), np.array([1 / 3, 1 / 3])
+
+
+def _weights(at: Array, flat: bool) -> Array:
+    """Return the shape functions of a facet's nodes at places in its own coordinates, shape (p, 3 or 6)."""
+    if flat:
+        s = at[:, 0]
+        return np.column_stack([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
+    r, s = at.T
+    a = 1 - r - s
+    return np.column_stack([a * (2 * a - 1), r * (2 * r - 1), s * (2 * s - 1), 4 * a * r, 4 * r * s, 4 * s * a])
+
+
+def _patch(nodes: Array, at: Array) -> tuple[Array, Array]:
+    """Return places and tangents of facets with nodes (p, k, 3) at one place of each (p, d): shapes (p, 3) and (p, d,
+    3)."""
+    flat = nodes.shape[1] == 3
+    place = np.einsum("pk,pki->pi", _weights(at, flat), nodes)
+    if flat:
+        s = at[:, 0]
+        slopes = np.column_stack([4 * s - 3, 4 * s - 1, 4 - 8 * s])[:, None]
+    else:
+        r, s = at.T
+        a, o = 1 - r - s, np.zeros(len(at))
+        by_r = np.column_stack([1 - 4 * a, 4 * r - 1, o, 4 * (a - r), 4 * s, -4 * s])
+        by_s = np.column_stack([1 - 4 * a, o, 4 * s - 1, -4 * r, 4 * r, 4 * (a - s)])
+        slopes = np.stack([by_r, by_s], axis=1)
+    return place, np.einsum("pdk,pki->pdi", slopes, nodes)
+
+
+def _neighbours(number: npt.NDArray[np.intp], parts: int, surface: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """Return the cell behind each face of each cell, shape (c, parts); -1 where there is none."""
+    order = np.argsort(number, kind="stable")
+    twice = np.flatnonzero(number[order][1:] == number[order][:-1])
+    beyond = np.full(len(number), -1)
+    a, b = order[twice], order[twice + 1]
+    beyond[a], beyond[b] = b // parts, a // parts
+    return beyond.reshape(-1, parts)
+
+
+def _joined(facets: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return the number of the closed surface of each facet, shape (f,): what is around the device, or in a cavity of
+    it.
+
+    A place that has gone through a wall into a cavity still faces that wall's outside, and not the cavity's other side, which
+    may be nearer.
+    """
+    number, of = np.arange(facets.max(initial=-1) + 1), np.arange(0)
+    while True:
+        before, of = of, number[facets].min(axis=1, initial=len(number))
+        if np.array_equal(before, of):
+            return np.asarray(of)
+        np.minimum.at(number, facets, of[:, None])
+        number = number[number]
+
+
+def _through(
+    points: Array,
+    cells: Cells,
+    parts: npt.NDArray[np.int64],
+    beyond: npt.NDArray[np.int64],
+    owner: npt.NDArray[np.int64],
+    facets: tuple[Array, Array],
+) -> Array:
+    """Return the length in m of the way from the middle of each facet straight into the solid to where it leaves it, shape
+    (f,)."""
+    start, normal = facets
+    faces = points[cells[:, parts]]  # (c, parts, corners, 3)
+    along = faces[:, :, 1] - faces[:, :, 0]
+    if parts.shape[1] == 2:
+        across = np.stack([along[..., 2], np.zeros(along.shape[:2]), -along[..., 0]], axis=-1)
+    else:
+        across = np.cross(along, faces[:, :, 2] - faces[:, :, 0])
+    middle = points[cells[:, : len(parts)]].mean(axis=1)
+    out = np.einsum("cfi,cfi->cf", faces[:, :, 0] - middle[:, None], across)
+    across *= np.where(out > 0.0, 1.0, -1.0)[..., None]
+    found, cell, active = np.zeros(len(start)), owner.copy(), np.arange(len(start))
+    for _ in range(len(cells)):
+        c, o, way = cell[active], start[active], -normal[active]
+        rate = np.einsum("pfi,pi->pf", across[c], way)
+        to = np.einsum("pfi,pfi->pf", faces[c][:, :, 0] - o[:, None], across[c])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = np.where(rate > 1e-12 * np.linalg.norm(across[c], axis=2), to / rate, np.inf)
+        last = np.argmin(t, axis=1)
+        found[active] = np.maximum(found[active], t[np.arange(len(c)), last])
+        cell[active] = beyond[c, last]
+        active = active[cell[active] >= 0]
+        if not len(active):
+            break
+    return found
+
+
+def _near(places: Array, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Return the pairs of places, shape (n, 3), that are not farther apart than ``reach``, each pair once.
+
+    Places are sorted into boxes as wide as the reach, and looked for in a box and in half of those around it. SciPy's tree does
+    the same, but takes longer to load than a wedge's path needs for a state.
+    """
+    box = np.floor((places - places.min(axis=0)) / reach).astype(np.int64) + 1
+    strides = np.append(np.cumprod((box.max(axis=0) + 2)[:0:-1])[::-1], 1)
+    key = box @ strides
+    order = np.argsort(key, kind="stable")
+    ordered = key[order]
+    around = np.stack(np.meshgrid(*[(-1, 0, 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) @ strides
+    pairs = []
+    for step in np.unique(around[around >= 0]):
+        first, last = (np.searchsorted(ordered, ordered + step, side=side) for side in ("left", "right"))
+        first = np.arange(1, len(key) + 1) if step == 0 else first
+        count = last - first
+        i = np.repeat(np.arange(len(key)), count)
+        j = np.arange(len(i)) - np.repeat(np.cumsum(count) - count - first, count)
+        i, j = order[i], order[j]
+        near = ((places[i] - places[j]) ** 2).sum(axis=1) <= reach**2
+        pairs.append((i[near], j[near]))
+    i, j = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    return i, j

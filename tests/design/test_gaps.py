@@ -10,7 +10,7 @@ from softmodels.case.case import Case
 from softmodels.components.walls import Walls
 from softmodels.design.extremes import SHARPNESS, LeastGap
 from softmodels.design.problem import DesignProblem
-from softmodels.runs import self_contact as surface
+from softmodels.runs import state_values as surface
 
 TAYLOR = "Taylor's remainder of every quantity by every length, before and past a limit point"
 FOLDS = sm.Bellows(convolutions=2, cell_size=0.004, through=1.0)

@@ -18,7 +18,7 @@ from softmodels.pictures.solid import cut_open
 from softmodels.pictures.style import Scale, load, page
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.grid import CUT
-from softmodels.runs.stored import States
+from softmodels.runs.store import States
 
 
 def corners(states):

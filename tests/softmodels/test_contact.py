@@ -19,7 +19,7 @@ from softmodels.mechanics.system import System
 from softmodels.pictures.style import WARNING, headline, title_colour
 from softmodels.runs.columns import state_labels
 from softmodels.runs.notes import contact_notes, left_out
-from softmodels.runs.self_contact import FacingWalls, _near
+from softmodels.runs.state_values import FacingWalls, _near
 from tests.support import made_up as drawings
 
 COARSE = PneuNet(chambers=2, cell_size=0.006)

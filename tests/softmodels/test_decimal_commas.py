@@ -21,7 +21,7 @@ from softmodels.common.errors import GeometryError
 from softmodels.disk import command as disk
 from softmodels.fitting.outlines.residuals import read_heights
 from softmodels.fitting.outlines.shapes import OutlineFitError
-from softmodels.runs.limits import Tolerance
+from softmodels.runs.analyses import Tolerance
 from softmodels.runs.notes import typed_notes
 from softmodels.seminar import command as seminar
 

@@ -22,7 +22,7 @@ from softmodels.pictures import film, offscreen
 from softmodels.pictures.film import Film
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import AtRest
-from softmodels.runs.stored import States
+from softmodels.runs.store import States
 from tests.support import made_up as drawings, runs
 
 

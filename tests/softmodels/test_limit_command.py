@@ -23,7 +23,7 @@ from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 from softmodels.materials.silicones import SILICONES, density_of
 from softmodels.materials.specimens import sphere_pressure
 from softmodels.mechanics.iterative import Multigrid
-from softmodels.runs.limits import Tolerance, check_varied, find_limit, samples
+from softmodels.runs.analyses import Tolerance, check_varied, find_limit, samples
 from tests.support import runs
 
 THIN = HollowDisk.variant("shadow", support="base", fillet=0.0, base_fillet=0.0, section="axisymmetric")

@@ -24,8 +24,7 @@ from softmodels.pictures.style import Scale, png
 from softmodels.runs import grid
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.grid import CUT
-from softmodels.runs.store import Results, ResultsError
-from softmodels.runs.stored import States
+from softmodels.runs.store import Results, ResultsError, States
 from tests.support import made_up as drawings
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6

@@ -16,7 +16,7 @@ from PIL import Image
 from softmodels.pictures.film import LARGEST
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.report import packed
-from softmodels.runs.stored import States
+from softmodels.runs.store import States
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
 

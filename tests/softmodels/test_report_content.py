@@ -15,7 +15,7 @@ from softmodels.common.files import render
 from softmodels.pictures import report
 from softmodels.pictures.offscreen import look
 from softmodels.runs.columns import term
-from softmodels.runs.stored import States
+from softmodels.runs.store import States
 from tests.support import runs
 
 SOFT = ("--variant", "shadow", "--material", "ecoflex-00-30", "--volume-ml", "0:120:60", "--quiet")

@@ -10,7 +10,7 @@ import pytest
 import softmodels as sm
 from softmodels.components.contact import RigidShape
 from softmodels.pictures.offscreen import look, shape_layers, shape_surface, shapes_of, way
-from softmodels.runs.stored import States
+from softmodels.runs.store import States
 
 BALL = RigidShape("sphere", "top", (0.0, 0.001, 0.03), 0.01, guide="0.6, 0, 0.8", spring=50.0, name="ball")
 ROD = RigidShape("cylinder", "top", (0.0, 0.0, 0.03), 0.01, name="rod")

@@ -11,7 +11,7 @@ import pytest
 
 from softmodels.case.case import Case
 from softmodels.runs.columns import StateLabels
-from softmodels.runs.progress import Progress
+from softmodels.runs.outcomes import Progress
 from tests.support import runs
 from tests.support.ranks import mpirun
 

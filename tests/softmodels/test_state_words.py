@@ -8,7 +8,7 @@ import pytest
 
 from softmodels.pictures import curves, film, offscreen, report
 from softmodels.pictures.style import headline
-from softmodels.runs.stored import States
+from softmodels.runs.store import States
 from tests.support import runs
 
 AIR = re.compile(r"\d cm|cm of water| ml\b|added volume|cavity")
