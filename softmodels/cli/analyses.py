@@ -33,7 +33,6 @@ from softmodels.cli.options import (
     taken,
     write_into,
 )
-from softmodels.cli.run import end, start_drawing, tell_not_drawn
 from softmodels.cli.run_command import HELP_OPTIONS, case_of_file
 from softmodels.common.commands import FolderType
 from softmodels.common.files import write_bytes, write_text
@@ -633,6 +632,7 @@ def modes_table(found: NaturalFrequencies, cm: float) -> str:
 
 def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path) -> None:
     """Draw the frequencies, and the modes of the last state; say so if that fails."""
+    from softmodels.cli.run import end, start_drawing, tell_not_drawn
     from softmodels.pictures.analyses import DRAWN, frequency_figure, section_shapes, solid_shapes
     from softmodels.pictures.style import png
 

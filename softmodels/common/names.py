@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 import importlib
-import inspect
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
@@ -21,6 +20,8 @@ from softmodels.common.errors import Spoken, known_are, meant
 from softmodels.common.units import UnitError, brief, numbers
 
 if TYPE_CHECKING:
+    import inspect
+
     import numpy as np
     import numpy.typing as npt
 
@@ -76,6 +77,8 @@ def _constructor(owner: type, function: Callable[..., None]) -> Callable[..., No
 
 @functools.cache
 def _signature(function: Callable[..., object]) -> inspect.Signature:
+    import inspect  # with the first call that is checked, not with the package
+
     return inspect.signature(function)
 
 
@@ -105,6 +108,8 @@ def doubt(text: str) -> None:
 
 def _refusal(name: str, signature: inspect.Signature, args: Sequence[object], kwargs: dict[str, object]) -> str:
     """Return why arguments do not fit a signature."""
+    import inspect
+
     kinds = inspect.Parameter
     known = [p for p in signature.parameters.values() if p.kind not in (kinds.VAR_POSITIONAL, kinds.VAR_KEYWORD)]
     by_place = [p.name for p in known if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
