@@ -33,7 +33,7 @@ from softmodels.cli.options import (
     taken,
     write_into,
 )
-from softmodels.cli.run_command import HELP_OPTIONS, case_of_file
+from softmodels.cli.run_command import case_of_file
 from softmodels.common.commands import FolderType
 from softmodels.common.files import write_bytes, write_text
 from softmodels.common.folders import ResultFolder
@@ -473,7 +473,7 @@ def _limit_command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] =
         text = f"A device, with options of its own: {', '.join(ACTUATORS)}.  [default: {kind.__name__}]"
         made = click.option(DEVICE, metavar="NAME", expose_value=False, help=text)(made)
     made = click.argument("case_file", metavar="[FILE]", required=False, type=click.Path(path_type=Path))(made)
-    return click.command(name="limit", cls=cls, context_settings={"help_option_names": ["-h", "--help"]})(made)
+    return click.command(name="limit", cls=cls)(made)
 
 
 limit_command = _limit_command(cls=by_device(_limit_command))
@@ -538,7 +538,7 @@ def _modes_of(device: type[Actuator]) -> click.Command:
 
     command.__doc__ = MODES_HELP
     made = options.add(modes_options(command))
-    return click.command(name=f"softmodels modes {DEVICE} {device.__name__}", context_settings=HELP_OPTIONS)(made)
+    return click.command(name=f"softmodels modes {DEVICE} {device.__name__}")(made)
 
 
 def _of_file(**values: object) -> None:
@@ -562,7 +562,7 @@ def _modes_command() -> click.Command:
     text = f"A device, with options of its own, instead of a FILE: {', '.join(ACTUATORS)}."
     made = click.option(DEVICE, metavar="NAME", expose_value=False, help=text)(made)
     made = click.argument("file", type=click.Path(path_type=Path))(made)
-    return click.command("modes", cls=by_device(_modes_of), help=MODES_HELP, context_settings=HELP_OPTIONS)(made)
+    return click.command("modes", cls=by_device(_modes_of), help=MODES_HELP)(made)
 
 
 modes_command = _modes_command()

@@ -45,7 +45,7 @@ class DesignArguments(TypedDict):
     quiet: bool
 
 
-@click.command("design", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("design")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/NAME; results/NAME-2 "
               "and so on if that holds another problem]")  # fmt: skip

@@ -114,7 +114,7 @@ def _mould_command() -> click.Command:
     text = "Folder for the mould.  [default: results/NAME-mould, or results/NAME-mould-2 and so on]"
     command = click.option("-o", "--output", type=FolderType(), help=text)(command)
     command = click.argument("file", type=click.Path(path_type=Path))(command)
-    return click.command(name="mould", context_settings={"help_option_names": ["-h", "--help"]})(command)
+    return click.command(name="mould")(command)
 
 
 mould_command = _mould_command()
@@ -124,7 +124,7 @@ mould_command = _mould_command()
 # The command ``export``.
 
 
-@click.command(name="export", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(name="export")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp or NAME.feb.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")

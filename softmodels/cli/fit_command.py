@@ -217,7 +217,7 @@ def read_prior(value: str, unit: str) -> Change:
 # The command, its report and its files.
 
 
-@click.command("fit", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("fit")
 @click.argument("files", metavar="[CASE.toml [OUTLINES...]]...", nargs=-1, type=click.Path(path_type=Path))
 @tensile_option()
 @click.option("--heights", type=click.Path(path_type=Path), metavar="HEIGHTS.csv",

@@ -196,7 +196,7 @@ class CurveGiven(CurveFiles):
     thickness: float
 
 
-@click.command("curve", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("curve")
 @click.option("--material", "names", multiple=True, metavar="NAME[:KEY=VALUE,...]",
               help="Silicone, TOML file, or law with numbers (yeoh:c1=8kPa,c2=90Pa); several are compared.")  # fmt: skip
 @click.option("--stretch", default="1:4", show_default=True, metavar="FROM:TO", help="Range of stretch.")
@@ -323,7 +323,7 @@ class ScoreGiven(CurveFiles):
     thickness: float | None
 
 
-@click.command("score", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("score")
 @click.argument("files", metavar="[CASE.toml OUTLINES...]", nargs=-1, type=click.Path(path_type=Path))
 @click.option("--material", "names", multiple=True, metavar="NAME[:KEY=VALUE,...]",
               help="Silicone, TOML file such as fitted.toml, or law with numbers; several are compared.")  # fmt: skip

@@ -15,8 +15,6 @@ from softmodels.cli.options import DEVICE, RunOptions, by_device, device_command
 from softmodels.materials.silicones import product_of, silicone_called
 from softmodels.mechanics.solver import METHODS
 
-HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
-
 
 def command_of(device: type[Actuator]) -> click.Command:
     """Return the command that runs a registered device."""
@@ -24,7 +22,7 @@ def command_of(device: type[Actuator]) -> click.Command:
     return device_command(device, f"softmodels run {DEVICE} {device.__name__}", words)
 
 
-@click.command("run", cls=by_device(command_of), context_settings=HELP_OPTIONS)
+@click.command("run", cls=by_device(command_of))
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     DEVICE, metavar="NAME", expose_value=False, help="A device with its own options, instead of a FILE: "

@@ -24,7 +24,7 @@ PLAIN = "*"
 """Mark of the source used for the plain name."""
 
 
-@click.command("silicones", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("silicones")
 @click.argument("products", nargs=-1, metavar="[PRODUCT...]")
 def silicones(products: tuple[str, ...]) -> None:
     """List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.
