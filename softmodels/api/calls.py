@@ -38,7 +38,7 @@ from softmodels.runs.analyses import (
     find_limit,
 )
 from softmodels.runs.columns import state_labels
-from softmodels.runs.formats import Row
+from softmodels.runs.fields import Row
 from softmodels.runs.model import AtRest, temporary_folder
 from softmodels.runs.notes import no_branch, sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, Progress, RunError, UnwrittenError

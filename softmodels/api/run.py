@@ -27,7 +27,8 @@ from softmodels.common.units import UnitError, brief, number
 from softmodels.mechanics.mpi import on_root, start
 from softmodels.runs.analyses import Limit
 from softmodels.runs.columns import in_order, read_sources, state_labels
-from softmodels.runs.formats import Restart, Row
+from softmodels.runs.fields import Row
+from softmodels.runs.formats import Restart
 from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError

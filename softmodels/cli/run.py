@@ -27,8 +27,7 @@ from softmodels.common.processes import COLUMNS, columns, cores, say
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
 from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
-from softmodels.runs.fields import OUTPUTS
-from softmodels.runs.formats import Row, at_rise, split
+from softmodels.runs.fields import OUTPUTS, Row, at_rise, split
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, NO_EQUILIBRIUM, Ended, Progress
 from softmodels.runs.recording import Observer, ResultsPlace, Summary, solved_into, unstopped
 from softmodels.runs.store import Results

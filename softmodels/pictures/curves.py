@@ -19,7 +19,7 @@ from softmodels.common.arrays import Array
 from softmodels.materials.silicones import product_of
 from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, LINES, SPAN, WARNING, WIDTH, number
 from softmodels.runs.columns import SourceRows, StateLabels, key_of, load_columns, term
-from softmodels.runs.formats import Row, at_rise, split
+from softmodels.runs.fields import Row, at_rise, split
 from softmodels.runs.grid import parabolas
 from softmodels.runs.notes import cycles, jumped_over
 

@@ -43,7 +43,7 @@ from softmodels.pictures.style import (
     headline,
     wrapped,
 )
-from softmodels.runs.formats import Row
+from softmodels.runs.fields import Row
 from softmodels.runs.grid import outline
 from softmodels.runs.store import ResultsError, States
 

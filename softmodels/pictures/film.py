@@ -27,7 +27,7 @@ from softmodels.common.processes import cores
 from softmodels.pictures.offscreen import Image, Look, look, studio
 from softmodels.pictures.style import Scale, load
 from softmodels.runs.columns import load_columns
-from softmodels.runs.formats import Row
+from softmodels.runs.fields import Row
 from softmodels.runs.store import ResultsError, States
 
 FRAMES = 40

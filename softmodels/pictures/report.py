@@ -34,8 +34,7 @@ from softmodels.pictures import curves
 from softmodels.pictures.offscreen import Look
 from softmodels.pictures.style import COLOURS, STYLE, Scale, headline, load
 from softmodels.runs.columns import StateLabels, term
-from softmodels.runs.fields import coloured
-from softmodels.runs.formats import Cell, Row
+from softmodels.runs.fields import Cell, Row, coloured
 from softmodels.runs.grid import CUT, OUTSIDE
 from softmodels.runs.notes import left_out, notes_of, stability_text
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM

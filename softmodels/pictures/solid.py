@@ -61,7 +61,7 @@ from softmodels.pictures.style import (
     wrapped,
 )
 from softmodels.runs.columns import StateLabels
-from softmodels.runs.formats import Row
+from softmodels.runs.fields import Row
 from softmodels.runs.grid import CUT, OUTSIDE, SHARP, Cells, Surface, edge_curves, fine_triangles, outer_faces, outline
 from softmodels.runs.store import ResultsError, States
 

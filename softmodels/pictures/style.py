@@ -30,8 +30,7 @@ from PIL.PngImagePlugin import PngInfo
 from softmodels.common.arrays import Array
 from softmodels.common.files import write_bytes
 from softmodels.runs.columns import OVERLAP_MARK, StateLabels, overlap_text
-from softmodels.runs.fields import coloured
-from softmodels.runs.formats import Row
+from softmodels.runs.fields import Row, coloured
 
 DPI = 160
 WIDTH = 10.0

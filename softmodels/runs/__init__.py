@@ -3,7 +3,8 @@
 Begin with `simulation`, which yields states; `recording` writes them, and resumes an interrupted run.
 
 - `model`: `sm.Model`: equilibria, paths and modes without files. `analyses`: limit pressures, natural frequencies.
-- `fields`, `state_values`, `grid`: fields and figures of a state, gaps between walls, and where they live.
+- `fields`: fields and figures of a state, and its row. `state_values`, `grid`: what they are made of, and where they live;
+  gaps between walls.
 - `columns`: what stands in ``path.csv``, and the 95 % bands there. `notes`: warnings and explanations.
 - `store`, `formats`: the results folder, written and read; the formats of its files.
 - `outcomes`: exit statuses, and the bar while a run works.

@@ -33,8 +33,22 @@ from softmodels.path.air_flow import Reservoir, Source
 from softmodels.path.points import AddedVolume, DeadForce, Point, Pressure, Supply
 from softmodels.path.program import SOURCE, time_at, value_at
 from softmodels.path.schedule import source_at
-from softmodels.runs.fields import OUTPUTS, Extreme, Fields, ForceMeasure, Output, OutputField, outputs, register_output
-from softmodels.runs.formats import Cell, ColumnText, Row, at_rise, described, split
+from softmodels.runs.fields import (
+    OUTPUTS,
+    Cell,
+    ColumnText,
+    Extreme,
+    Fields,
+    ForceMeasure,
+    Output,
+    OutputField,
+    Row,
+    at_rise,
+    described,
+    outputs,
+    register_output,
+    split,
+)
 from softmodels.runs.state_values import OVERLAP
 
 if TYPE_CHECKING:

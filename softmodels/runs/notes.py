@@ -40,7 +40,7 @@ from softmodels.mechanics.mpi import petsc_reason
 from softmodels.path.air_flow import TURBULENT_FROM, Reservoir
 from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
 from softmodels.runs.columns import SourceRows, StateLabels, loads_words, span_sentence, state_labels
-from softmodels.runs.formats import Row, split
+from softmodels.runs.fields import Row, split
 from softmodels.runs.outcomes import RunError, UnwrittenError, no_memory
 
 if TYPE_CHECKING:

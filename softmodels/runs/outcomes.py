@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
     from softmodels.runs.columns import StateLabels
-    from softmodels.runs.formats import Row
+    from softmodels.runs.fields import Row
 
 
 DONE, FAILED, BAD_INPUT, NO_EQUILIBRIUM, STOPPED = 0, 1, 2, 3, 130

@@ -27,7 +27,7 @@ from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import is_root, largest, on_root
 from softmodels.path.program import goes_on
 from softmodels.runs.columns import cavity_columns, state_labels
-from softmodels.runs.formats import Row
+from softmodels.runs.fields import Row
 from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, Ended, RunError, UnwrittenError
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources

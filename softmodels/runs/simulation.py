@@ -17,7 +17,8 @@ from softmodels.materials.stability import weakness
 from softmodels.mechanics.compiling import cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.runs.columns import Solved, row_of
-from softmodels.runs.formats import Restart, Row, restart_of
+from softmodels.runs.fields import Row
+from softmodels.runs.formats import Restart, restart_of
 from softmodels.runs.model import Model, body_of
 from softmodels.runs.notes import explain, explain_failure, explain_step
 from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError

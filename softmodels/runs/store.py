@@ -38,7 +38,8 @@ from softmodels.runs.columns import (
     state_labels,
     write_sources,
 )
-from softmodels.runs.formats import Row, opened, read_values
+from softmodels.runs.fields import Row
+from softmodels.runs.formats import opened, read_values
 from softmodels.runs.grid import OUTSIDE, Surface, surface_of
 
 PICTURES = ("profile", "loop", "mesh", "slice", "mode", "undeformed", "cut", "hot-spots", "stress",

@@ -23,7 +23,7 @@ from softmodels.common import folders
 from softmodels.common.folders import OwnFolder
 from softmodels.components.contact import Obstacle
 from softmodels.disk import command
-from softmodels.runs.formats import Row
+from softmodels.runs.fields import Row
 from softmodels.runs.store import Results
 from tests.support import runs
 

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 import pytest
 
-from softmodels.runs.formats import Row
+from softmodels.runs.fields import Row
 from softmodels.runs.store import Results, ResultsError
 from tests.support import runs
 

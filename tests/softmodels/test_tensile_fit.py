@@ -18,7 +18,7 @@ from softmodels.fitting.scoring import score
 from softmodels.fitting.tables import write_materials
 from softmodels.materials.laws import LAWS, NeoHookean
 from softmodels.materials.specimens import MODE_NAMES, respond
-from softmodels.runs.formats import Row
+from softmodels.runs.fields import Row
 from softmodels.runs.notes import stretch_notes
 
 TRUTH = {

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from softmodels.runs.formats import Row
+from softmodels.runs.fields import Row
 from softmodels.runs.store import Results
 
 # VTK and h5py each bring an HDF5: VTK reads in a process of its own.

@@ -11,7 +11,7 @@ import numpy as np
 from geometries.meshing import private_model
 from softmodels.case.case import Case
 from softmodels.case.materials import DEFAULT
-from softmodels.runs.formats import Row
+from softmodels.runs.fields import Row
 from softmodels.runs.store import Results
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6
