@@ -23,6 +23,8 @@ def blocks(page):
 PAGES = [page for page in TEXTS if blocks(page)]
 LARGEST_PICTURE = 120_000
 """Bytes of a picture in the gallery."""
+MOST_FILES = 5
+"""That a reader opens for one question."""
 
 
 def _run(words, folder):
@@ -84,6 +86,13 @@ def test_no_run_imports_more_files_than_the_architecture_page_says(tmp_path):
     text = (SITE / "explanation" / "architecture.md").read_text()
     (tmp_path / "count.py").write_text(COUNT)
     assert int(_run(["count.py"], tmp_path).stdout.split()[-1]) <= int(re.search(r"imports (\d+) files", text)[1])
+
+
+def test_a_question_about_the_code_is_answered_by_few_files_that_are_there():
+    text = (SITE / "explanation" / "architecture.md").read_text()
+    lists = [re.findall(r"`([\w/]+\.py)`", line) for line in text.splitlines() if line.startswith("Files: ")]
+    assert len(lists) > 12 and all(0 < len(files) == len(set(files)) <= MOST_FILES for files in lists)
+    assert [file for files in lists for file in files if not (TOP / file).is_file()] == []
 
 
 def test_links_and_pictures_lead_somewhere():
