@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import Halved, Hold, Sectioned, Vector, parameter, parameter_names
-from geometries.meshing import check_cell_count
+from geometries.meshing import check_cell_count, place_of
 from geometries.registry import register_device
 from geometries.revolved import Side, carried_along
 from softmodels.common.errors import GeometryError, MeshingError
@@ -263,7 +263,7 @@ def build_solid(device: Cylinder) -> None:
     _name_faces(device)
     for role, place in device.anchors.items():
         near = 1e-7 * device.outer_radius
-        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(_place(tag) - place).max() < near]
+        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(place_of(tag) - place).max() < near]
         _name(0, {role: found})
     size = _size(device)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
@@ -358,7 +358,7 @@ def _role(device: Cylinder, tag: int) -> str:
 
     near = 1e-7 * device.outer_radius
     corners = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
-    x, y, z = np.array([_place(point) for _, point in corners]).T
+    x, y, z = np.array([place_of(point) for _, point in corners]).T
     centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
     if device.section == "half" and max(np.abs(y).max(), abs(centre[1])) < near:
         return "plane0"
@@ -371,12 +371,6 @@ def _role(device: Cylinder, tag: int) -> str:
         return "side"
     azimuth = math.degrees(math.atan2(centre[1], centre[0]))
     return "strip" if device.stripped and abs(azimuth) < 0.5 * device.strip else "outer"
-
-
-def _place(tag: int) -> np.ndarray:
-    import gmsh
-
-    return np.array(gmsh.model.getValue(0, tag, []))
 
 
 def _name(dimension: int, roles: dict[str, list[int]]) -> None:

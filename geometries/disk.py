@@ -29,11 +29,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from geometries.actuator import CutPlane, Hold, Parting, Vector, Wedged, parameter_names
-from geometries.meshing import check_cell_count
+from geometries.meshing import check_cell_count, name_group, place_of
 from geometries.registry import register_device
 from geometries.revolved import carried_along
 from softmodels.common.arrays import Array
-from softmodels.common.errors import GeometryError, MeshingError
+from softmodels.common.errors import GeometryError
 from softmodels.common.schema import (
     LONGEST,
     ROUNDING,
@@ -561,11 +561,11 @@ def build_profile(disk: HollowDisk) -> None:
 
     face, curves, points = _face(disk, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     gmsh.model.occ.synchronize()
-    _name(2, [face], "solid")
+    name_group(2, [face], "solid")
     for role, tags in curves.items():
-        _name(1, tags, role)
+        name_group(1, tags, role)
     if disk.support == "rim":
-        _name(0, [points[disk.outer_radius, 0.0]], "support")
+        name_group(0, [points[disk.outer_radius, 0.0]], "support")
     size = size_function(disk)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(x, y))
 
@@ -585,7 +585,7 @@ def build_wedge(disk: HollowDisk) -> None:
     if pieces > 1:
         volumes = [entity for entity in occ.fragment(volumes[:1], volumes[1:])[0] if entity[0] == 3]
     occ.synchronize()
-    _name(3, [tag for _, tag in volumes], "solid")
+    name_group(3, [tag for _, tag in volumes], "solid")
     _name_surfaces(disk)
     if disk.support == "rim":
         _name_rim(disk)
@@ -647,7 +647,7 @@ def _name_surfaces(disk: HollowDisk) -> None:
         if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
             roles[_surface_role(disk, tag)].append(tag)
     for role, tags in roles.items():
-        _name(2, tags, role)
+        name_group(2, tags, role)
 
 
 def _surface_role(disk: HollowDisk, tag: int) -> str:
@@ -684,17 +684,11 @@ def _name_rim(disk: HollowDisk) -> None:
         radii = np.hypot(corners[:, 0], corners[:, 1])
         if np.abs(corners[:, 2]).max() < near and np.abs(radii - disk.outer_radius).max() < near:
             rim.append(tag)
-    _name(1, rim, "support")
+    name_group(1, rim, "support")
     places = {"anchor0": np.zeros(3), "anchor1": disk.outer_radius * np.array(disk.radial)}
     for role in {hold.role for hold in disk.holds if hold.point}:
-        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(_place(tag) - places[role]).max() < near]
-        _name(0, found, role)
-
-
-def _place(tag: int) -> np.ndarray:
-    import gmsh
-
-    return np.array(gmsh.model.getValue(0, tag, []))
+        found = [tag for _, tag in gmsh.model.getEntities(0) if np.abs(place_of(tag) - places[role]).max() < near]
+        name_group(0, found, role)
 
 
 def _corners(dimension: int, tag: int) -> np.ndarray:
@@ -702,15 +696,7 @@ def _corners(dimension: int, tag: int) -> np.ndarray:
     import gmsh
 
     found = gmsh.model.getBoundary([(dimension, tag)], combined=False, oriented=False, recursive=True)
-    return np.array([_place(point) for _, point in found])
-
-
-def _name(dimension: int, tags: list[int], role: str) -> None:
-    import gmsh
-
-    if not tags:
-        raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
-    gmsh.model.addPhysicalGroup(dimension, tags, name=role)
+    return np.array([place_of(point) for _, point in found])
 
 
 @register_device

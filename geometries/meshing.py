@@ -802,3 +802,23 @@ def face_block(tag: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
     low, high = np.array(gmsh.model.occ.getBoundingBox(2, tag)).reshape(2, 3) / MM
     return low, high
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Parts of the model that is being meshed.
+
+
+def name_group(dimension: int, tags: list[int], role: str) -> None:
+    """Give entities of a dimension a role, by a physical group."""
+    import gmsh
+
+    if not tags:
+        raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
+    gmsh.model.addPhysicalGroup(dimension, tags, name=role)
+
+
+def place_of(tag: int) -> np.ndarray:
+    """Return the coordinates of a point of the CAD model, shape (3,)."""
+    import gmsh
+
+    return np.array(gmsh.model.getValue(0, tag, []))

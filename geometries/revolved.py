@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import CutPlane, Wedged, parameter, parameter_names
-from geometries.meshing import check_cell_count
+from geometries.meshing import check_cell_count, name_group
 from softmodels.common.arrays import Array
-from softmodels.common.errors import GeometryError, MeshingError
+from softmodels.common.errors import GeometryError
 from softmodels.common.schema import angle_field, choice_field, number_field, shown
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -324,7 +324,7 @@ def build_section(device: Revolved) -> None:
     drawing = Drawing(device.panels, (0.0, 1.0, 0.0))
     gmsh.model.occ.synchronize()
     for region, faces in drawing.faces.items():
-        _name(2, faces, region)
+        name_group(2, faces, region)
         for face in faces:
             gmsh.model.mesh.setTransfiniteSurface(face)
     roles: dict[str, list[int]] = defaultdict(list)
@@ -334,9 +334,9 @@ def build_section(device: Revolved) -> None:
         if side.role:
             roles[side.role].append(tag)
     for role, tags in roles.items():
-        _name(1, tags, role)
+        name_group(1, tags, role)
     for role, place in device.anchors.items():
-        _name(0, [drawing.points[place]], role)
+        name_group(0, [drawing.points[place]], role)
 
 
 def build_wedge(device: Revolved) -> None:
@@ -363,11 +363,11 @@ def build_wedge(device: Revolved) -> None:
     for region, made in zip(owners, parents, strict=True):
         volumes[region] += [tag for dimension, tag in made if dimension == 3]
     for region, tags in volumes.items():
-        _name(3, tags, region)
+        name_group(3, tags, region)
     _name_surfaces(device)
     for role, (r, z) in device.anchors.items():
         near = np.linalg.norm([_at(tag) - (r, 0.0, z) for _, tag in gmsh.model.getEntities(0)], axis=1)
-        _name(0, [gmsh.model.getEntities(0)[int(near.argmin())][1]], role)
+        name_group(0, [gmsh.model.getEntities(0)[int(near.argmin())][1]], role)
     size = device.wedge_size
     gmsh.model.mesh.setSizeCallback(lambda *_: size)
 
@@ -381,7 +381,7 @@ def _name_surfaces(device: Revolved) -> None:
         if len(gmsh.model.getAdjacencies(2, tag)[0]) == 1:
             roles[_surface_role(device, tag)].append(tag)
     for role, tags in roles.items():
-        _name(2, tags, role)
+        name_group(2, tags, role)
 
 
 def _surface_role(device: Revolved, tag: int) -> str:
@@ -420,14 +420,6 @@ def _at(point: int) -> np.ndarray:
     import gmsh
 
     return np.array(gmsh.model.getValue(0, point, []))
-
-
-def _name(dimension: int, tags: list[int], role: str) -> None:
-    import gmsh
-
-    if not tags:
-        raise MeshingError(f"The shape has no place for {role!r}; please report this with the parameters")
-    gmsh.model.addPhysicalGroup(dimension, tags, name=role)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

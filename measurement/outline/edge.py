@@ -42,7 +42,7 @@ from measurement.pictures import TONES, Pixels, Unmeasurable
 from measurement.robust import deviation, deviations
 from measurement.screen.look import Flatness, GridLook, View, flatness, look_at_grid, movement, pieces_of
 from measurement.screen.setup import Setup
-from softmodels.common.arrays import Array
+from softmodels.common.arrays import Array, Mask
 
 MOST_STATIONS = 1200
 """Stations along an edge; at 10 um per pixel they lie some 50 um apart."""
@@ -80,12 +80,12 @@ class Edge:
     contrast: Array
     shape: EdgeShape = dataclasses.field(default_factory=gaussian)
 
-    def __getitem__(self, chosen: npt.NDArray[np.bool_]) -> Edge:
+    def __getitem__(self, chosen: Mask) -> Edge:
         names = ("px", "normal", "error", "width", "contrast")
         return dataclasses.replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
 
-def coarse_contour(mask: npt.NDArray[np.bool_], share: Array, factor: float, origin: tuple[int, int]) -> Array:
+def coarse_contour(mask: Mask, share: Array, factor: float, origin: tuple[int, int]) -> Array:
     """Return the longest contour at half light of a shadow in a small photograph, in px of the large one.
 
     Args:
@@ -180,7 +180,7 @@ def _contrast(fit: ProfileFit) -> Array:
         return np.asarray(fit.rise / (fit.low + fit.rise + fit.slope * fit.centre))
 
 
-def _clear(profiles: Profiles, fit: ProfileFit, error: Array) -> npt.NDArray[np.bool_]:
+def _clear(profiles: Profiles, fit: ProfileFit, error: Array) -> Mask:
     """Return the stations (n,) at which the edge is clear, by the standard errors (n,) of their middles."""
     reach = profiles.offsets[-1]
     return np.asarray(
@@ -189,13 +189,13 @@ def _clear(profiles: Profiles, fit: ProfileFit, error: Array) -> npt.NDArray[np.
     )  # fmt: skip
 
 
-def _stored(shading: Shading, fit: ProfileFit, good: npt.NDArray[np.bool_]) -> StoredLight:
+def _stored(shading: Shading, fit: ProfileFit, good: Mask) -> StoredLight:
     colour = shading.colour
     low, high = float(colour.shadow.mean()), float(colour.lit.mean())
     return StoredLight(shading.light.astype(np.float64), low, high, float(np.median(fit.width[good])))
 
 
-def _spoilt(variance: Array, width: Array, good: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _spoilt(variance: Array, width: Array, good: Mask) -> Mask:
     """Return the stations (n,) at which something lies on the edge: dust spoils the curve's shape before it moves its middle
     much."""
     usual = np.median(variance[good]) if good.any() else np.inf
@@ -311,8 +311,6 @@ def _smooth_piece(place: Array, value: Array, span: int) -> Smoothed:
 # on from both ends in their directions. How far the true edge may lie off it grows with the gap's square: over a gap of the
 # length g a curvature that is wrong by k moves the edge by k t (1 - t) g^2 / 2 at the share t of the way.
 
-
-Mask = npt.NDArray[np.bool_]
 
 MISSING = 6.0
 """Distance of neighbouring points, over the usual one, from which something is missing between them.
@@ -712,6 +710,6 @@ def _region(image: Pixels, setup: Setup) -> tuple[int, int, int, int]:
     return x0, y0, x1, y1
 
 
-def _well_inside(part: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _well_inside(part: Mask) -> Mask:
     """Return a part (h, w) of the small version without its rim."""
     return np.asarray(cv2.erode(part.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)

@@ -18,7 +18,7 @@ from measurement.pictures import LIGHT, Pixels, Unmeasurable, sample_light
 from measurement.robust import deviation, deviations
 from measurement.screen.look import GridLook
 from measurement.screen.setup import Setup
-from softmodels.common.arrays import Array
+from softmodels.common.arrays import Array, Mask
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Which pixels are shadow: the Mahalanobis distance to the shadow's colour.
@@ -35,8 +35,6 @@ from softmodels.common.arrays import Array
 # Sources: P. J. Rousseeuw, K. Van Driessen, Technometrics 41 (1999) 212, doi 10.1080/00401706.1999.10485670 (the robust
 # covariance); N. Otsu, IEEE Trans. Syst. Man Cybern. 9 (1979) 62, doi 10.1109/TSMC.1979.4310076.
 
-
-Mask = npt.NDArray[np.bool_]
 
 CONFIDENCE = 0.999
 """Share of the shadow's own pixels within `chi_square_limit`."""

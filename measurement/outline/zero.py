@@ -6,7 +6,6 @@ import dataclasses
 import math
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import binary_dilation, binary_erosion
 from scipy.signal import savgol_filter
 
@@ -14,7 +13,7 @@ from measurement.outline.edge import SPAN
 from measurement.pictures import Unmeasurable
 from measurement.robust import deviation, robust_fit
 from measurement.screen.setup import Setup, SetupError
-from softmodels.common.arrays import Array
+from softmodels.common.arrays import Array, Mask
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The zero plane: the undeformed surface, from which heights are counted.
@@ -101,8 +100,6 @@ def sides_of(placed: Array, upwards: Array, error: Array) -> Sides | None:
     width, lean = lines[1] - lines[0]
     return Sides(depth, float(width), float(lean), float(np.sqrt(variance)))
 
-
-Mask = npt.NDArray[np.bool_]
 
 STEEPEST = 20.0
 """Largest angle in degrees between the surface and the screen's horizontal."""
@@ -515,9 +512,7 @@ def aslant(placed: Array, upwards: Array, error: Array, zero: ZeroLine) -> float
     return 0.5 * abs(lower) if abs(lower) > max(UNCLEAR, own) else 0.0
 
 
-def scale_of(
-    placed: Array, upwards: Array, error: Array, bridged: npt.NDArray[np.bool_], zero: ZeroLine
-) -> tuple[float, float]:
+def scale_of(placed: Array, upwards: Array, error: Array, bridged: Mask, zero: ZeroLine) -> tuple[float, float]:
     """Return the body's width over that at zero pressure, NaN where it is not seen, and the heights' relative error by it."""
     seen = ~bridged
     sides = sides_of(placed[seen], upwards[seen], error[seen])
@@ -528,7 +523,7 @@ def scale_of(
     return scale, float(np.sqrt(max(0.0, (scale - 1.0) ** 2 - (2.0 * own) ** 2)))
 
 
-def rounded(placed: Array, upwards: Array) -> npt.NDArray[np.bool_]:
+def rounded(placed: Array, upwards: Array) -> Mask:
     """Return the points (n,) of the surface so near to the body's side that smoothing has rounded the corner between the
     two."""
     side = (upwards < SIDE).astype(np.uint8)

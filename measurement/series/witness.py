@@ -23,7 +23,7 @@ from measurement.outline.outline import Outline
 from measurement.outline.zero import ON_SURFACE
 from measurement.pictures import Pixels
 from measurement.series.photo_list import Photograph, copies, same_pictures
-from softmodels.common.arrays import Array
+from softmodels.common.arrays import Array, Mask
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The smooth course of pressure over height through a run's photographs, and what it expects of each from all the others.
@@ -205,8 +205,6 @@ def _weights(logarithms: Array) -> Array:
     return np.asarray(weight / weight.sum(axis=0))
 
 
-Flags = npt.NDArray[np.bool_]
-
 FEWEST = 4
 """Photographs, one at zero among them, from which there is a course to compare with."""
 
@@ -250,7 +248,7 @@ class Run:
     pressures = functools.cached_property[Array](lambda run: run._each("pressure"))
     pressure_errors = functools.cached_property[Array](lambda run: run._each("pressure_error"))
 
-    def __getitem__(self, chosen: Flags) -> Run:
+    def __getitem__(self, chosen: Mask) -> Run:
         return Run({k: outline for (k, outline), take in zip(self.outlines.items(), chosen, strict=True) if take})
 
     def _each(self, name: str) -> Array:
@@ -262,7 +260,7 @@ class Run:
         return self[np.array([outline.trusted for outline in self.outlines.values()], dtype=bool)]
 
     @property
-    def is_zero(self) -> Flags:
+    def is_zero(self) -> Mask:
         """Photographs whose pressure does not differ from zero by `photo_list.Photograph.is_zero`."""
         return np.abs(self.pressures) <= 2.0 * self.pressure_errors
 
@@ -378,7 +376,7 @@ def _strangers(run: Run) -> dict[int, str]:
     return _named(run, odd)
 
 
-def _let_down(run: Run) -> Flags:
+def _let_down(run: Run) -> Mask:
     """Return the photographs that follow a higher one at a higher pressure; none where the list's order is not the
     experiment's."""
     steps = np.sign(np.diff(run.pressures))
@@ -391,13 +389,13 @@ def _let_down(run: Run) -> Flags:
     return np.any(earlier & above & higher, axis=1)
 
 
-def _lagging(run: Run, course: Course) -> Flags:
+def _lagging(run: Run, course: Course) -> Mask:
     """Return whether each may have been taken while the pressure was let down, by the course upwards."""
     upwards, spread, _ = course.at(run.heights, run.pressure_errors)
     return (run.pressures < upwards + CLEAR * spread) & (run.pressures > (1.0 - LAG) * upwards - CLEAR * spread)
 
 
-def _outliers(run: Run) -> Flags:
+def _outliers(run: Run) -> Mask:
     """Return the photographs that the others contradict.
 
     Several wrong ones hide each other, so the least likely are put aside one after the other first, likely or not, and are
@@ -431,7 +429,7 @@ def _tails(run: Run, course: Course, numbers: npt.NDArray[np.int64], pressures: 
     return course.tail(table, pressures)
 
 
-def _named(run: Run, odd: Flags) -> dict[int, str]:
+def _named(run: Run, odd: Mask) -> dict[int, str]:
     """Return a sentence for each photograph that is odd."""
     if not odd.any():
         return {}
@@ -503,7 +501,7 @@ class Common:
     numbers: list[int]
     heights: Array
     values: Array
-    known: Flags
+    known: Mask
     usual: float
 
     @functools.cached_property

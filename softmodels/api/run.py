@@ -28,7 +28,7 @@ from softmodels.mechanics.mpi import on_root, start
 from softmodels.runs.analyses import Limit
 from softmodels.runs.columns import in_order, read_sources, state_labels
 from softmodels.runs.fields import Row
-from softmodels.runs.formats import Restart
+from softmodels.runs.formats import CELL_TYPES, Restart
 from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
@@ -48,8 +48,6 @@ if TYPE_CHECKING:
 # The states of a run, in memory or in a folder, and `SolvedState` as the user's view of one.
 
 
-VTK_CELLS = {"Triangle_6": 22, "Tetrahedron_10": 24}
-"""VTK's number of each kind of cell."""
 PUBLIC = ("displacement", "p", "von_mises", "largest_stretch", "J", "mode")
 """Nodal fields of a state; the mode only at a bifurcation."""
 
@@ -251,7 +249,7 @@ class SolvedState:
         import pyvista
 
         # Copies, because VTK writes into its inputs and users may change a grid.
-        grid = pyvista.UnstructuredGrid({VTK_CELLS[self.cell_name]: self.cells.copy()}, self.points.copy())
+        grid = pyvista.UnstructuredGrid({CELL_TYPES[self.cell_name]: self.cells.copy()}, self.points.copy())
         for name, values in self.fields.items():
             grid.point_data[name] = values.copy()
         return grid

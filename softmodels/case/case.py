@@ -68,6 +68,7 @@ from softmodels.mechanics.component import Component
 from softmodels.mechanics.dead_loads import requestable
 from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.solver import METHODS
+from softmodels.mechanics.system import FORMULATIONS
 from softmodels.path import program as programs
 from softmodels.path.program import SUPPLY_KEYS, TIME_KEY, TOLERANCE, VALVE, Program, Series, timed
 from softmodels.path.supply import AirSupply
@@ -246,7 +247,6 @@ def _check_volume(where: str, material: Material, formulation: str) -> None:
 __all__ = ["CONTROLS", "FORMULATIONS", "STIFFNESS_RANGE", "Case", "CaseError", "entries"]
 
 CONTROLS = ("auto", "pressure", "volume", "arc-length")
-FORMULATIONS = ("mixed", "displacement")
 
 
 class _Shown(TypedDict, total=False):

@@ -14,7 +14,7 @@ from types import ModuleType
 from geometries import Actuator
 from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Written, table_of
 from softmodels.case.materials import Region
-from softmodels.common.errors import FieldError
+from softmodels.common.errors import OWN, FieldError
 from softmodels.common.schema import Text, Words, about
 from softmodels.components.clamps import Clamp
 from softmodels.components.contact import Obstacle, RigidShape
@@ -146,7 +146,6 @@ def check_parts(components: Sequence[Component], actuator: Actuator) -> None:
 
 
 VARIABLE = "SOFTMODELS_MODULES"
-LIBRARY = ("softmodels", "geometries", "measurement")
 
 
 class OwnModuleError(ValueError):
@@ -171,7 +170,7 @@ def own_modules(*things: object) -> str:
     So it does what their fields name (`Component.looked_up`).
     """
     names = {value.__module__: None for value in _within(things)}
-    files = [_file(sys.modules.get(name)) for name in names if name.split(".")[0] not in LIBRARY]
+    files = [_file(sys.modules.get(name)) for name in names if name.split(".")[0] not in OWN]
     named = filter(None, os.environ.get(VARIABLE, "").split(os.pathsep))
     return os.pathsep.join(dict.fromkeys([*named, *(str(file) for file in files if file is not None)]))
 

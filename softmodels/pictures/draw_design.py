@@ -35,6 +35,7 @@ from softmodels.pictures.style import (
     FAINT,
     FOOT,
     INK,
+    LINE_COLOURS,
     STYLE,
     WARNING,
     WIDTH,
@@ -58,7 +59,6 @@ if TYPE_CHECKING:
 SHOWN_LIMITS = 7
 """Maximum number of limits plotted in the history: the closest ones."""
 BEFORE, AFTER = BRANCH, CURVE
-COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
 NEAR = -0.3
 """Relative distance to a limit within which it is plotted."""
 DEEPEST = -0.6
@@ -162,7 +162,7 @@ def _limit_curves(axes: Axes, told: DesignTold, numbers: Array, starts: Array) -
         passed = np.maximum(_numbers(limit["passed"]), DEEPEST)
         for n, start in enumerate(dict.fromkeys(starts)):
             mine = starts == start
-            axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=COLOURS[k % len(COLOURS)],
+            axes.plot(numbers[mine], passed[mine], "o-", markersize=4, linewidth=1.5, color=LINE_COLOURS[k % len(LINE_COLOURS)],
                       label=wrapped(limit["words"], 4.4, 10) if n == 0 else "")  # fmt: skip
     if not nearest:
         axes.annotate("no limits were set", (0.5, 0.5), xycoords="axes fraction", ha="center", color=FAINT)

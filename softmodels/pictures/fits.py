@@ -24,7 +24,7 @@ from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.fitting.result import unseen
 from softmodels.fitting.tables import correlation_rows, parameter_rows, residual_rows
 from softmodels.materials.specimens import MODE_NAMES
-from softmodels.pictures.style import DPI, FAINT, INK, STYLE, WARNING, WIDTH
+from softmodels.pictures.style import DPI, FAINT, INK, LINE_COLOURS, STYLE, WARNING, WIDTH
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,7 +110,6 @@ def _colours(count: int) -> Array:
     return matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, count))
 
 
-COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
 STYLES = ("-", "--", "-.", ":")
 NAMES = {"uniaxial": "uniaxial tension", "planar": "pure shear", "equibiaxial": "equibiaxial tension"}
 BOTH = {**NAMES, "uniaxial": "uniaxial tension and compression"}
@@ -127,7 +126,7 @@ class LineStyle(TypedDict):
 
 def line(i: int) -> LineStyle:
     """Return the colour and dashes of the i-th law."""
-    return {"color": COLOURS[i % len(COLOURS)], "linestyle": STYLES[i % len(STYLES)], "linewidth": 1.8}
+    return {"color": LINE_COLOURS[i % len(LINE_COLOURS)], "linestyle": STYLES[i % len(STYLES)], "linewidth": 1.8}
 
 
 def draw_curves(report: FitReport) -> Figure:
@@ -211,7 +210,7 @@ def draw_profiles(one: FittedLaw) -> Figure:
         best = one.fit.values[profile.name]
         _, unit = with_prefix(best, profile.unit)
         factor = {"MPa": 1e-6, "kPa": 1e-3}.get(unit, 1.0)
-        axes.plot(profile.values * factor, profile.rises, "o-", ms=4, color=COLOURS[0], label="profile")
+        axes.plot(profile.values * factor, profile.rises, "o-", ms=4, color=LINE_COLOURS[0], label="profile")
         error = one.fit.error(profile.name)
         if np.isfinite(error) and error > 0.0:
             axes.plot(

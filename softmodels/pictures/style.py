@@ -95,6 +95,7 @@ def wrapped(text: str, width: float, size: float) -> str:
 # Colour scale and colour bar of a field, below a rendered image.
 
 
+LINE_COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
 COLOURS = "Spectral_r"
 FOOT = 1.15
 """Inches below a picture for its colour bar and text."""

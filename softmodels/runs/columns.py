@@ -72,7 +72,7 @@ class Solved:
         nodal: Its nodal fields by name, SI units.
         number: How many rows come before.
         load_step: How many steps a program has come.
-        band: Half widths of 95 % intervals by column, where the material's errors are known; see `runs.band`.
+        band: Half widths of 95 % intervals by column, where the material's errors are known; see `Band`.
     """
 
     case: Case
