@@ -102,9 +102,7 @@ def _report_camera(made: Calibration, output: Path) -> None:
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The command ``setup``: camera, screen and light from one photograph of the grid, of a board, or of known points.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
+#
 # The camera that the options ``--lens``, ``--camera`` and ``--focal`` of the setup command mean.
 
 

@@ -289,9 +289,7 @@ def touched_by_thread(
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Light profiles across an edge, at stations along a path near it.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
+#
 # The grid's ink under the profiles across an edge: the light it takes, and how far it draws a blurred edge to itself.
 
 

@@ -20,9 +20,7 @@ from softmodels.common.arrays import Array, Mask
 #
 # Seen from the side it is a straight line on the screen, from the photograph at zero pressure or from two points given in the
 # setup. x runs along it from the foot of the screen's origin, z stands on it.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
+#
 # The body's own width below its surface, where no pressure changes it: the scale of each photograph.
 #
 # A body that comes nearer to the lamp throws a larger shadow, and its bulge seems higher. Its sides tell: their distance is

@@ -544,9 +544,7 @@ def _moved(camera: Camera, other: Camera, coverage: float) -> Points:
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A setup from a photograph of the screen's grid, as one call.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
+#
 # A photograph with the grid drawn over it as the setup sees it.
 
 

@@ -70,10 +70,6 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The command ``limit``: sentences, tables and the picture of the scatter.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # Output of ``softmodels limit``: sentences, tables and the picture of the scatter.
 
 

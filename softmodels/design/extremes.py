@@ -36,10 +36,9 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Peak stretch and peak von Mises stress of a design, as `softmodels.runs.state_values` has them: means over the 0.5 % of the
-# volume
-# where they are largest. The largest value at a point diverges under refinement at a sharp corner, so a limit satisfied
-# on one mesh is violated on the next; and it is not differentiable where two points are equal.
+# Peak stretch and peak von Mises stress of a design, as `softmodels.runs.state_values` has them: means over the 0.5 % of
+# the volume where they are largest. The largest value at a point diverges under refinement at a sharp corner, so a limit
+# satisfied on one mesh is violated on the next; and it is not differentiable where two points are equal.
 
 
 WORTH_A_NOTE = 0.02

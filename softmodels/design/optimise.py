@@ -231,9 +231,7 @@ def _starts(under_way: Evaluating) -> Iterator[Array]:
 # the last point, so SLSQP halves its step. The same applies, without an evaluation, to a step longer than the first phase's
 # last ones or twice the last good one, and to a step towards a failure. If the device had to be remeshed, the search
 # restarts there, because values of two meshes differ by more than the gain of the last steps.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
+#
 # First phase of a search: linear programs within move limits, which grow if a step was predicted well.
 #
 # Sequential linear programming with a trust region (Fletcher and Sainz de la Maza 1989, doi 10.1007/BF01582299), in the elastic

@@ -40,9 +40,7 @@ if TYPE_CHECKING:
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Distance of a device's outline from a target outline, measured or drawn.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
+#
 # The outline of a device whose mesh follows its design.
 
 

@@ -115,9 +115,7 @@ def shown_unit(unit: str) -> str:
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Evaluated designs: none twice, each stored at once.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
+#
 # Residuals of a target with their derivatives, compressed for least squares.
 #
 # Gauss and Newton's method and the covariance of its end use residuals r and their Jacobian J only through J^T J, J^T r and r^T

@@ -188,9 +188,7 @@ def _section_axes(points: Array, foot: float) -> tuple[Figure, Axes]:
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The pictures of the solid: undeformed, von Mises stress at some pressures, a cut through the channels, hot spots.
-
-
-# ----------------------------------------------------------------------------------------------------------------------
+#
 # A plane cut through the undeformed device that shows most of its channels, and the remaining part.
 #
 # The cut is made in the material, so it deforms into a curved surface.
