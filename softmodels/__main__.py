@@ -15,6 +15,10 @@ with stoppable("softmodels", speaks):
     from softmodels.cli.options import CommandPlace, LazyGroup
 
 PLACES = {
+    "app": CommandPlace(
+        "softmodels.cli.app_command", "command",
+        "Open the bench as a page in the browser: photographs, material, device, mould.",
+    ),
     "curve": CommandPlace(
         "softmodels.cli.material_commands", "curve",
         "Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.",

@@ -250,7 +250,7 @@ def start_again(ranks: int) -> int:
             [str(_launcher()), "-n", str(ranks), sys.executable, *sys.orig_argv[1:]],
             env=environment,
             start_new_session=True,
-            preexec_fn=_end_with_parent,
+            preexec_fn=end_with_parent,
         )
     except OSError as error:
         raise StartError(f"mpirun cannot be started ({error.strerror or error}); use --ranks 1", 1) from None
@@ -268,7 +268,7 @@ def start_again(ranks: int) -> int:
             signal.signal(number, handler)
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Make this process end when its parent ends or is killed (Linux)."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)

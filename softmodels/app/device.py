@@ -1,0 +1,248 @@
+"""The page of a device: its lengths, its silicone, its path and a state, as sliders move."""
+
+from __future__ import annotations
+
+import bisect
+from typing import TYPE_CHECKING
+
+from geometries import ACTUATORS, Actuator, registry
+from softmodels.app.drawing import Section, colour_bar, colours_of, section_svg
+from softmodels.app.forms import changed_fields, field_controls, python_lines
+from softmodels.app.jobs import Command, job_panel
+from softmodels.app.project import CASE, RESULTS
+from softmodels.app.warm import AnswerError, SupersededError
+from softmodels.case.entries import INPUT_ERRORS
+from softmodels.case.from_python import in_unit
+from softmodels.materials.silicones import PRODUCTS, named, silicone
+
+if TYPE_CHECKING:
+    from nicegui.elements.mixins.value_element import ValueElement
+
+    from softmodels.app.answers import PathAnswer, StateAnswer
+    from softmodels.app.shell import Shell
+
+COLOURS = colours_of()
+OUTPUT = f"{RESULTS}/device"
+
+
+class DevicePage:
+    """One tab's page of the project's device.
+
+    Args:
+        shell: What all tabs share.
+    """
+
+    def __init__(self, shell: Shell):
+        from nicegui import ui
+
+        self.shell, self.project = shell, shell.project
+        self.answer: PathAnswer | None = None
+        with ui.element("div").classes("two-columns"):
+            with ui.card().classes("w-full"):
+                self.controls = ui.refreshable(self._controls)
+                self.controls()
+            with ui.column().classes("w-full min-w-0"):
+                self.message = ui.label().classes("text-negative").mark("message")
+                self.picture = ui.html("", sanitize=False).classes("w-full")
+                self.scale = ui.html("", sanitize=False).classes("w-full")
+                with ui.row().classes("w-full items-center no-wrap gap-3"):
+                    self.slider = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0).classes("grow")
+                    self.slider.props('aria-label="pressure"').mark("pressure")
+                    self.reading = ui.label().classes("w-28 text-right")
+                self.slider.on_value_change(lambda _: self._show_between())
+                self.slider.on("change", lambda _: self._solve_between())
+                self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
+                self.chart = ui.echart(_chart([], [], "")).classes("w-full h-64")
+                self.notes = ui.column().classes("gap-1")
+                job_panel(shell, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html")
+                with ui.expansion("The same in a terminal, and in Python").classes("w-full").props("dense"):
+                    self.terminal = ui.code("", language="bash").classes("w-full")
+                    self.python = ui.code("", language="python").classes("w-full")
+        self.project.changed.subscribe(self._changed)
+        ui.timer(0.05, self._solve, once=True)
+
+    def _run(self) -> Command:
+        if not (self.project / CASE).exists():
+            self.project.change()
+        return ["softmodels", "run", CASE, "-o", OUTPUT], OUTPUT, True
+
+    # -- controls -----------------------------------------------------------------------------------------------------
+
+    def _controls(self) -> None:
+        from nicegui import ui
+
+        case = self.project.case
+        kinds = sorted(name for name, kind in ACTUATORS.items() if not kind.__dataclass_fields__.get("file"))
+        ui.select(kinds, value=type(case.actuator).__name__, label="Device").classes("w-full").props("dense").mark(
+            "device"
+        ).on_value_change(lambda event: self._take_device(event.value))
+        self.fields: dict[str, ValueElement[object]] = field_controls(case.actuator, self._take_field)
+        ui.separator()
+        known = named(case.material)
+        names = sorted(PRODUCTS)
+        own = None if known else f"{case.material.name} of case.toml"
+        ui.select(
+            ([own] if own else []) + names, value=own or known.partition("/")[0], label="Silicone", with_input=True
+        ).classes("w-full").props("dense").mark("silicone").on_value_change(
+            lambda event: self._take(material=silicone(event.value)) if event.value in PRODUCTS else None
+        )
+        values = case.pressures_cm
+        box = ui.input("Pressures", value=f"{values[0]:g}:{values[-1]:g} cm" if values else "").props("dense")
+        box.classes("w-full").mark("pressures").tooltip("such as 0:60 cm of water, or 0:6 kPa")
+        box.on("change", lambda _: self._take_pressures(str(box.value)))
+
+    async def _take_device(self, name: str) -> None:
+        kind = ACTUATORS[name]
+        section = {"section": "axisymmetric"} if "section" in kind.__dataclass_fields__ else {}
+        pressures = in_unit("cm", f"{kind.pressures} cm", "pressure", self.project.case.cm)
+        await self._take(actuator=registry.device_from(kind, section), pressures_cm=pressures)
+
+    async def _take_field(self, name: str, value: object) -> None:
+        device = self.project.case.actuator
+        try:
+            changed = type(device)(**{**changed_fields(device), name: value})
+        except INPUT_ERRORS as error:
+            return self._say(str(error))
+        await self._take(actuator=changed)
+
+    async def _take_pressures(self, text: str) -> None:
+        try:
+            values = in_unit("cm", text, "pressure", self.project.case.cm)
+        except INPUT_ERRORS as error:
+            return self._say(str(error))
+        await self._take(pressures_cm=values)
+
+    async def _take(self, **fields: object) -> None:
+        try:
+            self.project.change(**fields)
+        except (*INPUT_ERRORS, OSError) as error:
+            self._say(str(error))
+
+    def _say(self, sentence: str) -> None:
+        self.message.set_text(sentence)
+
+    # -- answers ------------------------------------------------------------------------------------------------------
+
+    async def _changed(self, file: str) -> None:
+        self.controls.refresh()
+        await self._solve()
+
+    async def _solve(self) -> None:
+        case = self.project.case
+        self._say(self.project.case_error)
+        if not _is_section(case.actuator):
+            self.answer = None
+            return self._say("this device is a solid: start a run below")
+        try:
+            answer: PathAnswer = await self.shell.solver.ask("path", case.to_toml(), kind="path")
+        except SupersededError:
+            return
+        except AnswerError as error:
+            return self._say(str(error))
+        self.answer, self.text = answer, case.to_toml()
+        self.tops = max(float(state.section.values.max()) for state in answer.states)
+        both = [curve for state in answer.states for curve in (state.section.edges, state.section.rest)]
+        self.box = (
+            0.0,
+            min(float(curve[..., 1].min()) for curve in both),
+            max(float(curve[..., 0].max()) for curve in both),
+            max(float(curve[..., 1].max()) for curve in both),
+        )
+        self.pressures = [float(state.row["pressure_cm"]) for state in answer.states]  # type: ignore[arg-type]
+        self.scale.set_content(colour_bar(self.tops, COLOURS, "kPa, von Mises stress"))
+        top = max(self.pressures)
+        self.slider.props(f"max={top} step={top / 500}")
+        self.slider.set_value(top)
+        self._show(answer.states[self.pressures.index(top)])
+        main = next(name for name in answer.states[0].row if name.endswith("_mm"))
+        self.chart.options.update(
+            _chart(self.pressures, [float(s.row[main]) for s in answer.states], main.removesuffix("_mm"))  # type: ignore[arg-type]
+        )
+        self.chart.update()
+        self._report(answer)
+
+    def _report(self, answer: PathAnswer) -> None:
+        from nicegui import ui
+
+        case = self.project.case
+        self.notes.clear()
+        with self.notes:
+            for text in (answer.end, *answer.notes):
+                if text:
+                    ui.label(text).classes("text-sm")
+        material = f"sm.silicone({named(case.material)!r})" if named(case.material) else repr(case.material)
+        self.terminal.set_content("uv run softmodels run case.toml")
+        self.python.set_content(
+            python_lines(case.actuator, material, f"{case.pressures_cm[0]:g}:{case.pressures_cm[-1]:g} cm")
+        )
+
+    def _show_between(self) -> None:
+        """Show the section at the slider, between the states of the path, while it moves."""
+        if self.answer is None:
+            return
+        wanted, at = float(self.slider.value or 0.0), self.pressures
+        rising = at.index(max(at)) + 1
+        k = min(max(bisect.bisect_left(at, wanted, hi=rising), 1), rising - 1)
+        low, high = self.answer.states[k - 1], self.answer.states[k]
+        share = (wanted - at[k - 1]) / (at[k] - at[k - 1]) if at[k] > at[k - 1] else 1.0
+        self._draw(low.section.between(high.section, share), wanted)
+
+    async def _solve_between(self) -> None:
+        """Show the state at the slider, solved."""
+        if self.answer is None:
+            return
+        try:
+            state = await self.shell.solver.ask("state", self.text, f"{self.slider.value} cm", kind="state")
+        except SupersededError:
+            return
+        except AnswerError as error:
+            return self._say(str(error))
+        self._show(state)
+
+    def _show(self, state: StateAnswer) -> None:
+        from nicegui import ui
+
+        row = state.row
+        self._draw(state.section, float(row["pressure_cm"]))  # type: ignore[arg-type]
+        self.numbers.clear()
+        with self.numbers:
+            for name, text in self._figures(row):
+                ui.label(name).classes("text-grey-7")
+                ui.label(text).mark(name)
+
+    def _figures(self, row: dict[str, object]) -> list[tuple[str, str]]:
+        probes = [(name.removesuffix("_mm"), f"{row[name]:.4g} mm") for name in row
+                  if name.removesuffix("_mm") in self.project.case.actuator.probes and name.endswith("_mm")]  # fmt: skip
+        found = [
+            ("pressure", f"{row['pressure_cm']:.4g} cm ({float(row['pressure_Pa']) / 1e3:.4g} kPa)"),  # type: ignore[arg-type]
+            *((f"rise of the {name}", text) for name, text in probes),
+            ("added volume", f"{row['added_volume_ml']:.4g} ml"),
+            ("largest stretch", f"{row['max_stretch']:.4g}"),
+            ("largest von Mises stress", f"{row['max_von_mises_kPa']:.4g} kPa"),
+        ]
+        assert self.answer is not None
+        if self.answer.breaks_at:
+            share = (float(row["max_stretch"]) - 1.0) / (self.answer.breaks_at - 1.0)  # type: ignore[arg-type]
+            found.append(("of the strain at break", f"{share:.0%}"))
+        return found
+
+    def _draw(self, section: Section, pressure: float) -> None:
+        text = f"section at {pressure:.4g} cm, von Mises stress from 0 to {self.tops:.3g} kPa"
+        self.picture.set_content(section_svg(section, self.box, self.tops, COLOURS, text))
+        self.reading.set_text(f"{pressure:.4g} cm")
+
+
+def _is_section(device: Actuator) -> bool:
+    return getattr(device, "section", "") == "axisymmetric" or device.axial
+
+
+def _chart(pressures: list[float], rises: list[float], name: str) -> dict[str, object]:
+    points = [[p, r] for p, r in zip(pressures, rises, strict=True)]
+    return {
+        "animation": False,
+        "grid": {"left": 55, "right": 20, "top": 30, "bottom": 45},
+        "xAxis": {"name": "pressure in cm", "nameLocation": "middle", "nameGap": 26},
+        "yAxis": {"name": f"rise of the {name} in mm" if name else "", "nameTextStyle": {"align": "left"}},
+        "series": [{"type": "line", "data": points, "symbolSize": 5}],
+        "tooltip": {"trigger": "axis"},
+    }

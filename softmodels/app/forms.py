@@ -1,0 +1,116 @@
+"""Controls for the fields of a device: a slider and a box with the unit for each number, lists for choices."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping
+from typing import TYPE_CHECKING
+
+from geometries import Actuator
+from softmodels.common.schema import About, Choice, Flag, Kind, Open, Quantity, about
+from softmodels.common.units import quantity, readable
+
+if TYPE_CHECKING:
+    from nicegui.elements.mixins.value_element import ValueElement
+
+Take = Callable[[str, object], Awaitable[None]]
+"""Takes a field's name and its new value: a number in SI units, or a text."""
+SPAN = 3.0
+"""A slider reaches from the default over this factor to the default times it."""
+STEPS = 200
+
+
+def field_controls(device: Actuator, take: Take) -> dict[str, ValueElement[object]]:
+    """Add controls for a device's fields in the current place of the page; return those with a value, by field.
+
+    Lengths and angles that shape the device come first; the others are folded away.
+
+    Args:
+        device: The device as it is.
+        take: Is called when a slider is let go, a box left, or a choice made.
+    """
+    from nicegui import ui
+
+    found: dict[str, ValueElement[object]] = {}
+    fields = {name: field for name, field in about(device).items() if not field.idle(device)}
+    first = {name: field for name, field in fields.items() if _is_shape(field)}
+    for name, field in first.items():
+        _control(device, name, field, take, found)
+    with ui.expansion("More").classes("w-full").props("dense"):
+        for name, field in fields.items():
+            if name not in first:
+                _control(device, name, field, take, found)
+    return found
+
+
+def _is_shape(field: About) -> bool:
+    return isinstance(field.kind, Quantity) and field.shape and bool(field.kind.unit)
+
+
+def _control(device: Actuator, name: str, field: About, take: Take, found: dict[str, ValueElement[object]]) -> None:
+    from nicegui import ui
+
+    value, label, kind = getattr(device, name), name.replace("_", " "), field.kind
+    if isinstance(kind, Choice):
+        made = ui.select(list(kind.choices), value=value, label=label)
+        made.on_value_change(lambda event: take(name, event.value))
+    elif isinstance(kind, Flag):
+        made = ui.switch(label, value=value)
+        made.on_value_change(lambda event: take(name, event.value))
+    elif isinstance(kind, Quantity):
+        return _number(device, name, field, take, found)
+    else:
+        made = ui.input(label, value=_text(kind, value))
+        made.on("change", lambda _: take(name, _read(kind, str(made.value))))
+    made.classes("w-full").props("dense").tooltip(field.help).mark(name)
+    found[name] = made
+    return None
+
+
+def _number(device: Actuator, name: str, field: About, take: Take, found: dict[str, ValueElement[object]]) -> None:
+    from nicegui import ui
+
+    unit, value = field.kind.unit, float(getattr(device, name))
+    usual = float(type(device).__dataclass_fields__[name].default or value or 1.0)
+    reach = sorted((min(usual / SPAN, value), max(usual * SPAN, value)))
+    with ui.row().classes("w-full items-center no-wrap gap-2"):
+        box = ui.input(name.replace("_", " "), value=readable(value, unit)).props("dense").classes("w-32 shrink-0")
+        slider = ui.slider(min=reach[0], max=reach[1], step=(reach[1] - reach[0]) / STEPS, value=value)
+        slider.classes("grow").props(f'aria-label="{name.replace("_", " ")}"').mark(f"{name}-slider")
+    box.tooltip(field.help).mark(name)
+    slider.on_value_change(lambda event: box.set_value(readable(float(f"{event.value:.4g}"), unit)))
+    slider.on("change", lambda _: take(name, float(f"{slider.value:.4g}")))
+    box.on("change", lambda _: take(name, box.value))
+    found[name] = box
+
+
+def _text(kind: Kind, value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, tuple):
+        return ", ".join(readable(item, kind.unit) if isinstance(item, float) else str(item) for item in value)
+    return readable(value, kind.unit) if isinstance(value, float) else str(value)
+
+
+def _read(kind: Kind, text: str) -> object:
+    """Return what a text means: nothing, a list, or the text."""
+    if kind.several:
+        words = [word.strip() for word in text.replace(";", ",").split(",") if word.strip()]
+        return tuple(quantity(word, kind.unit) for word in words)
+    return None if isinstance(kind, Open) and not text.strip() else text
+
+
+def python_lines(device: Actuator, material: str, pressures: str) -> str:
+    """Return the Python lines that inflate a device as the page does."""
+    changed = ", ".join(f"{name}={value!r}" for name, value in changed_fields(device).items())
+    return (
+        "import softmodels as sm\n\n"
+        f"device = sm.{type(device).__name__}({changed})\n"
+        f"run = sm.inflate(device, {material}, {pressures!r})\n"
+        "run.pressure, run.rise, run.limit"
+    )
+
+
+def changed_fields(device: Actuator) -> Mapping[str, object]:
+    """Return the fields of a device that are not at their default."""
+    plain = type(device).__dataclass_fields__
+    return {name: getattr(device, name) for name in about(device) if getattr(device, name) != plain[name].default}

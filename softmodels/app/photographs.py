@@ -1,0 +1,494 @@
+"""The page of photographs: dropped or taken, their pressures, the grid and the edges drawn on them, with handles."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from measurement.series.photo_list import PICTURES, Column, ColumnError, PhotoListError, read_photos
+from softmodels.app.jobs import job_panel
+from softmodels.app.project import PHOTOGRAPHS, PHOTOS, SETUP
+from softmodels.app.warm import AnswerError, SupersededError
+from softmodels.common.arrays import Array
+from softmodels.common.files import replace_text, write_bytes
+from softmodels.common.toml_file import TomlError, read_toml
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from nicegui.elements.icon import Icon
+    from nicegui.elements.input import Input
+    from nicegui.elements.row import Row
+    from nicegui.elements.tooltip import Tooltip
+    from nicegui.events import MouseEventArguments, MultiUploadEventArguments
+
+    from softmodels.app.project import Project
+    from softmodels.app.shell import Shell
+    from softmodels.app.tracing import Plane, Preview, Traced
+
+OUTLINES = "outlines"
+BENCH = "bench.toml"
+"""How the screen was found: the photograph of its grid, the pitch, and the lens."""
+LARGEST_PHOTOGRAPH = 80 << 20
+REACH = 40.0
+"""Pixels of a preview within which a press takes hold of a handle."""
+
+
+@dataclasses.dataclass
+class Listed:
+    """A photograph of the list.
+
+    Attributes:
+        file: Its file.
+        pressure: As typed; empty until it is.
+        preview: As the page shows it.
+        traced: Its edge.
+        why: Why there is none.
+    """
+
+    file: Path
+    pressure: str = ""
+    preview: Preview | None = None
+    traced: Traced | None = None
+    why: str = ""
+
+
+class Photographs:
+    """The photographs of a project, as all tabs see them.
+
+    Args:
+        project: The project.
+        shell: What all tabs share.
+    """
+
+    def __init__(self, project: Project, shell: Shell):
+        from nicegui import Event
+
+        self.project, self.shell = project, shell
+        self.changed: Event[str] = Event()
+        self.grid, self.pitch, self.lens = "", "9mm", "none"
+        self.plane: Plane | None = None
+        self.error = ""
+        self.listed: dict[str, Listed] = {}
+        self.zero: list[list[float]] | None = None
+        self.roi: list[float] | None = None
+        self.read()
+
+    # -- files --------------------------------------------------------------------------------------------------------
+
+    def read(self) -> None:
+        """Read what lies in the project's folder."""
+        pressures: dict[str, str] = {}
+        if (listing := self.project / PHOTOS).exists():
+            try:
+                for row in csv.DictReader(io.StringIO(listing.read_text(encoding="utf-8-sig"))):
+                    pressures[(row.get("file") or "").rpartition("/")[2]] = row.get("pressure") or ""
+            except (OSError, ValueError, csv.Error) as error:
+                self.error = f"{PHOTOS} cannot be read ({error})"
+        for file in self.project.files(PHOTOGRAPHS, PICTURES):
+            self.listed.setdefault(file.name, Listed(file, pressures.get(file.name, "")))
+        if (bench := self.project / BENCH).exists():
+            try:
+                table = read_toml(bench)
+                self.grid, self.pitch, self.lens = (str(table.get(key, "")) for key in ("grid", "pitch", "lens"))
+            except (OSError, TomlError) as error:
+                self.error = f"{BENCH} {error}"
+
+    @property
+    def setup(self) -> str:
+        """Text of the setup; empty where there is none."""
+        try:
+            return (self.project / SETUP).read_text(encoding="utf-8")
+        except OSError:
+            return ""
+
+    @property
+    def shadows(self) -> list[Listed]:
+        """All photographs but that of the grid."""
+        return [one for one in self.listed.values() if one.file.name != self.grid]
+
+    def write_list(self) -> None:
+        """Write ``photos.csv`` of the photographs with a pressure."""
+        text = io.StringIO()
+        rows = csv.writer(text, lineterminator="\n")
+        rows.writerow(("file", "pressure"))
+        for one in self.shadows:
+            if one.pressure:
+                rows.writerow((f"{PHOTOGRAPHS}/{one.file.name}", one.pressure))
+        replace_text(self.project / PHOTOS, text.getvalue())
+
+    def pressure_of(self, one: Listed) -> float:
+        """Return the pressure in Pa as typed; NaN where there is none.
+
+        Raises:
+            ColumnError: It cannot be read.
+        """
+        return Column().read(one.pressure)[0] if one.pressure else math.nan
+
+    # -- work ---------------------------------------------------------------------------------------------------------
+
+    async def add(self, name: str, data: bytes) -> None:
+        """Keep a photograph that was dropped or taken, and find its edge."""
+        file = self.project.new_file(PHOTOGRAPHS, name)
+        if file.suffix.lower() not in PICTURES:
+            raise AnswerError(f"{name}: not a photograph that can be read; use JPEG, PNG, TIFF or HEIC")
+        write_bytes(file, data)
+        one = Listed(file)
+        try:
+            one.preview = await self.shell.bench.ask("preview", str(file))
+        except AnswerError as error:
+            file.unlink(missing_ok=True)
+            raise AnswerError(f"{name}: {error}") from None
+        self.listed[file.name] = one
+        self.changed.emit(file.name)
+        await self.trace(one)
+
+    async def show(self, one: Listed) -> None:
+        """Make a photograph's preview, if there is none yet."""
+        if one.preview is None:
+            try:
+                one.preview = await self.shell.bench.ask("preview", str(one.file))
+            except AnswerError as error:
+                one.why = str(error)
+
+    async def find_plane(self, grid: str, pitch: str, lens: str) -> None:
+        """Find the screen's plane in the photograph of its grid, and trace all photographs anew.
+
+        Raises:
+            AnswerError: There is no such grid.
+        """
+        found: Plane = await self.shell.bench.ask("plane", str(self.listed[grid].file), pitch, lens)
+        self.plane, self.grid, self.pitch, self.lens = found, grid, pitch, lens
+        import tomli_w
+
+        replace_text(self.project / BENCH, tomli_w.dumps({"grid": grid, "pitch": pitch, "lens": lens}))
+        replace_text(self.project / SETUP, found.setup)
+        self.zero = self.roi = None
+        self.write_list()
+        self.changed.emit(grid)
+        await self.trace_all()
+
+    async def trace_all(self) -> None:
+        for one in self.shadows:
+            await self.trace(one)
+
+    async def trace(self, one: Listed) -> None:
+        """Find the edge in a photograph."""
+        if not self.setup or one.file.name == self.grid:
+            return
+        try:
+            pressure = self.pressure_of(one)
+            one.traced = await self.shell.bench.ask("trace", str(one.file), self.setup, pressure == 0.0, pressure)
+            one.why = ""
+        except (AnswerError, ColumnError) as error:
+            one.traced, one.why = None, str(error)
+        self.changed.emit(one.file.name)
+
+    async def move(self, zero: list[list[float]] | None, roi: list[float] | None) -> None:
+        """Take a zero line or region that was dragged, and trace anew."""
+        self.zero, self.roi = zero, roi
+        replace_text(self.project / SETUP, await self.shell.bench.ask("moved", self.setup, zero, roi))
+        self.changed.emit("")
+        await self.trace_all()
+
+
+class PhotographsPage:
+    """One tab's page of the photographs.
+
+    Args:
+        shell: What all tabs share.
+    """
+
+    def __init__(self, shell: Shell):
+        from nicegui import ui
+
+        self.shell, self.photos = shell, shell.photographs
+        self.shown = next(iter(self.photos.listed), "")
+        self.held: tuple[str, int] | None = None
+        with ui.element("div").classes("two-columns"):
+            with ui.column().classes("w-full min-w-0"):
+                upload = ui.upload(
+                    label="Drop photographs here, or take them", multiple=True, auto_upload=True,
+                    max_file_size=LARGEST_PHOTOGRAPH, on_multi_upload=self._uploaded,
+                    on_rejected=lambda: self._say(f"rejected: above {LARGEST_PHOTOGRAPH >> 20} MB"),
+                )  # fmt: skip
+                upload.classes("w-full").props('accept="image/*,.heic,.tif,.tiff" capture="environment"').mark("drop")
+                with ui.card().classes("w-full"):
+                    self._table()
+            with ui.column().classes("w-full min-w-0"):
+                self.message = ui.label().classes("text-negative").mark("photo-message")
+                self.image = (
+                    ui.interactive_image(
+                        on_mouse=self._mouse, events=["pointerdown", "pointermove", "pointerup"], sanitize=False
+                    )
+                    .classes("w-full photograph")
+                    .mark("photograph")
+                )
+                with ui.row().classes("gap-4 items-center"):
+                    self.with_zero = ui.switch("Zero line", value=self.photos.zero is not None)
+                    self.with_zero.tooltip("Two points on the undeformed surface; drag them").mark("zero-line")
+                    self.with_zero.on("update:model-value", lambda _: self._toggle_zero())
+                    self.with_roi = ui.switch("Region", value=self.photos.roi is not None)
+                    self.with_roi.tooltip("The shadow is searched only inside; drag its corners").mark("region")
+                    self.with_roi.on("update:model-value", lambda _: self._toggle_roi())
+                self.about = ui.label().mark("about-photograph")
+                job_panel(shell, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
+        self.photos.changed.subscribe(self._changed)
+        ui.timer(0.05, self._show, once=True)
+
+    # -- the list -----------------------------------------------------------------------------------------------------
+
+    def _table(self) -> None:
+        """Build the list; what is in it changes in place, so that nobody is interrupted while typing."""
+        from nicegui import ui
+
+        ui.label("Screen").classes("font-bold")
+        with ui.row().classes("w-full items-end no-wrap gap-2"):
+            self.grid = ui.select([], label="photograph of the grid").classes("grow").mark("grid")
+            self.pitch = ui.input("pitch", value=self.photos.pitch).classes("w-20").mark("pitch")
+        self.lens = ui.select([], label="lens correction").classes("w-full").props("dense")
+        self.find = ui.button("Find the grid", on_click=self._find).props("dense").mark("find-grid")
+        ui.label("Photographs").classes("font-bold")
+        self.rows: dict[str, tuple[Row, Input, Icon, Tooltip]] = {}
+        self.listing = ui.column().classes("w-full gap-1")
+        self._update()
+
+    def _update(self) -> None:
+        """Show what the list is now."""
+        from nicegui import ui
+
+        names = list(self.photos.listed)
+        if self.grid.options != names:
+            self.grid.set_options(names)
+        self.grid.set_value(self.grid.value or self.photos.grid or None)
+        files = self.photos.project.files(".", (".toml",))
+        lenses = ["none", "auto", *(file.name for file in files if file.name.startswith("lens"))]
+        if self.lens.options != lenses:
+            self.lens.set_options(lenses, value=self.photos.lens if self.photos.lens in lenses else "none")
+        shown = {one.file.name: one for one in self.photos.shadows}
+        for name in [name for name in self.rows if name not in shown]:
+            self.rows.pop(name)[0].delete()
+        for name, one in shown.items():
+            if name not in self.rows:
+                with self.listing, ui.row().classes("w-full items-center no-wrap gap-2") as row:
+                    ui.button(name, on_click=lambda _, name=name: self._choose(name)).props(
+                        "flat dense no-caps align=left"
+                    ).classes("grow truncate")
+                    box = ui.input(value=one.pressure, placeholder="12.5 cm").props("dense").classes("w-24")
+                    box.props(f'aria-label="pressure of {_attribute(name)}"').mark(f"pressure-{name}")
+                    box.on("change", lambda _, one=one, box=box: self._pressure(one, str(box.value)))
+                    icon = ui.icon("hourglass_empty")
+                    with icon:
+                        tooltip = ui.tooltip("")
+                self.rows[name] = row, box, icon, tooltip
+            _, box, icon, tooltip = self.rows[name]
+            name_of_icon, colour = _mark(one)
+            icon.set_name(name_of_icon)
+            icon.props(f"color={colour}")
+            tooltip.set_text(one.why or "; ".join(one.traced.doubts if one.traced else ()) or "edge found")
+
+    async def _find(self) -> None:
+        if not self.grid.value:
+            return self._say("choose the photograph that shows the grid")
+        self.find.props("loading")
+        try:
+            await self.photos.find_plane(str(self.grid.value), str(self.pitch.value), str(self.lens.value))
+            self._say("")
+        except (AnswerError, OSError) as error:
+            self._say(str(error))
+        finally:
+            self.find.props(remove="loading")
+
+    async def _pressure(self, one: Listed, text: str) -> None:
+        before, one.pressure = one.pressure, text.strip()
+        try:
+            self.photos.pressure_of(one)
+            self.photos.write_list()
+        except (ColumnError, OSError) as error:
+            one.pressure = before
+            return self._say(f"{one.file.name}: {error}")
+        self._say("")
+        await self.photos.trace(one)
+
+    async def _uploaded(self, event: MultiUploadEventArguments) -> None:
+        for file in event.files:
+            try:
+                await self.photos.add(file.name, await file.read())
+            except (AnswerError, OSError) as error:
+                self._say(str(error))
+        if not self.shown:
+            self.shown = next(iter(self.photos.listed), "")
+        await self._show()
+
+    def _say(self, sentence: str) -> None:
+        self.message.set_text(sentence)
+
+    async def _choose(self, name: str) -> None:
+        self.shown = name
+        await self._show()
+
+    async def _changed(self, name: str) -> None:
+        self._update()
+        if name in ("", self.shown):
+            await self._show()
+
+    # -- the picture --------------------------------------------------------------------------------------------------
+
+    async def _show(self) -> None:
+        one = self.photos.listed.get(self.shown)
+        if one is None:
+            return
+        await self.photos.show(one)
+        if one.preview is None:
+            return self._say(one.why)
+        import base64
+
+        self.image.set_source("data:image/jpeg;base64," + base64.b64encode(one.preview.jpeg).decode())
+        self._draw()
+        traced = one.traced
+        words = [one.file.name, f"{one.preview.width} x {one.preview.height} px"]
+        if one.file.name == self.photos.grid and self.photos.plane is not None:
+            plane = self.photos.plane
+            words.append(f"{len(plane.crossings)} crossings, residual to the plane {plane.residual * 1e6:.3g} um (rms)")
+        if traced is not None and traced.height is not None and traced.height_error is not None:
+            words.append(f"height {traced.height * 1e3:.4f} mm +- {traced.height_error * 1e6:.1f} um")
+        if one.why:
+            words.append(f"refused: {one.why}")
+        elif traced is not None and traced.doubts:
+            words.append("not trusted: " + "; ".join(traced.doubts))
+        self.about.set_text("; ".join(words))
+
+    def _draw(self) -> None:
+        one = self.photos.listed.get(self.shown)
+        if one is None or one.preview is None:
+            return
+        scale = max(one.preview.width, one.preview.height) / min(1600, max(one.preview.width, one.preview.height))
+        drawn: list[str] = []
+        if one.file.name == self.photos.grid and self.photos.plane is not None:
+            drawn += [
+                f'<circle cx="{x / scale:.1f}" cy="{y / scale:.1f}" r="4"/>' for x, y in self.photos.plane.crossings
+            ]
+        if one.traced is not None:
+            drawn += [f'<polyline class="traced" points="{piece}"/>' for piece in _pieces(one.traced.edge, scale)]
+            if one.traced.zero is not None and self.photos.zero is None:
+                drawn.append(f'<polyline class="zero" points="{_points(one.traced.zero, scale)}"/>')
+        if self.photos.zero is not None:
+            drawn.append(f'<polyline class="zero" points="{_points(np.array(self.photos.zero), scale)}"/>')
+            drawn += [
+                f'<circle class="handle" cx="{x / scale:.1f}" cy="{y / scale:.1f}" r="12"/>'
+                for x, y in self.photos.zero
+            ]
+        if self.photos.roi is not None:
+            x0, y0, x1, y1 = (value / scale for value in self.photos.roi)
+            drawn.append(f'<rect class="roi" x="{x0:.1f}" y="{y0:.1f}" width="{x1 - x0:.1f}" height="{y1 - y0:.1f}"/>')
+            drawn += [f'<circle class="handle" cx="{x:.1f}" cy="{y:.1f}" r="12"/>' for x, y in ((x0, y0), (x1, y1))]
+        self.image.set_content("".join(drawn))
+        self.scale = scale
+
+    # -- handles ------------------------------------------------------------------------------------------------------
+
+    async def _toggle_zero(self) -> None:
+        preview = self._preview()
+        if preview is None:
+            return
+        line = None
+        if self.with_zero.value:
+            line = [[0.2 * preview.width, 0.6 * preview.height], [0.8 * preview.width, 0.6 * preview.height]]
+            traced = self.photos.listed[self.shown].traced
+            if traced is not None and traced.zero is not None:
+                line = traced.zero.tolist()
+        await self._move(line, self.photos.roi)
+
+    async def _toggle_roi(self) -> None:
+        preview = self._preview()
+        if preview is None:
+            return
+        w, h = preview.width, preview.height
+        await self._move(self.photos.zero, [0.05 * w, 0.05 * h, 0.95 * w, 0.95 * h] if self.with_roi.value else None)
+
+    def _preview(self) -> Preview | None:
+        one = self.photos.listed.get(self.shown)
+        return None if one is None or not self.photos.setup else one.preview
+
+    async def _move(self, zero: list[list[float]] | None, roi: list[float] | None) -> None:
+        try:
+            await self.photos.move(zero, roi)
+            self._say("")
+        except (AnswerError, OSError) as error:
+            self._say(str(error))
+            self.photos.zero, self.photos.roi = None, None
+        except SupersededError:
+            pass
+
+    async def _mouse(self, event: MouseEventArguments) -> None:
+        if self._preview() is None:
+            return
+        x, y = event.image_x * self.scale, event.image_y * self.scale
+        places = self._handles()
+        if event.type == "pointerdown":
+            near = min(places, key=lambda place: math.dist((x, y), places[place]), default=None)
+            self.held = near if near is not None and math.dist((x, y), places[near]) < REACH * self.scale else None
+        elif self.held is not None:
+            name, k = self.held
+            if name == "zero" and self.photos.zero is not None:
+                self.photos.zero[k] = [x, y]
+            elif self.photos.roi is not None:
+                self.photos.roi[2 * k : 2 * k + 2] = [x, y]
+            self._draw()
+            if event.type == "pointerup":
+                self.held = None
+                await self._move(self.photos.zero, self.photos.roi)
+
+    def _handles(self) -> dict[tuple[str, int], tuple[float, float]]:
+        zero, roi = self.photos.zero or [], self.photos.roi
+        found: dict[tuple[str, int], tuple[float, float]] = {("zero", k): (x, y) for k, (x, y) in enumerate(zero)}
+        if roi is not None:
+            found |= {("roi", 0): (roi[0], roi[1]), ("roi", 1): (roi[2], roi[3])}
+        return found
+
+    # -- all of them --------------------------------------------------------------------------------------------------
+
+    def _measure(self) -> tuple[list[str], str, bool] | str:
+        """Return the command that measures all; a sentence where it cannot be given yet."""
+        if not self.photos.setup:
+            return "choose the photograph that shows the grid, and find the grid first"
+        try:
+            self.photos.write_list()
+            listed = read_photos(self.photos.project / PHOTOS)
+        except (PhotoListError, OSError) as error:
+            return f"{error}; type the pressures beside the photographs"
+        if not any(photo.is_zero for photo in listed) and self.photos.zero is None:
+            return "none of the photographs is at zero pressure: type 0 cm beside it, or drag the zero line"
+        words = ["measurement", "photos", PHOTOS, "--setup", SETUP, "-o", OUTLINES]
+        return words, OUTLINES, False
+
+
+def _attribute(name: str) -> str:
+    """Return a file's name as it can stand between quotes of an element's properties."""
+    return name.replace('"', "").replace("\\", "")
+
+
+def _mark(one: Listed) -> tuple[str, str]:
+    if one.why:
+        return "block", "negative"
+    if one.traced is None:
+        return "hourglass_empty", "grey"
+    return ("help", "warning") if one.traced.doubts else ("check_circle", "positive")
+
+
+def _points(px: Array, scale: float) -> str:
+    return " ".join(f"{x / scale:.2f},{y / scale:.2f}" for x, y in px if math.isfinite(x + y))
+
+
+def _pieces(px: Array, scale: float) -> list[str]:
+    """Return the points of an edge in pieces without gaps, at most a thousand of them."""
+    step = max(1, len(px) // 1000)
+    px = px[::step]
+    gaps = np.linalg.norm(np.diff(px, axis=0), axis=1)
+    cut = np.flatnonzero(gaps > 10 * max(float(np.median(gaps)), 1e-9)) + 1
+    return [_points(piece, scale) for piece in np.split(px, cut) if len(piece) > 1]

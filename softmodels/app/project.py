@@ -1,0 +1,87 @@
+"""A project: a folder of plain files that the page, the command line and Python read alike."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from softmodels.case.case import Case
+from softmodels.common.files import replace_text
+
+CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
+PHOTOGRAPHS, CURVES, RESULTS = "photographs", "curves", "results"
+FIRST_PRESSURES = "0:60 cm"
+
+
+class Project:
+    """A project's folder. What several pages show comes from here, so that all tabs show the same.
+
+    Args:
+        folder: The folder; it is made where there is none.
+
+    Attributes:
+        case: The device, its silicone and its load, as in ``case.toml``.
+        case_error: Why the file cannot be used; empty if it can.
+    """
+
+    def __init__(self, folder: Path):
+        from nicegui import Event
+
+        self.folder = folder.absolute()
+        for name in (PHOTOGRAPHS, CURVES, RESULTS):
+            (self.folder / name).mkdir(parents=True, exist_ok=True)
+        self.changed: Event[str] = Event()
+        self.case_error = ""
+        self.case = self._read_case()
+
+    def __truediv__(self, name: str) -> Path:
+        return self.folder / name
+
+    # -- the case -----------------------------------------------------------------------------------------------------
+
+    def _read_case(self) -> Case:
+        from geometries import HollowDisk
+        from softmodels.case.entries import CaseError
+        from softmodels.case.from_python import in_unit
+        from softmodels.common.errors import reason
+        from softmodels.materials.silicones import silicone
+
+        file = self / CASE
+        if file.exists():
+            try:
+                return Case.from_file(file)
+            except (CaseError, OSError) as error:
+                self.case_error = reason(error) if isinstance(error, OSError) else str(error)
+        first = Case("device", HollowDisk(section="axisymmetric"), silicone("ecoflex-00-30"), pressures_cm=(1.0,))
+        return dataclasses.replace(first, pressures_cm=in_unit("cm", FIRST_PRESSURES, "pressure", first.cm))
+
+    def change(self, **fields: Any) -> None:
+        """Change fields of the case and write it; all pages are told.
+
+        Raises:
+            CaseError, ArgumentError: The case would be invalid; it stays as it was.
+            OSError: It cannot be written.
+        """
+        self.case = dataclasses.replace(self.case, **fields)
+        self.case_error = ""
+        replace_text(self / CASE, self.case.to_toml())
+        self.changed.emit(CASE)
+
+    # -- files that users bring ---------------------------------------------------------------------------------------
+
+    def new_file(self, folder: str, name: str) -> Path:
+        """Return a free place for a file that a user brings, by its name, which may be anything."""
+        wanted = re.sub(r"[^\w.+-]+", "_", Path(name.replace("\\", "/")).name).lstrip("._") or "file"
+        stem, suffix = Path(wanted).stem[:80], Path(wanted).suffix[:12]
+        place, number = self / folder / f"{stem}{suffix}", 2
+        while place.exists():
+            place, number = self / folder / f"{stem}-{number}{suffix}", number + 1
+        return place
+
+    def files(self, folder: str, endings: Iterable[str]) -> list[Path]:
+        """Return the files in a folder with some endings, by name."""
+        known = {ending.lower() for ending in endings}
+        return sorted(path for path in (self / folder).iterdir() if path.suffix.lower() in known)

@@ -1,0 +1,81 @@
+"""The frame around all pages: their names, the project, light and dark, what is going on."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING
+
+from softmodels.app.device import DevicePage
+from softmodels.app.jobs import Jobs
+from softmodels.app.photographs import Photographs, PhotographsPage
+from softmodels.app.warm import Warm
+
+if TYPE_CHECKING:
+    from softmodels.app.project import Project
+
+STYLE = """
+svg.section { width: 100%; max-height: 62vh; }
+svg.section .rest { stroke: #8a8a8a; stroke-dasharray: 0.6 0.4; }
+svg.section .edge { stroke: currentColor; }
+svg.section .scale-bar path { stroke: currentColor; fill: none; }
+svg.section .scale-bar text { fill: currentColor; }
+.two-columns { display: grid; grid-template-columns: minmax(0, 1fr); gap: 1rem; width: 100%; }
+@media (min-width: 900px) { .two-columns { grid-template-columns: 22rem minmax(0, 1fr); } }
+.colour-bar { display: flex; gap: 0.6rem; align-items: center; font-size: 0.85rem; max-width: 30rem; margin: 0 auto; }
+.colour-bar div { flex: 1; height: 0.7rem; }
+.photograph svg polyline { fill: none; stroke-width: 2.5; vector-effect: non-scaling-stroke; }
+.photograph svg .traced { stroke: #e6194b; }
+.photograph svg .zero { stroke: #0082c8; stroke-dasharray: 8 5; }
+.photograph svg circle { fill: none; stroke: #3cb44b; stroke-width: 2; }
+.photograph svg .handle { fill: #0082c8aa; stroke: white; }
+.photograph svg .roi { fill: none; stroke: #f58231; stroke-width: 2.5; }
+.photograph img { touch-action: none; }
+iframe { width: 100%; height: 80vh; border: 0; background: white; }
+.nicegui-content { padding: 0.75rem; }
+"""
+
+
+class Shell:
+    """What all tabs of one server share.
+
+    Args:
+        project: The project.
+        address: Under which other machines of the network connect, with the key; empty if they may not.
+    """
+
+    icon = "🎈"
+
+    def __init__(self, project: Project, address: str = ""):
+        self.project, self.address = project, address
+        self.solver, self.bench = Warm("softmodels.app.answers"), Warm("softmodels.app.tracing")
+        self.jobs, self.photographs = Jobs(project), Photographs(project, self)
+
+    async def begin(self) -> None:
+        """Load the solver while the user looks at the page, and go on with interrupted jobs."""
+        self._loading = asyncio.create_task(asyncio.to_thread(lambda: (self.solver.start(), self.bench.start())))
+        self.jobs.begin()
+
+    def end(self) -> None:
+        self.jobs.end()
+        self.solver.stop()
+        self.bench.stop()
+
+    async def page(self) -> None:
+        """Build the page of one tab."""
+        from nicegui import ui
+
+        pages = {"Photographs": ("photo_camera", PhotographsPage), "Device": ("tune", DevicePage)}
+        ui.add_css(STYLE)
+        with ui.header(elevated=False).classes("items-center gap-2 py-1"):
+            ui.label("softmodels").classes("font-bold")
+            with ui.tabs().props("dense mobile-arrows inline-label").classes("grow") as tabs:
+                for name, (icon, _) in pages.items():
+                    ui.tab(name, icon=icon)
+            dark = ui.dark_mode(None)
+            ui.button(icon="dark_mode", on_click=lambda: dark.set_value(not dark.value)).props(
+                'flat round dense color=white aria-label="light or dark"'
+            )
+        with ui.tab_panels(tabs, value="Device").classes("w-full bg-transparent"):
+            for name, (_, page) in pages.items():
+                with ui.tab_panel(name).classes("p-0"):
+                    page(self)
