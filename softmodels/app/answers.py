@@ -5,11 +5,15 @@ from __future__ import annotations
 import dataclasses
 import time
 
+import numpy as np
+
 from softmodels.api.calls import run
 from softmodels.api.run import Run, SolvedState
 from softmodels.app.drawing import Section
 from softmodels.case.case import Case
+from softmodels.common.arrays import Array
 from softmodels.materials.silicones import stretch_at_break
+from softmodels.runs.grid import Cells, border, parabolas
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,3 +69,33 @@ def state(case: str, pressure: str) -> StateAnswer:
 
 def _state(one: SolvedState) -> StateAnswer:
     return StateAnswer(dict(one.row), Section.of(one.points, one.displacement, one.cells, one.von_mises / 1e3))
+
+
+def outline(case: str, pressure: float) -> Array:
+    """Return the outer outline of a section at a pressure in Pa: distance from the axis and height above the undeformed apex in
+    m, from the axis on, shape (k, 2)."""
+    if case not in _runs:
+        path(case)
+    found = _runs[case]
+    state = found[0] if pressure <= 0.0 else found.at(pressure)
+    curves = outline_curves(state.points, state.cells)
+    rest, moved = (state.points + share * state.displacement for share in (0.0, 1.0))
+    top = rest[curves[0, 0], 2]
+    return parabolas((moved[curves] - [0.0, 0.0, top])[..., ::2], 8).reshape(-1, 2)
+
+
+def outline_curves(points: Array, cells: Cells) -> Cells:
+    """Return the outer edges of a section as begin, end and middle nodes, from the top of its axis on, shape (e, 3)."""
+    edges = border(cells)
+    on_axis = np.abs(points[:, 0]) < 1e-9 * np.abs(points[:, 0]).max()
+    edges = edges[~on_axis[edges[:, :2]].all(axis=1)]
+    begins = {int(edge[0]): edge for edge in edges}
+    ends = {int(edge[1]): edge[[1, 0, 2]] for edge in edges}
+    starts = [int(node) for node in np.unique(edges[:, :2]) if on_axis[node]]
+    node = max(starts, key=lambda node: points[node, 2])
+    following = begins if node in begins else ends
+    chain: list[Cells] = []
+    while node in following and len(chain) < len(edges):
+        chain.append(following[node])
+        node = int(following[node][1])
+    return np.array(chain)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bisect
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from geometries import ACTUATORS, Actuator, registry
 from softmodels.app.drawing import Section, colour_bar, colours_of, section_svg
@@ -76,13 +76,13 @@ class DevicePage:
         ui.select(kinds, value=type(case.actuator).__name__, label="Device").classes("w-full").props("dense").mark(
             "device"
         ).on_value_change(lambda event: self._take_device(event.value))
-        self.fields: dict[str, ValueElement[object]] = field_controls(case.actuator, self._take_field)
+        self.fields: dict[str, ValueElement[Any]] = field_controls(case.actuator, self._take_field)
         ui.separator()
         known = named(case.material)
         names = sorted(PRODUCTS)
         own = None if known else f"{case.material.name} of case.toml"
         ui.select(
-            ([own] if own else []) + names, value=own or known.partition("/")[0], label="Silicone", with_input=True
+            ([own] if own else []) + names, value=own or str(known).partition("/")[0], label="Silicone", with_input=True
         ).classes("w-full").props("dense").mark("silicone").on_value_change(
             lambda event: self._take(material=silicone(event.value)) if event.value in PRODUCTS else None
         )

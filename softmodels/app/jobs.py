@@ -180,10 +180,10 @@ def job_panel(shell: Shell, output: str, title: str, command: Callable[[], Comma
     def start() -> None:
         made = command()
         if isinstance(made, str):
-            return sentence.set_text(made)
+            sentence.set_text(made)
+            return
         sentence.set_text("")
         jobs.start(made[0], made[1], resumable=made[2])
-        return None
 
     def stop() -> None:
         if (job := jobs.latest(output)) is not None:

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import dataclasses
 import io
 import math
+import tempfile
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from measurement.series.photo_list import PICTURES, Column, ColumnError, PhotoListError, read_photos
-from softmodels.app.jobs import job_panel
-from softmodels.app.project import PHOTOGRAPHS, PHOTOS, SETUP
+from softmodels.app.jobs import Command, job_panel
+from softmodels.app.project import BOARDS, PHOTOGRAPHS, PHOTOS, SETUP
 from softmodels.app.warm import AnswerError, SupersededError
 from softmodels.common.arrays import Array
 from softmodels.common.files import replace_text, write_bytes
 from softmodels.common.toml_file import TomlError, read_toml
+from softmodels.common.units import pascal_per_cm
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from nicegui.elements.icon import Icon
     from nicegui.elements.input import Input
     from nicegui.elements.row import Row
@@ -31,10 +33,12 @@ if TYPE_CHECKING:
     from softmodels.app.shell import Shell
     from softmodels.app.tracing import Plane, Preview, Traced
 
-OUTLINES = "outlines"
+OUTLINES, LENS = "outlines", "lens.toml"
 BENCH = "bench.toml"
 """How the screen was found: the photograph of its grid, the pitch, and the lens."""
 LARGEST_PHOTOGRAPH = 80 << 20
+PREVIEW = 1600
+"""Longest side of a preview in px."""
 REACH = 40.0
 """Pixels of a preview within which a press takes hold of a handle."""
 
@@ -75,6 +79,7 @@ class Photographs:
         self.plane: Plane | None = None
         self.error = ""
         self.listed: dict[str, Listed] = {}
+        self.typed: dict[str, str] = {}
         self.zero: list[list[float]] | None = None
         self.roi: list[float] | None = None
         self.read()
@@ -135,10 +140,12 @@ class Photographs:
     async def add(self, name: str, data: bytes) -> None:
         """Keep a photograph that was dropped or taken, and find its edge."""
         file = self.project.new_file(PHOTOGRAPHS, name)
+        if file.suffix.lower() == ".csv":
+            return self.take_list(name, data)
         if file.suffix.lower() not in PICTURES:
             raise AnswerError(f"{name}: not a photograph that can be read; use JPEG, PNG, TIFF or HEIC")
         write_bytes(file, data)
-        one = Listed(file)
+        one = Listed(file, self.typed.get(file.name, ""))
         try:
             one.preview = await self.shell.bench.ask("preview", str(file))
         except AnswerError as error:
@@ -147,6 +154,25 @@ class Photographs:
         self.listed[file.name] = one
         self.changed.emit(file.name)
         await self.trace(one)
+
+    def take_list(self, name: str, data: bytes) -> None:
+        """Take the pressures of a list of photographs that was dropped, for these and those that come.
+
+        Raises:
+            AnswerError: It cannot be read.
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            listing = Path(folder) / "photos.csv"
+            listing.write_bytes(data)
+            try:
+                listed = read_photos(listing)
+            except PhotoListError as error:
+                raise AnswerError(f"{name}: {str(error).replace(str(listing), name)}") from None
+        self.typed |= {one.file.name: f"{one.pressure / pascal_per_cm():.7g} cm" for one in listed}
+        for one in self.listed.values():
+            one.pressure = self.typed.get(one.file.name, one.pressure)
+        self.write_list()
+        self.changed.emit("")
 
     async def show(self, one: Listed) -> None:
         """Make a photograph's preview, if there is none yet."""
@@ -162,7 +188,7 @@ class Photographs:
         Raises:
             AnswerError: There is no such grid.
         """
-        found: Plane = await self.shell.bench.ask("plane", str(self.listed[grid].file), pitch, lens)
+        found: Plane = await self.shell.bench.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
         self.plane, self.grid, self.pitch, self.lens = found, grid, pitch, lens
         import tomli_w
 
@@ -172,6 +198,9 @@ class Photographs:
         self.write_list()
         self.changed.emit(grid)
         await self.trace_all()
+
+    def _lens(self, lens: str) -> str:
+        return str(self.project / lens) if lens.endswith(".toml") else lens
 
     async def trace_all(self) -> None:
         for one in self.shadows:
@@ -210,14 +239,17 @@ class PhotographsPage:
         self.shell, self.photos = shell, shell.photographs
         self.shown = next(iter(self.photos.listed), "")
         self.held: tuple[str, int] | None = None
+        self.scale = 1.0
         with ui.element("div").classes("two-columns"):
             with ui.column().classes("w-full min-w-0"):
-                upload = ui.upload(
+                self.upload = ui.upload(
                     label="Drop photographs here, or take them", multiple=True, auto_upload=True,
                     max_file_size=LARGEST_PHOTOGRAPH, on_multi_upload=self._uploaded,
                     on_rejected=lambda: self._say(f"rejected: above {LARGEST_PHOTOGRAPH >> 20} MB"),
                 )  # fmt: skip
-                upload.classes("w-full").props('accept="image/*,.heic,.tif,.tiff" capture="environment"').mark("drop")
+                self.upload.classes("w-full").props(
+                    'accept="image/*,.heic,.tif,.tiff,.csv" capture="environment"'
+                ).mark("drop")
                 with ui.card().classes("w-full"):
                     self._table()
             with ui.column().classes("w-full min-w-0"):
@@ -239,6 +271,7 @@ class PhotographsPage:
                 self.about = ui.label().mark("about-photograph")
                 job_panel(shell, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
         self.photos.changed.subscribe(self._changed)
+        shell.jobs.changed.subscribe(lambda job: self._update() if job.output == LENS else None)
         ui.timer(0.05, self._show, once=True)
 
     # -- the list -----------------------------------------------------------------------------------------------------
@@ -252,6 +285,13 @@ class PhotographsPage:
             self.grid = ui.select([], label="photograph of the grid").classes("grow").mark("grid")
             self.pitch = ui.input("pitch", value=self.photos.pitch).classes("w-20").mark("pitch")
         self.lens = ui.select([], label="lens correction").classes("w-full").props("dense")
+        with ui.expansion("Lens from photographs of a board").classes("w-full").props("dense"):
+            boards = ui.upload(label="Drop ten photographs of a chessboard", multiple=True, auto_upload=True,
+                               max_file_size=LARGEST_PHOTOGRAPH, on_multi_upload=self._boards)  # fmt: skip
+            boards.classes("w-full").props('accept="image/*,.heic,.tif,.tiff"').mark("boards")
+            self.pattern = ui.input("inner corners", value="9x6").props("dense").mark("pattern")
+            self.square = ui.input("side of a square", value="25mm").props("dense").mark("square")
+            job_panel(self.shell, LENS, "Calibrate", self._calibrate)
         self.find = ui.button("Find the grid", on_click=self._find).props("dense").mark("find-grid")
         ui.label("Photographs").classes("font-bold")
         self.rows: dict[str, tuple[Row, Input, Icon, Tooltip]] = {}
@@ -292,6 +332,29 @@ class PhotographsPage:
             icon.props(f"color={colour}")
             tooltip.set_text(one.why or "; ".join(one.traced.doubts if one.traced else ()) or "edge found")
 
+    async def _boards(self, event: MultiUploadEventArguments) -> None:
+        for given in event.files:
+            file = self.photos.project.new_file(BOARDS, given.name)
+            if file.suffix.lower() in PICTURES:
+                write_bytes(file, await given.read())
+            else:
+                self._say(f"{given.name}: not a photograph that can be read; use JPEG, PNG, TIFF or HEIC")
+
+    def _calibrate(self) -> Command:
+        files = [f"{BOARDS}/{file.name}" for file in self.photos.project.files(BOARDS, PICTURES)]
+        if not files:
+            return "drop photographs of the board first"
+        words = [
+            "measurement",
+            "calibrate",
+            *files,
+            "--pattern",
+            str(self.pattern.value),
+            "--pitch",
+            str(self.square.value),
+        ]
+        return [*words, "-o", LENS], LENS, False
+
     async def _find(self) -> None:
         if not self.grid.value:
             return self._say("choose the photograph that shows the grid")
@@ -321,6 +384,7 @@ class PhotographsPage:
                 await self.photos.add(file.name, await file.read())
             except (AnswerError, OSError) as error:
                 self._say(str(error))
+        self.upload.reset()
         if not self.shown:
             self.shown = next(iter(self.photos.listed), "")
         await self._show()
@@ -346,9 +410,8 @@ class PhotographsPage:
         await self.photos.show(one)
         if one.preview is None:
             return self._say(one.why)
-        import base64
-
-        self.image.set_source("data:image/jpeg;base64," + base64.b64encode(one.preview.jpeg).decode())
+        source, self.scale = picture_of(one.preview)
+        self.image.set_source(source)
         self._draw()
         traced = one.traced
         words = [one.file.name, f"{one.preview.width} x {one.preview.height} px"]
@@ -367,7 +430,7 @@ class PhotographsPage:
         one = self.photos.listed.get(self.shown)
         if one is None or one.preview is None:
             return
-        scale = max(one.preview.width, one.preview.height) / min(1600, max(one.preview.width, one.preview.height))
+        scale = self.scale
         drawn: list[str] = []
         if one.file.name == self.photos.grid and self.photos.plane is not None:
             drawn += [
@@ -376,9 +439,9 @@ class PhotographsPage:
         if one.traced is not None:
             drawn += [f'<polyline class="traced" points="{piece}"/>' for piece in _pieces(one.traced.edge, scale)]
             if one.traced.zero is not None and self.photos.zero is None:
-                drawn.append(f'<polyline class="zero" points="{_points(one.traced.zero, scale)}"/>')
+                drawn.append(f'<polyline class="zero" points="{points_text(one.traced.zero, scale)}"/>')
         if self.photos.zero is not None:
-            drawn.append(f'<polyline class="zero" points="{_points(np.array(self.photos.zero), scale)}"/>')
+            drawn.append(f'<polyline class="zero" points="{points_text(np.array(self.photos.zero), scale)}"/>')
             drawn += [
                 f'<circle class="handle" cx="{x / scale:.1f}" cy="{y / scale:.1f}" r="12"/>'
                 for x, y in self.photos.zero
@@ -388,7 +451,6 @@ class PhotographsPage:
             drawn.append(f'<rect class="roi" x="{x0:.1f}" y="{y0:.1f}" width="{x1 - x0:.1f}" height="{y1 - y0:.1f}"/>')
             drawn += [f'<circle class="handle" cx="{x:.1f}" cy="{y:.1f}" r="12"/>' for x, y in ((x0, y0), (x1, y1))]
         self.image.set_content("".join(drawn))
-        self.scale = scale
 
     # -- handles ------------------------------------------------------------------------------------------------------
 
@@ -453,7 +515,7 @@ class PhotographsPage:
 
     # -- all of them --------------------------------------------------------------------------------------------------
 
-    def _measure(self) -> tuple[list[str], str, bool] | str:
+    def _measure(self) -> Command:
         """Return the command that measures all; a sentence where it cannot be given yet."""
         if not self.photos.setup:
             return "choose the photograph that shows the grid, and find the grid first"
@@ -481,7 +543,14 @@ def _mark(one: Listed) -> tuple[str, str]:
     return ("help", "warning") if one.traced.doubts else ("check_circle", "positive")
 
 
-def _points(px: Array, scale: float) -> str:
+def picture_of(preview: Preview) -> tuple[str, float]:
+    """Return a preview as a source for the page, and how many pixels of the photograph one of it spans."""
+    longest = max(preview.width, preview.height)
+    return "data:image/jpeg;base64," + base64.b64encode(preview.jpeg).decode(), longest / min(PREVIEW, longest)
+
+
+def points_text(px: Array, scale: float) -> str:
+    """Return points in px of a photograph as SVG has them in its preview."""
     return " ".join(f"{x / scale:.2f},{y / scale:.2f}" for x, y in px if math.isfinite(x + y))
 
 
@@ -491,4 +560,4 @@ def _pieces(px: Array, scale: float) -> list[str]:
     px = px[::step]
     gaps = np.linalg.norm(np.diff(px, axis=0), axis=1)
     cut = np.flatnonzero(gaps > 10 * max(float(np.median(gaps)), 1e-9)) + 1
-    return [_points(piece, scale) for piece in np.split(px, cut) if len(piece) > 1]
+    return [points_text(piece, scale) for piece in np.split(px, cut) if len(piece) > 1]

@@ -12,7 +12,7 @@ from softmodels.case.case import Case
 from softmodels.common.files import replace_text
 
 CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
-PHOTOGRAPHS, CURVES, RESULTS = "photographs", "curves", "results"
+PHOTOGRAPHS, BOARDS, CURVES, RESULTS = "photographs", "boards", "curves", "results"
 FIRST_PRESSURES = "0:60 cm"
 
 
@@ -31,7 +31,7 @@ class Project:
         from nicegui import Event
 
         self.folder = folder.absolute()
-        for name in (PHOTOGRAPHS, CURVES, RESULTS):
+        for name in (PHOTOGRAPHS, BOARDS, CURVES, RESULTS):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
         self.changed: Event[str] = Event()
         self.case_error = ""

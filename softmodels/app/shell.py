@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 from softmodels.app.device import DevicePage
 from softmodels.app.jobs import Jobs
+from softmodels.app.making import MouldPage
+from softmodels.app.material import MaterialPage
+from softmodels.app.overlay import OverlayPage
 from softmodels.app.photographs import Photographs, PhotographsPage
 from softmodels.app.warm import Warm
 
@@ -25,6 +28,7 @@ svg.section .scale-bar text { fill: currentColor; }
 .colour-bar div { flex: 1; height: 0.7rem; }
 .photograph svg polyline { fill: none; stroke-width: 2.5; vector-effect: non-scaling-stroke; }
 .photograph svg .traced { stroke: #e6194b; }
+.photograph svg .simulated { stroke: #f5d90a; }
 .photograph svg .zero { stroke: #0082c8; stroke-dasharray: 8 5; }
 .photograph svg circle { fill: none; stroke: #3cb44b; stroke-width: 2; }
 .photograph svg .handle { fill: #0082c8aa; stroke: white; }
@@ -52,7 +56,7 @@ class Shell:
 
     async def begin(self) -> None:
         """Load the solver while the user looks at the page, and go on with interrupted jobs."""
-        self._loading = asyncio.create_task(asyncio.to_thread(lambda: (self.solver.start(), self.bench.start())))
+        self._loading = [asyncio.create_task(asyncio.to_thread(warm.start)) for warm in (self.solver, self.bench)]
         self.jobs.begin()
 
     def end(self) -> None:
@@ -64,7 +68,13 @@ class Shell:
         """Build the page of one tab."""
         from nicegui import ui
 
-        pages = {"Photographs": ("photo_camera", PhotographsPage), "Device": ("tune", DevicePage)}
+        pages = {
+            "Photographs": ("photo_camera", PhotographsPage),
+            "Material": ("science", MaterialPage),
+            "Device": ("tune", DevicePage),
+            "Overlay": ("layers", OverlayPage),
+            "Mould": ("view_in_ar", MouldPage),
+        }
         ui.add_css(STYLE)
         with ui.header(elevated=False).classes("items-center gap-2 py-1"):
             ui.label("softmodels").classes("font-bold")

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import io
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from scipy.optimize import minimize_scalar
 
 from measurement.camera.pictures import read_pixels
 from measurement.cli.setup import LensOptions
 from measurement.cli.shared import length, with_error
+from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
 from measurement.screen.seen import setup_from_grid
 from measurement.screen.setup import PITCH_ERROR, Setup
+from measurement.series.measuring import zero_line
 from measurement.series.photo import outline_of, trace_image, zero_of
+from measurement.series.photo_list import read_photos
+from softmodels.app.photographs import PREVIEW
 from softmodels.common.arrays import Array
-
-PREVIEW = 1600
-"""Longest side of a preview in px."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,3 +120,51 @@ def handles(setup: str) -> tuple[Array | None, tuple[float, float, float, float]
     """Return a setup's zero line in px, shape (2, 2), and its region of interest in px."""
     known = Setup.from_toml(setup)
     return (None if known.zero is None else known.to_pixels(known.zero)), known.roi
+
+
+@dataclasses.dataclass(frozen=True)
+class Overlay:
+    """A simulated outline over a photograph.
+
+    Attributes:
+        curve: In px of the photograph, shape (k, 2).
+        difference: Measured less simulated height, rms in m, over the simulated outline's upper side.
+        axis: Place of its axis along the surface in m, which makes the difference least.
+    """
+
+    curve: Array
+    difference: float
+    axis: float
+
+
+@functools.lru_cache(maxsize=4)
+def _zero(listing: str, setup: str, _stamp: float) -> tuple[Setup, ZeroLine]:
+    known = Setup.from_toml(setup)
+    return known, zero_line(read_photos(Path(listing)), known)
+
+
+def overlay(listing: str, setup: str, outline: str, curve: Array) -> Overlay:
+    """Place a simulated outline on a photograph.
+
+    Args:
+        listing: The list of photographs, of which one shows the undeformed surface if the setup does not.
+        setup: Text of the setup.
+        outline: File of the photograph's measured outline.
+        curve: Simulated distance from the axis and height above the undeformed apex in m, from the axis on, shape (k, 2).
+    """
+    known, line = _zero(listing, setup, Path(listing).stat().st_mtime)
+    measured = Outline.from_csv(Path(outline))
+    upper = curve[: int(np.argmax(curve[:, 0])) + 1]
+    upper = upper[np.concatenate([[True], np.diff(np.maximum.accumulate(upper[:, 0])) > 0.0])]
+    reach = upper[-1, 0]
+
+    def difference(axis: float) -> float:
+        near = np.abs(measured.x - axis) < reach
+        simulated = np.interp(np.abs(measured.x[near] - axis), *upper.T)
+        return float(np.sqrt(np.mean((measured.z[near] - simulated) ** 2))) if near.any() else np.inf
+
+    apex = float(measured.x[np.argmax(measured.z)])
+    axis = float(minimize_scalar(difference, bounds=(apex - reach / 4, apex + reach / 4), method="bounded").x)
+    both = np.concatenate([curve[::-1] * [-1.0, 1.0], curve]) + np.array([axis, 0.0])
+    placed = line.origin + both[:, :1] * line.direction + both[:, 1:] * line.normal
+    return Overlay(known.to_pixels(placed), difference(axis), axis)

@@ -1,0 +1,152 @@
+"""The page of the material: measured curves and outlines to a fitted law with intervals, beside what others have published."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from softmodels.app.jobs import DONE, Command, Job, job_panel
+from softmodels.app.photographs import OUTLINES
+from softmodels.app.project import CASE, CURVES, FITTED, RESULTS
+from softmodels.case.entries import INPUT_ERRORS
+from softmodels.case.materials import material_from
+from softmodels.common.files import read_text, replace_text, write_bytes
+from softmodels.common.units import readable
+from softmodels.materials.laws import LAWS
+from softmodels.materials.silicones import PRODUCTS
+
+if TYPE_CHECKING:
+    from nicegui.elements.select import Select
+    from nicegui.events import MultiUploadEventArguments
+
+    from softmodels.app.shell import Shell
+
+OUTPUT = f"{RESULTS}/fit"
+ENDINGS = (".csv", ".txt", ".tsv", ".xlsx")
+TESTS = ("uniaxial", "planar", "equibiaxial", "balloon")
+LARGEST_CURVE = 40 << 20
+
+
+class MaterialPage:
+    """One tab's page of the material.
+
+    Args:
+        shell: What all tabs share.
+    """
+
+    def __init__(self, shell: Shell):
+        from nicegui import ui
+
+        self.shell, self.project = shell, shell.project
+        with ui.element("div").classes("two-columns"):
+            with ui.card().classes("w-full"):
+                upload = ui.upload(
+                    label="Drop curves of a test machine", multiple=True, auto_upload=True, max_file_size=LARGEST_CURVE,
+                    on_multi_upload=self._uploaded, on_rejected=lambda: self._say(f"rejected: above {LARGEST_CURVE >> 20} MB"),
+                )  # fmt: skip
+                self.upload = upload.classes("w-full").props('accept=".csv,.txt,.tsv,.xlsx"')
+                self.curves = ui.refreshable(self._curves)
+                self.curves()
+                self.with_outlines = ui.switch("Outlines of the photographs", value=(self.project / OUTLINES).is_dir())
+                self.with_outlines.mark("with-outlines")
+                self.with_untrusted = ui.switch("Also untrusted ones").mark("with-untrusted")
+                self.with_untrusted.tooltip("The doubts stay in the fit's record")
+                self.laws = ui.select(sorted(LAWS), value=["yeoh"], label="Laws to compare", multiple=True)
+                self.laws.classes("w-full").props("dense use-chips").mark("laws")
+                self.fixed = ui.input("Fixed parameters", placeholder="c3=0, leak=0").classes("w-full").props("dense")
+                self.fixed.mark("fixed")
+                self.poisson = (
+                    ui.input("Poisson's ratio", value="0.49").classes("w-full").props("dense").mark("poisson")
+                )
+                products = ["any", *sorted(PRODUCTS)]
+                self.product = ui.select(products, value="any", label="Cast from", with_input=True)
+                self.product.classes("w-full").props("dense").mark("product")
+            with ui.column().classes("w-full min-w-0"):
+                self.message = ui.label().classes("text-negative").mark("material-message")
+                self.answer = ui.column().classes("gap-1")
+                job_panel(shell, OUTPUT, "Fit", self._command, f"{OUTPUT}/report.html")
+        shell.jobs.changed.subscribe(self._ended)
+        self._show()
+
+    def _say(self, sentence: str) -> None:
+        self.message.set_text(sentence)
+
+    def _curves(self) -> None:
+        from nicegui import ui
+
+        self.tests: dict[str, Select] = {}
+        for file in self.project.files(CURVES, ENDINGS):
+            with ui.row().classes("w-full items-center no-wrap gap-2"):
+                ui.label(file.name).classes("grow truncate")
+                self.tests[file.name] = ui.select(["not used", *TESTS], value=TESTS[0]).props("dense").classes("w-32")
+                self.tests[file.name].mark(f"test-{file.name}")
+
+    async def _uploaded(self, event: MultiUploadEventArguments) -> None:
+        for given in event.files:
+            file = self.project.new_file(CURVES, given.name)
+            if file.suffix.lower() not in ENDINGS:
+                self._say(f"{given.name}: not a table that can be read; use CSV or Excel (.xlsx)")
+                continue
+            try:
+                write_bytes(file, await given.read())
+            except OSError as error:
+                self._say(f"{given.name}: {error.strerror}")
+        self.upload.reset()
+        self.curves.refresh()
+
+    def _command(self) -> Command:
+        words = ["softmodels", "fit"]
+        if self.with_outlines.value:
+            if not (self.project / OUTLINES).is_dir():
+                return "there are no outlines yet: measure the photographs first, or switch the outlines off"
+            if not (self.project / CASE).exists():
+                self.project.change()
+            words += [CASE, f"{OUTLINES}/"]
+            if self.with_untrusted.value:
+                words.append("--untrusted")
+        for name, test in self.tests.items():
+            if test.value != "not used":
+                words += ["--tensile", f"{CURVES}/{name}:{test.value}"]
+        if len(words) == 2:
+            return "there is nothing to fit yet: drop a curve of a test machine here, or measure photographs"
+        if not self.laws.value:
+            return "choose at least one law"
+        words += ["--material", ",".join(self.laws.value), "--poisson", str(self.poisson.value)]
+        if self.product.value:
+            words += ["--silicone", str(self.product.value)]
+        for text in str(self.fixed.value or "").replace(";", ",").split(","):
+            if text.strip():
+                words += ["--fix", text.strip()]
+        return [*words, "-o", OUTPUT], OUTPUT, False
+
+    async def _ended(self, job: Job) -> None:
+        if job.output == OUTPUT and job.state == DONE:
+            self._show()
+
+    def _show(self) -> None:
+        """Show the answer of the last fit."""
+        from nicegui import ui
+
+        self.answer.clear()
+        try:
+            found = json.loads(read_text(self.project / OUTPUT / "fit.json"))
+            law = next(one for one in found["laws"] if one["law"] == found["chosen"])
+        except (OSError, ValueError, KeyError, StopIteration):
+            return
+        with self.answer:
+            for one in law["parameters"]:
+                ends = one["interval_95"]
+                unit, value = one["unit"], readable(one["value"], one["unit"])
+                between = f", 95 %: {' to '.join(readable(end, unit) for end in ends)}" if ends else ""
+                ui.label(f"{one['name']}  {value}{between}").mark(f"fitted-{one['name']}")
+            ui.label(found["verdict"]).classes("text-sm")
+            ui.button("Use it for the device", on_click=self._use).props("outline").mark("use-material")
+
+    def _use(self) -> None:
+        try:
+            text = read_text(self.project / OUTPUT / FITTED)
+            replace_text(self.project / FITTED, text)
+            self.project.change(material=material_from(str(self.project / FITTED), {}))
+            self._say("")
+        except (*INPUT_ERRORS, OSError) as error:
+            self._say(str(error))

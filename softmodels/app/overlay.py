@@ -1,0 +1,91 @@
+"""The page that draws the simulated outline over the photographs, pressure by pressure."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING
+
+from softmodels.app.photographs import OUTLINES, picture_of, points_text
+from softmodels.app.project import PHOTOS
+from softmodels.app.warm import AnswerError, SupersededError
+from softmodels.common.files import read_text
+
+if TYPE_CHECKING:
+    from softmodels.app.shell import Shell
+    from softmodels.app.tracing import Overlay
+
+
+class OverlayPage:
+    """One tab's page of the simulated outline over the photographs.
+
+    Args:
+        shell: What all tabs share.
+    """
+
+    def __init__(self, shell: Shell):
+        from nicegui import ui
+
+        self.shell, self.project = shell, shell.project
+        self.message = ui.label().classes("text-negative").mark("overlay-message")
+        with ui.row().classes("w-full items-center gap-3"):
+            self.chosen = (
+                ui.select([], label="Photograph", on_change=self._show).classes("w-72").mark("overlay-photograph")
+            )
+            ui.button("Draw", on_click=self._refresh).props("outline").mark("overlay-draw")
+            self.about = ui.label().mark("overlay-about")
+        self.image = ui.interactive_image(sanitize=False).classes("w-full photograph").mark("overlay")
+        shell.jobs.changed.subscribe(lambda job: self._list() if job.output == OUTLINES else None)
+        self._list()
+
+    def _measured(self) -> dict[str, float]:
+        """Return the pressure in Pa of each measured photograph, by its file's name."""
+        try:
+            rows = csv.DictReader(io.StringIO(read_text(self.project / OUTLINES / "heights.csv")))
+            return {row["file"]: float(row["pressure_Pa"]) for row in rows if row["height_m"]}
+        except (OSError, KeyError, ValueError):
+            return {}
+
+    def _list(self) -> None:
+        self.measured = self._measured()
+        self.chosen.set_options(list(self.measured))
+
+    async def _refresh(self) -> None:
+        self._list()
+        if not self.measured:
+            self.message.set_text("there are no outlines yet: measure the photographs first")
+        elif self.chosen.value is None:
+            self.chosen.set_value(list(self.measured)[-1])
+        else:
+            await self._show()
+
+    async def _show(self) -> None:
+        name = self.chosen.value
+        try:
+            self.message.set_text(await self._draw(name) if name else "")
+        except SupersededError:
+            pass
+        except AnswerError as error:
+            self.message.set_text(str(error))
+
+    async def _draw(self, name: str) -> str:
+        """Draw the outline over a photograph; return the sentence why it cannot be drawn."""
+        photos, case = self.shell.photographs, self.project.case
+        if not case.actuator.axial:
+            return "outlines are drawn over photographs of axisymmetric devices only"
+        one, pressure = photos.listed.get(name), self.measured[name]
+        if one is None:
+            return f"{name} is no longer among the photographs"
+        curve = await self.shell.solver.ask("outline", case.to_toml(), pressure, kind="outline")
+        file, listing = self.project / OUTLINES / f"{one.file.stem}.csv", self.project / PHOTOS
+        found: Overlay = await self.shell.bench.ask("overlay", str(listing), photos.setup, str(file), curve)
+        await photos.show(one)
+        if one.preview is None:
+            return one.why
+        source, scale = picture_of(one.preview)
+        self.image.set_source(source)
+        self.image.set_content(f'<polyline class="simulated" points="{points_text(found.curve, scale)}"/>')
+        self.about.set_text(
+            f"{pressure / case.cm:.4g} cm; measured and simulated heights differ by {found.difference * 1e6:.3g} um (rms)"
+        )
+        return ""
