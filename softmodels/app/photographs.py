@@ -329,6 +329,7 @@ class PhotographsPage:
             _, box, icon, tooltip = self.rows[name]
             name_of_icon, colour = _mark(one)
             icon.set_name(name_of_icon)
+            box.set_value(one.pressure)
             icon.props(f"color={colour}")
             tooltip.set_text(one.why or "; ".join(one.traced.doubts if one.traced else ()) or "edge found")
 

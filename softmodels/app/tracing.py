@@ -122,13 +122,17 @@ def handles(setup: str) -> tuple[Array | None, tuple[float, float, float, float]
     return (None if known.zero is None else known.to_pixels(known.zero)), known.roi
 
 
+SUNK = -5e-5
+"""Height in m above the undeformed surface below which a shadow may show what is beside the outline."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Overlay:
     """A simulated outline over a photograph.
 
     Attributes:
         curve: In px of the photograph, shape (k, 2).
-        difference: Measured less simulated height, rms in m, over the simulated outline's upper side.
+        difference: Measured minus simulated height, rms in m, where the simulated outline is not below the undeformed surface.
         axis: Place of its axis along the surface in m, which makes the difference least.
     """
 
@@ -156,15 +160,16 @@ def overlay(listing: str, setup: str, outline: str, curve: Array) -> Overlay:
     measured = Outline.from_csv(Path(outline))
     upper = curve[: int(np.argmax(curve[:, 0])) + 1]
     upper = upper[np.concatenate([[True], np.diff(np.maximum.accumulate(upper[:, 0])) > 0.0])]
-    reach = upper[-1, 0]
 
     def difference(axis: float) -> float:
-        near = np.abs(measured.x - axis) < reach
-        simulated = np.interp(np.abs(measured.x[near] - axis), *upper.T)
-        return float(np.sqrt(np.mean((measured.z[near] - simulated) ** 2))) if near.any() else np.inf
+        simulated = np.interp(np.abs(measured.x - axis), *upper.T, right=-np.inf)
+        seen = simulated > SUNK
+        return float(np.sqrt(np.mean((measured.z[seen] - simulated[seen]) ** 2))) if seen.any() else np.inf
 
     apex = float(measured.x[np.argmax(measured.z)])
-    axis = float(minimize_scalar(difference, bounds=(apex - reach / 4, apex + reach / 4), method="bounded").x)
+    axis = float(
+        minimize_scalar(difference, bounds=(apex - upper[-1, 0] / 4, apex + upper[-1, 0] / 4), method="bounded").x
+    )
     both = np.concatenate([curve[::-1] * [-1.0, 1.0], curve]) + np.array([axis, 0.0])
     placed = line.origin + both[:, :1] * line.direction + both[:, 1:] * line.normal
     return Overlay(known.to_pixels(placed), difference(axis), axis)
