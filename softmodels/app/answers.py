@@ -7,12 +7,15 @@ import time
 
 import numpy as np
 
-from softmodels.api.calls import run
+from softmodels.api.calls import limit as limit_of, run
 from softmodels.api.run import Run, SolvedState
 from softmodels.app.drawing import Section
 from softmodels.case.case import Case
+from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
-from softmodels.materials.silicones import stretch_at_break
+from softmodels.common.units import readable
+from softmodels.materials.silicones import named, product_of, spanning, stretch_at_break
+from softmodels.runs.band import span_sentence
 from softmodels.runs.grid import Cells, border, parabolas
 from softmodels.runs.outcomes import RunError
 
@@ -70,6 +73,31 @@ def state(case: str, pressure: str) -> StateAnswer:
 
 def _state(one: SolvedState) -> StateAnswer:
     return StateAnswer(dict(one.row), Section.of(one.points, one.displacement, one.cells, one.von_mises / 1e3))
+
+
+def limit(case: str) -> str:
+    """Return what the largest pressure of a case's device is, as a sentence with the margin to its last requested one."""
+    asked = Case.from_toml(case)
+    found = limit_of(
+        asked.actuator, asked.material, formulation=asked.formulation, components=asked.components, solver=asked.solver
+    )
+    pressure = f"{found.pressure / asked.cm:.4g} cm ({readable(found.pressure, 'Pa')})"
+    if not found.found:
+        return f"no limit point up to {pressure}, where the largest stretch is {found.stretch:.3g}"
+    what = "limit point" if found.kind == "limit" else "bifurcation"
+    highest = max(asked.pressures_cm, default=0.0) * asked.cm
+    margin = f", {found.pressure / highest:.3g} times the highest pressure" if highest else ""
+    return f"{what} at {pressure}{margin}; largest stretch there {found.stretch:.3g}"
+
+
+def spread(case: str) -> str:
+    """Return how far the sources of a named silicone spread the answer, as a sentence; empty where there is one source."""
+    asked = Case.from_toml(case)
+    name = named(asked.material)
+    if name is None or not spanning(product_of(name)) or asked.program:
+        return ""
+    banded = dataclasses.replace(asked, band=SourceBand(product_of(name)))
+    return span_sentence(banded, run(banded).sources)
 
 
 def outline(case: str, pressure: float) -> Array:

@@ -53,6 +53,8 @@ class DevicePage:
                 self.slider.on("change", lambda _: self._solve_between())
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
                 self.chart = ui.echart(_chart([], [], "")).classes("w-full h-64")
+                self.limit = ui.label().mark("limit")
+                self.spread = ui.label().classes("text-sm").mark("spread")
                 self.notes = ui.column().classes("gap-1")
                 job_panel(shell, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html")
                 with ui.expansion("The same in a terminal, and in Python").classes("w-full").props("dense"):
@@ -84,7 +86,7 @@ class DevicePage:
         ui.select(
             ([own] if own else []) + names, value=own or str(known).partition("/")[0], label="Silicone", with_input=True
         ).classes("w-full").props("dense").mark("silicone").on_value_change(
-            lambda event: self._take(material=silicone(event.value)) if event.value in PRODUCTS else None
+            lambda event: self._take(material=silicone(event.value), band=None) if event.value in PRODUCTS else None
         )
         values = case.pressures_cm
         box = ui.input("Pressures", value=f"{values[0]:g}:{values[-1]:g} cm" if values else "").props("dense")
@@ -160,6 +162,15 @@ class DevicePage:
         )
         self.chart.update()
         self._report(answer)
+        for function, label in (("limit", self.limit), ("spread", self.spread)):
+            label.set_text("")
+            try:
+                label.set_text(await self.shell.solver.ask(function, self.text, kind=function))
+            except SupersededError:
+                return None
+            except AnswerError as error:
+                label.set_text(str(error))
+        return None
 
     def _report(self, answer: PathAnswer) -> None:
         from nicegui import ui
@@ -211,7 +222,8 @@ class DevicePage:
                 ui.label(text).mark(name)
 
     def _figures(self, row: dict[str, object]) -> list[tuple[str, str]]:
-        probes = [(name.removesuffix("_mm"), f"{row[name]:.4g} mm") for name in row
+        bands = {name.replace("_ci95", ""): f" +- {row[name]:.2g}" for name in row if "_ci95_" in name}
+        probes = [(name.removesuffix("_mm"), f"{row[name]:.4g}{bands.get(name, '')} mm") for name in row
                   if name.removesuffix("_mm") in self.project.case.actuator.probes and name.endswith("_mm")]  # fmt: skip
         found = [
             ("pressure", f"{row['pressure_cm']:.4g} cm ({float(row['pressure_Pa']) / 1e3:.4g} kPa)"),  # type: ignore[arg-type]

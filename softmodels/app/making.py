@@ -5,14 +5,43 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
+import tomli_w
+
+from geometries.actuator import is_length, parameter, parameter_names
 from softmodels.app.jobs import DONE, Command, Job, job_panel
 from softmodels.app.project import CASE, RESULTS
+from softmodels.case.case import Case
+from softmodels.case.entries import INPUT_ERRORS
+from softmodels.common.files import replace_text
+from softmodels.common.units import UnitError, number, readable
 from softmodels.materials.silicones import PRODUCTS
 
 if TYPE_CHECKING:
     from softmodels.app.shell import Shell
 
-MOULD = f"{RESULTS}/mould"
+MOULD, DESIGN = f"{RESULTS}/mould", f"{RESULTS}/design"
+PROBLEM = "problem.toml"
+OBJECTIVES = {
+    "most rise": ("maximise", "rise"),
+    "greatest height": ("maximise", "height"),
+    "least silicone": ("minimise", "mass"),
+    "least peak stretch": ("minimise", "peak_stretch"),
+    "least peak stress": ("minimise", "peak_von_mises"),
+    "greatest limit pressure": ("maximise", "limit_pressure"),
+}
+"""Objectives by what the page calls them: their table and quantity."""
+LIMITS = {
+    "limit pressure over working pressure, at least": ("limit_margin", "at_least"),
+    "peak stretch, at most": ("peak_stretch", "at_most"),
+    "mass, at most": ("mass", "at_most"),
+    "added volume, at most": ("added_volume", "at_most"),
+    "every wall and channel, at least": ("clearances", "at_least"),
+}
+"""Limits by what the page calls them: their quantity and side."""
+OF_PROBE = ("rise", "height")
+AT_PRESSURE = (*OF_PROBE, "peak_stretch", "peak_von_mises", "added_volume")
+REACH = 1.5
+"""Bounds of a varied length, as a factor of the present one both ways."""
 PRINTED = (".stl", ".step", ".3mf")
 
 
@@ -72,6 +101,115 @@ class MouldPage:
         with self.files:
             for file in self.project.files(MOULD, PRINTED):
                 ui.link(file.name, f"/files/{quote(f'{MOULD}/{file.name}')}").props(f'download="{file.name}"')
+
+
+class DesignPage:
+    """One tab's page of designs.
+
+    Args:
+        shell: What all tabs share.
+    """
+
+    def __init__(self, shell: Shell):
+        from nicegui import ui
+
+        self.shell, self.project = shell, shell.project
+        with ui.element("div").classes("two-columns"):
+            with ui.card().classes("w-full"):
+                self.controls = ui.refreshable(self._controls)
+                self.controls()
+            with ui.column().classes("w-full min-w-0"):
+                self.message = ui.label().classes("text-negative").mark("design-message")
+                job_panel(shell, DESIGN, "Search", self._command, f"{DESIGN}/report.html")
+                ui.button("Use this device", on_click=self._use).props("outline").mark("use-design")
+        self.project.changed.subscribe(lambda file: self.controls.refresh())
+
+    def _controls(self) -> None:
+        from nicegui import ui
+
+        device = self.project.case.actuator
+        ui.label("What may change").classes("font-bold")
+        names = [name for name in parameter_names(device) if is_length(device, name)]
+        self.varied = ui.select(names, value=names[:1], label="lengths", multiple=True).props("dense use-chips")
+        self.varied.classes("w-full").mark("varied")
+        self.reach = ui.input("from and to, as a factor both ways", value=f"{REACH:g}").props("dense").classes("w-full")
+        ui.label("What it should do").classes("font-bold")
+        self.objective = (
+            ui.select(list(OBJECTIVES), value="most rise", label="objective").props("dense").classes("w-full")
+        )
+        self.objective.mark("objective")
+        self.probe = (
+            ui.select(list(device.probes), value=next(iter(device.probes)), label="of").props("dense").classes("w-full")
+        )
+        highest = max(self.project.case.pressures_cm, default=0.0)
+        self.at = ui.input("at", value=f"{highest:g} cm").props("dense").classes("w-full").mark("design-pressure")
+        ui.label("Limits that it keeps").classes("font-bold")
+        defaults = {"limit_margin": "1.25", "clearances": "0.8 mm"}
+        self.limits = {
+            name: ui.input(name, value=defaults.get(quantity, ""))
+            .props("dense")
+            .classes("w-full")
+            .mark(f"keep-{quantity}")
+            for name, (quantity, _) in LIMITS.items()
+        }
+
+    def _command(self) -> Command:
+        try:
+            text = tomli_w.dumps(self._problem())
+        except (UnitError, ValueError) as error:
+            return str(error)
+        self.project.change()
+        replace_text(self.project / PROBLEM, text)
+        return ["softmodels", "design", PROBLEM, "-o", DESIGN], DESIGN, True
+
+    def _problem(self) -> dict[str, object]:
+        """Return the problem as its file has it."""
+        device, reach = self.project.case.actuator, number(str(self.reach.value))
+        if not self.varied.value:
+            raise ValueError("choose at least one length that may change")
+        if not reach > 1.0:
+            raise ValueError(f"the factor is {reach:g}; it must be above 1, such as {REACH:g}")
+        bounds = {
+            name: {
+                "from": readable(parameter(device, name) / reach, "m"),
+                "to": readable(parameter(device, name) * reach, "m"),
+            }
+            for name in self.varied.value
+        }
+        table, quantity = OBJECTIVES[str(self.objective.value)]
+        kept = [
+            self._asked(LIMITS[name][0]) | {LIMITS[name][1]: _entry(str(box.value))}
+            for name, box in self.limits.items()
+            if str(box.value or "").strip()
+        ]
+        return {"name": "design", "case": CASE, "parameters": bounds, table: self._asked(quantity), "keep": kept}
+
+    def _asked(self, quantity: str) -> dict[str, object]:
+        asked: dict[str, object] = {"quantity": quantity}
+        if quantity in OF_PROBE:
+            asked["of"] = self.probe.value
+        if quantity in AT_PRESSURE:
+            asked["at"] = str(self.at.value)
+        return asked
+
+    def _use(self) -> None:
+        file = self.project / DESIGN / "design.toml"
+        if not file.exists():
+            self.message.set_text("there is no design yet: start the search first")
+            return
+        try:
+            self.project.change(actuator=Case.from_file(file).actuator)
+            self.message.set_text("")
+        except (*INPUT_ERRORS, OSError) as error:
+            self.message.set_text(str(error))
+
+
+def _entry(text: str) -> object:
+    """Return a plain number as such, and a text with a unit as it is."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def workshop_fields() -> list[tuple[str, str, str]]:

@@ -9,7 +9,7 @@ from softmodels.app.jobs import DONE, Command, Job, job_panel
 from softmodels.app.photographs import OUTLINES
 from softmodels.app.project import CASE, CURVES, FITTED, RESULTS
 from softmodels.case.entries import INPUT_ERRORS
-from softmodels.case.materials import material_from
+from softmodels.case.materials import band_of, material_from
 from softmodels.common.files import read_text, replace_text, write_bytes
 from softmodels.common.units import readable
 from softmodels.materials.laws import LAWS
@@ -146,7 +146,8 @@ class MaterialPage:
         try:
             text = read_text(self.project / OUTPUT / FITTED)
             replace_text(self.project / FITTED, text)
-            self.project.change(material=material_from(str(self.project / FITTED), {}))
+            file = str(self.project / FITTED)
+            self.project.change(material=material_from(file, {}), band=band_of(file))
             self._say("")
         except (*INPUT_ERRORS, OSError) as error:
             self._say(str(error))

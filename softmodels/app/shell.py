@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from softmodels.app.device import DevicePage
 from softmodels.app.jobs import Jobs
-from softmodels.app.making import MouldPage
+from softmodels.app.making import DesignPage, MouldPage
 from softmodels.app.material import MaterialPage
 from softmodels.app.overlay import OverlayPage
 from softmodels.app.photographs import Photographs, PhotographsPage
@@ -73,6 +73,7 @@ class Shell:
             "Material": ("science", MaterialPage),
             "Device": ("tune", DevicePage),
             "Overlay": ("layers", OverlayPage),
+            "Design": ("auto_fix_high", DesignPage),
             "Mould": ("view_in_ar", MouldPage),
         }
         ui.add_css(STYLE)

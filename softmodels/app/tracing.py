@@ -162,7 +162,7 @@ def overlay(listing: str, setup: str, outline: str, curve: Array) -> Overlay:
     upper = upper[np.concatenate([[True], np.diff(np.maximum.accumulate(upper[:, 0])) > 0.0])]
 
     def difference(axis: float) -> float:
-        simulated = np.interp(np.abs(measured.x - axis), *upper.T, right=-np.inf)
+        simulated = np.interp(np.abs(measured.x - axis), upper[:, 0], upper[:, 1], right=-np.inf)
         seen = simulated > SUNK
         return float(np.sqrt(np.mean((measured.z[seen] - simulated[seen]) ** 2))) if seen.any() else np.inf
 
