@@ -15,7 +15,7 @@ from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
 from softmodels.common.units import readable
 from softmodels.materials.silicones import named, product_of, spanning, stretch_at_break
-from softmodels.runs.band import span_sentence
+from softmodels.runs.columns import span_sentence
 from softmodels.runs.grid import Cells, border, parabolas
 from softmodels.runs.outcomes import RunError
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bisect
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from geometries import ACTUATORS, Actuator, registry
 from softmodels.app.drawing import Section, colour_bar, colours_of, section_svg
@@ -11,15 +11,15 @@ from softmodels.app.forms import changed_fields, field_controls, python_lines
 from softmodels.app.jobs import Command, job_panel
 from softmodels.app.project import CASE, RESULTS
 from softmodels.app.warm import AnswerError, SupersededError
+from softmodels.case.case import in_unit
 from softmodels.case.entries import INPUT_ERRORS
-from softmodels.case.from_python import in_unit
 from softmodels.materials.silicones import PRODUCTS, named, silicone
 
 if TYPE_CHECKING:
     from nicegui.elements.mixins.value_element import ValueElement
 
     from softmodels.app.answers import PathAnswer, StateAnswer
-    from softmodels.app.shell import Shell
+    from softmodels.app.bench import Bench
 
 COLOURS = colours_of()
 OUTPUT = f"{RESULTS}/device"
@@ -29,13 +29,13 @@ class DevicePage:
     """One tab's page of the project's device.
 
     Args:
-        shell: What all tabs share.
+        bench: What all tabs share.
     """
 
-    def __init__(self, shell: Shell):
+    def __init__(self, bench: Bench):
         from nicegui import ui
 
-        self.shell, self.project = shell, shell.project
+        self.bench, self.project = bench, bench.project
         self.answer: PathAnswer | None = None
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
@@ -56,7 +56,7 @@ class DevicePage:
                 self.limit = ui.label().mark("limit")
                 self.spread = ui.label().classes("text-sm").mark("spread")
                 self.notes = ui.column().classes("gap-1")
-                job_panel(shell, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html")
+                job_panel(bench.jobs, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html")
                 with ui.expansion("The same in a terminal, and in Python").classes("w-full").props("dense"):
                     self.terminal = ui.code("", language="bash").classes("w-full")
                     self.python = ui.code("", language="python").classes("w-full")
@@ -78,7 +78,7 @@ class DevicePage:
         ui.select(kinds, value=type(case.actuator).__name__, label="Device").classes("w-full").props("dense").mark(
             "device"
         ).on_value_change(lambda event: self._take_device(event.value))
-        self.fields: dict[str, ValueElement[Any]] = field_controls(case.actuator, self._take_field)
+        self.fields: dict[str, ValueElement] = field_controls(case.actuator, self._take_field)
         ui.separator()
         known = named(case.material)
         names = sorted(PRODUCTS)
@@ -136,7 +136,7 @@ class DevicePage:
             self.answer = None
             return self._say("this device is a solid: start a run below")
         try:
-            answer: PathAnswer = await self.shell.solver.ask("path", case.to_toml(), kind="path")
+            answer: PathAnswer = await self.bench.solver.ask("path", case.to_toml(), kind="path")
         except SupersededError:
             return
         except AnswerError as error:
@@ -165,7 +165,7 @@ class DevicePage:
         for function, label in (("limit", self.limit), ("spread", self.spread)):
             label.set_text("")
             try:
-                label.set_text(await self.shell.solver.ask(function, self.text, kind=function))
+                label.set_text(await self.bench.solver.ask(function, self.text, kind=function))
             except SupersededError:
                 return None
             except AnswerError as error:
@@ -203,7 +203,7 @@ class DevicePage:
         if self.answer is None:
             return
         try:
-            state = await self.shell.solver.ask("state", self.text, f"{self.slider.value} cm", kind="state")
+            state = await self.bench.solver.ask("state", self.text, f"{self.slider.value} cm", kind="state")
         except SupersededError:
             return
         except AnswerError as error:

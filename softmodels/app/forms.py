@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from softmodels.common.schema import About, Choice, Flag, Kind, Open, Quantity, about
@@ -19,7 +19,7 @@ SPAN = 3.0
 STEPS = 200
 
 
-def field_controls(device: Actuator, take: Take) -> dict[str, ValueElement[Any]]:
+def field_controls(device: Actuator, take: Take) -> dict[str, ValueElement]:
     """Add controls for a device's fields in the current place of the page; return those with a value, by field.
 
     Lengths and angles that shape the device come first; the others are folded away.
@@ -30,7 +30,7 @@ def field_controls(device: Actuator, take: Take) -> dict[str, ValueElement[Any]]
     """
     from nicegui import ui
 
-    found: dict[str, ValueElement[Any]] = {}
+    found: dict[str, ValueElement] = {}
     fields = {name: field for name, field in about(device).items() if not field.idle(device)}
     first = {name: field for name, field in fields.items() if _is_shape(field)}
     for name, field in first.items():
@@ -46,10 +46,10 @@ def _is_shape(field: About) -> bool:
     return isinstance(field.kind, Quantity) and field.shape and bool(field.kind.unit)
 
 
-def _control(device: Actuator, name: str, field: About, take: Take, found: dict[str, ValueElement[Any]]) -> None:
+def _control(device: Actuator, name: str, field: About, take: Take, found: dict[str, ValueElement]) -> None:
     from nicegui import ui
 
-    made: ValueElement[Any]
+    made: ValueElement
     value, label, kind = getattr(device, name), name.replace("_", " "), field.kind
     if isinstance(kind, Choice):
         made = ui.select(list(kind.choices), value=value, label=label)
@@ -67,11 +67,11 @@ def _control(device: Actuator, name: str, field: About, take: Take, found: dict[
     return None
 
 
-def _number(device: Actuator, name: str, field: About, take: Take, found: dict[str, ValueElement[Any]]) -> None:
+def _number(device: Actuator, name: str, field: About, take: Take, found: dict[str, ValueElement]) -> None:
     from nicegui import ui
 
     unit, value = field.kind.unit, float(getattr(device, name))
-    usual = float(default_of(device, name) or value or 1.0)
+    usual = float(default_of(device, name) or value or 1.0)  # type: ignore[arg-type]
     reach = sorted((min(usual / SPAN, value), max(usual * SPAN, value)))
     with ui.row().classes("w-full items-center no-wrap gap-2"):
         box = ui.input(name.replace("_", " "), value=readable(value, unit)).props("dense").classes("w-32 shrink-0")
@@ -111,7 +111,7 @@ def python_lines(device: Actuator, material: str, pressures: str) -> str:
     )
 
 
-def default_of(device: Actuator, name: str) -> Any:
+def default_of(device: Actuator, name: str) -> object:
     """Return the default of a device's field."""
     return type(device).__dataclass_fields__[name].default
 

@@ -18,7 +18,6 @@ from softmodels.common.files import replace_text
 
 if TYPE_CHECKING:
     from softmodels.app.project import Project
-    from softmodels.app.shell import Shell
 
 FOLDER = "jobs"
 WAITING, RUNNING, DONE, STOPPED, FAILED = "waiting", "running", "done", "stopped", "failed"
@@ -77,7 +76,7 @@ class Jobs:
                 self.all.append(Job(**json.loads(file.read_text(encoding="utf-8"))))
 
     def begin(self) -> None:
-        """Go on with the jobs of a server that was killed."""
+        """Resume the jobs of a server that was killed."""
         for job in self.all:
             if job.active:
                 if job.resumable and job.state == RUNNING and "--resume" not in job.words:
@@ -112,7 +111,7 @@ class Jobs:
             self._set(job, STOPPED)
 
     def end(self) -> None:
-        """Stop all, as the server ends; they are gone on with when it starts again."""
+        """Stop all, as the server ends; they are resumed when it starts again."""
         self.ending = True
         for process in self._processes.values():
             with contextlib.suppress(ProcessLookupError):
@@ -136,7 +135,7 @@ class Jobs:
         task.add_done_callback(self._tasks.discard)
 
     async def _run(self, job: Job) -> None:
-        from softmodels.cli.options import end_with_parent
+        from softmodels.common.processes import end_with_parent
 
         async with self._turn:
             if not job.active or self.ending:
@@ -163,19 +162,17 @@ Command = tuple[list[str], str, bool] | str
 """The words of a command, its folder of results and whether it has ``--resume``; or the sentence why it cannot be given."""
 
 
-def job_panel(shell: Shell, output: str, title: str, command: Callable[[], Command], report: str = "") -> None:
+def job_panel(jobs: Jobs, output: str, title: str, command: Callable[[], Command], report: str = "") -> None:
     """Add a button that starts a command in the current place of a page, with what it prints, and its report.
 
     Args:
-        shell: What all tabs share.
+        jobs: The project's jobs.
         output: The command's folder of results.
         title: Of the button.
         command: Is called when the button is pressed.
         report: Page of its results, from the project's folder; empty for none.
     """
     from nicegui import ui
-
-    jobs = shell.jobs
 
     def start() -> None:
         made = command()

@@ -17,7 +17,7 @@ from softmodels.common.units import UnitError, number, readable
 from softmodels.materials.silicones import PRODUCTS
 
 if TYPE_CHECKING:
-    from softmodels.app.shell import Shell
+    from softmodels.app.bench import Bench
 
 MOULD, DESIGN = f"{RESULTS}/mould", f"{RESULTS}/design"
 PROBLEM = "problem.toml"
@@ -49,13 +49,13 @@ class MouldPage:
     """One tab's page of the mould.
 
     Args:
-        shell: What all tabs share.
+        bench: What all tabs share.
     """
 
-    def __init__(self, shell: Shell):
+    def __init__(self, bench: Bench):
         from nicegui import ui
 
-        self.shell, self.project = shell, shell.project
+        self.bench, self.project = bench, bench.project
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
                 ui.label("Mould").classes("font-bold")
@@ -72,8 +72,8 @@ class MouldPage:
                 ui.label("Files").classes("font-bold")
                 self.files = ui.column().classes("gap-1")
             with ui.column().classes("w-full min-w-0"):
-                job_panel(shell, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html")
-        shell.jobs.changed.subscribe(self._ended)
+                job_panel(bench.jobs, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html")
+        bench.jobs.changed.subscribe(self._ended)
         self._show()
 
     def _command(self) -> Command:
@@ -107,20 +107,20 @@ class DesignPage:
     """One tab's page of designs.
 
     Args:
-        shell: What all tabs share.
+        bench: What all tabs share.
     """
 
-    def __init__(self, shell: Shell):
+    def __init__(self, bench: Bench):
         from nicegui import ui
 
-        self.shell, self.project = shell, shell.project
+        self.bench, self.project = bench, bench.project
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
                 self.controls = ui.refreshable(self._controls)
                 self.controls()
             with ui.column().classes("w-full min-w-0"):
                 self.message = ui.label().classes("text-negative").mark("design-message")
-                job_panel(shell, DESIGN, "Search", self._command, f"{DESIGN}/report.html")
+                job_panel(bench.jobs, DESIGN, "Search", self._command, f"{DESIGN}/report.html")
                 ui.button("Use this device", on_click=self._use).props("outline").mark("use-design")
         self.project.changed.subscribe(lambda file: self.controls.refresh())
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from nicegui.elements.select import Select
     from nicegui.events import MultiUploadEventArguments
 
-    from softmodels.app.shell import Shell
+    from softmodels.app.bench import Bench
 
 OUTPUT = f"{RESULTS}/fit"
 ENDINGS = (".csv", ".txt", ".tsv", ".xlsx")
@@ -31,13 +31,13 @@ class MaterialPage:
     """One tab's page of the material.
 
     Args:
-        shell: What all tabs share.
+        bench: What all tabs share.
     """
 
-    def __init__(self, shell: Shell):
+    def __init__(self, bench: Bench):
         from nicegui import ui
 
-        self.shell, self.project = shell, shell.project
+        self.bench, self.project = bench, bench.project
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
                 upload = ui.upload(
@@ -64,8 +64,8 @@ class MaterialPage:
             with ui.column().classes("w-full min-w-0"):
                 self.message = ui.label().classes("text-negative").mark("material-message")
                 self.answer = ui.column().classes("gap-1")
-                job_panel(shell, OUTPUT, "Fit", self._command, f"{OUTPUT}/report.html")
-        shell.jobs.changed.subscribe(self._ended)
+                job_panel(bench.jobs, OUTPUT, "Fit", self._command, f"{OUTPUT}/report.html")
+        bench.jobs.changed.subscribe(self._ended)
         self._show()
 
     def _say(self, sentence: str) -> None:

@@ -12,7 +12,7 @@ from softmodels.app.warm import AnswerError, SupersededError
 from softmodels.common.files import read_text
 
 if TYPE_CHECKING:
-    from softmodels.app.shell import Shell
+    from softmodels.app.bench import Bench
     from softmodels.app.tracing import Overlay
 
 
@@ -20,13 +20,13 @@ class OverlayPage:
     """One tab's page of the simulated outline over the photographs.
 
     Args:
-        shell: What all tabs share.
+        bench: What all tabs share.
     """
 
-    def __init__(self, shell: Shell):
+    def __init__(self, bench: Bench):
         from nicegui import ui
 
-        self.shell, self.project = shell, shell.project
+        self.bench, self.project = bench, bench.project
         self.message = ui.label().classes("text-negative").mark("overlay-message")
         with ui.row().classes("w-full items-center gap-3"):
             self.chosen = (
@@ -35,7 +35,7 @@ class OverlayPage:
             ui.button("Draw", on_click=self._refresh).props("outline").mark("overlay-draw")
             self.about = ui.label().mark("overlay-about")
         self.image = ui.interactive_image(sanitize=False).classes("w-full photograph").mark("overlay")
-        shell.jobs.changed.subscribe(lambda job: self._list() if job.output == OUTLINES else None)
+        bench.jobs.changed.subscribe(lambda job: self._list() if job.output == OUTLINES else None)
         self._list()
 
     def _measured(self) -> dict[str, float]:
@@ -70,15 +70,15 @@ class OverlayPage:
 
     async def _draw(self, name: str) -> str:
         """Draw the outline over a photograph; return the sentence why it cannot be drawn."""
-        photos, case = self.shell.photographs, self.project.case
+        photos, case = self.bench.photographs, self.project.case
         if not case.actuator.axial:
             return "outlines are drawn over photographs of axisymmetric devices only"
         one, pressure = photos.listed.get(name), self.measured[name]
         if one is None:
             return f"{name} is no longer among the photographs"
-        curve = await self.shell.solver.ask("outline", case.to_toml(), pressure, kind="outline")
+        curve = await self.bench.solver.ask("outline", case.to_toml(), pressure, kind="outline")
         file, listing = self.project / OUTLINES / f"{one.file.stem}.csv", self.project / PHOTOS
-        found: Overlay = await self.shell.bench.ask("overlay", str(listing), photos.setup, str(file), curve)
+        found: Overlay = await self.bench.tracer.ask("overlay", str(listing), photos.setup, str(file), curve)
         await photos.show(one)
         if one.preview is None:
             return one.why

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import base64
-import csv
-import dataclasses
-import io
 import math
-import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from measurement.series.photo_list import PICTURES, Column, ColumnError, PhotoListError, read_photos
+from measurement.series.photo_list import PICTURES, ColumnError, PhotoListError, read_photos
 from softmodels.app.jobs import Command, job_panel
-from softmodels.app.project import BOARDS, PHOTOGRAPHS, PHOTOS, SETUP
+from softmodels.app.project import BOARDS, PHOTOS, PREVIEW, SETUP
 from softmodels.app.warm import AnswerError, SupersededError
 from softmodels.common.arrays import Array
-from softmodels.common.files import replace_text, write_bytes
-from softmodels.common.toml_file import TomlError, read_toml
-from softmodels.common.units import pascal_per_cm
+from softmodels.common.files import write_bytes
 
 if TYPE_CHECKING:
     from nicegui.elements.icon import Icon
@@ -29,214 +22,28 @@ if TYPE_CHECKING:
     from nicegui.elements.tooltip import Tooltip
     from nicegui.events import MouseEventArguments, MultiUploadEventArguments
 
-    from softmodels.app.project import Project
-    from softmodels.app.shell import Shell
-    from softmodels.app.tracing import Plane, Preview, Traced
+    from softmodels.app.bench import Bench, Listed
+    from softmodels.app.tracing import Preview
 
 OUTLINES, LENS = "outlines", "lens.toml"
 BENCH = "bench.toml"
 """How the screen was found: the photograph of its grid, the pitch, and the lens."""
 LARGEST_PHOTOGRAPH = 80 << 20
-PREVIEW = 1600
-"""Longest side of a preview in px."""
 REACH = 40.0
 """Pixels of a preview within which a press takes hold of a handle."""
-
-
-@dataclasses.dataclass
-class Listed:
-    """A photograph of the list.
-
-    Attributes:
-        file: Its file.
-        pressure: As typed; empty until it is.
-        preview: As the page shows it.
-        traced: Its edge.
-        why: Why there is none.
-    """
-
-    file: Path
-    pressure: str = ""
-    preview: Preview | None = None
-    traced: Traced | None = None
-    why: str = ""
-
-
-class Photographs:
-    """The photographs of a project, as all tabs see them.
-
-    Args:
-        project: The project.
-        shell: What all tabs share.
-    """
-
-    def __init__(self, project: Project, shell: Shell):
-        from nicegui import Event
-
-        self.project, self.shell = project, shell
-        self.changed: Event[str] = Event()
-        self.grid, self.pitch, self.lens = "", "9mm", "none"
-        self.plane: Plane | None = None
-        self.error = ""
-        self.listed: dict[str, Listed] = {}
-        self.typed: dict[str, str] = {}
-        self.zero: list[list[float]] | None = None
-        self.roi: list[float] | None = None
-        self.read()
-
-    # -- files --------------------------------------------------------------------------------------------------------
-
-    def read(self) -> None:
-        """Read what lies in the project's folder."""
-        pressures: dict[str, str] = {}
-        if (listing := self.project / PHOTOS).exists():
-            try:
-                for row in csv.DictReader(io.StringIO(listing.read_text(encoding="utf-8-sig"))):
-                    pressures[(row.get("file") or "").rpartition("/")[2]] = row.get("pressure") or ""
-            except (OSError, ValueError, csv.Error) as error:
-                self.error = f"{PHOTOS} cannot be read ({error})"
-        for file in self.project.files(PHOTOGRAPHS, PICTURES):
-            self.listed.setdefault(file.name, Listed(file, pressures.get(file.name, "")))
-        if (bench := self.project / BENCH).exists():
-            try:
-                table = read_toml(bench)
-                self.grid, self.pitch, self.lens = (str(table.get(key, "")) for key in ("grid", "pitch", "lens"))
-            except (OSError, TomlError) as error:
-                self.error = f"{BENCH} {error}"
-
-    @property
-    def setup(self) -> str:
-        """Text of the setup; empty where there is none."""
-        try:
-            return (self.project / SETUP).read_text(encoding="utf-8")
-        except OSError:
-            return ""
-
-    @property
-    def shadows(self) -> list[Listed]:
-        """All photographs but that of the grid."""
-        return [one for one in self.listed.values() if one.file.name != self.grid]
-
-    def write_list(self) -> None:
-        """Write ``photos.csv`` of the photographs with a pressure."""
-        text = io.StringIO()
-        rows = csv.writer(text, lineterminator="\n")
-        rows.writerow(("file", "pressure"))
-        for one in self.shadows:
-            if one.pressure:
-                rows.writerow((f"{PHOTOGRAPHS}/{one.file.name}", one.pressure))
-        replace_text(self.project / PHOTOS, text.getvalue())
-
-    def pressure_of(self, one: Listed) -> float:
-        """Return the pressure in Pa as typed; NaN where there is none.
-
-        Raises:
-            ColumnError: It cannot be read.
-        """
-        return Column().read(one.pressure)[0] if one.pressure else math.nan
-
-    # -- work ---------------------------------------------------------------------------------------------------------
-
-    async def add(self, name: str, data: bytes) -> None:
-        """Keep a photograph that was dropped or taken, and find its edge."""
-        file = self.project.new_file(PHOTOGRAPHS, name)
-        if file.suffix.lower() == ".csv":
-            return self.take_list(name, data)
-        if file.suffix.lower() not in PICTURES:
-            raise AnswerError(f"{name}: not a photograph that can be read; use JPEG, PNG, TIFF or HEIC")
-        write_bytes(file, data)
-        one = Listed(file, self.typed.get(file.name, ""))
-        try:
-            one.preview = await self.shell.bench.ask("preview", str(file))
-        except AnswerError as error:
-            file.unlink(missing_ok=True)
-            raise AnswerError(f"{name}: {error}") from None
-        self.listed[file.name] = one
-        self.changed.emit(file.name)
-        await self.trace(one)
-
-    def take_list(self, name: str, data: bytes) -> None:
-        """Take the pressures of a list of photographs that was dropped, for these and those that come.
-
-        Raises:
-            AnswerError: It cannot be read.
-        """
-        with tempfile.TemporaryDirectory() as folder:
-            listing = Path(folder) / "photos.csv"
-            listing.write_bytes(data)
-            try:
-                listed = read_photos(listing)
-            except PhotoListError as error:
-                raise AnswerError(f"{name}: {str(error).replace(str(listing), name)}") from None
-        self.typed |= {one.file.name: f"{one.pressure / pascal_per_cm():.7g} cm" for one in listed}
-        for one in self.listed.values():
-            one.pressure = self.typed.get(one.file.name, one.pressure)
-        self.write_list()
-        self.changed.emit("")
-
-    async def show(self, one: Listed) -> None:
-        """Make a photograph's preview, if there is none yet."""
-        if one.preview is None:
-            try:
-                one.preview = await self.shell.bench.ask("preview", str(one.file))
-            except AnswerError as error:
-                one.why = str(error)
-
-    async def find_plane(self, grid: str, pitch: str, lens: str) -> None:
-        """Find the screen's plane in the photograph of its grid, and trace all photographs anew.
-
-        Raises:
-            AnswerError: There is no such grid.
-        """
-        found: Plane = await self.shell.bench.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
-        self.plane, self.grid, self.pitch, self.lens = found, grid, pitch, lens
-        import tomli_w
-
-        replace_text(self.project / BENCH, tomli_w.dumps({"grid": grid, "pitch": pitch, "lens": lens}))
-        replace_text(self.project / SETUP, found.setup)
-        self.zero = self.roi = None
-        self.write_list()
-        self.changed.emit(grid)
-        await self.trace_all()
-
-    def _lens(self, lens: str) -> str:
-        return str(self.project / lens) if lens.endswith(".toml") else lens
-
-    async def trace_all(self) -> None:
-        for one in self.shadows:
-            await self.trace(one)
-
-    async def trace(self, one: Listed) -> None:
-        """Find the edge in a photograph."""
-        if not self.setup or one.file.name == self.grid:
-            return
-        try:
-            pressure = self.pressure_of(one)
-            one.traced = await self.shell.bench.ask("trace", str(one.file), self.setup, pressure == 0.0, pressure)
-            one.why = ""
-        except (AnswerError, ColumnError) as error:
-            one.traced, one.why = None, str(error)
-        self.changed.emit(one.file.name)
-
-    async def move(self, zero: list[list[float]] | None, roi: list[float] | None) -> None:
-        """Take a zero line or region that was dragged, and trace anew."""
-        self.zero, self.roi = zero, roi
-        replace_text(self.project / SETUP, await self.shell.bench.ask("moved", self.setup, zero, roi))
-        self.changed.emit("")
-        await self.trace_all()
 
 
 class PhotographsPage:
     """One tab's page of the photographs.
 
     Args:
-        shell: What all tabs share.
+        bench: What all tabs share.
     """
 
-    def __init__(self, shell: Shell):
+    def __init__(self, bench: Bench):
         from nicegui import ui
 
-        self.shell, self.photos = shell, shell.photographs
+        self.bench, self.photos = bench, bench.photographs
         self.shown = next(iter(self.photos.listed), "")
         self.held: tuple[str, int] | None = None
         self.scale = 1.0
@@ -269,9 +76,9 @@ class PhotographsPage:
                     self.with_roi.tooltip("The shadow is searched only inside; drag its corners").mark("region")
                     self.with_roi.on("update:model-value", lambda _: self._toggle_roi())
                 self.about = ui.label().mark("about-photograph")
-                job_panel(shell, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
+                job_panel(bench.jobs, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
         self.photos.changed.subscribe(self._changed)
-        shell.jobs.changed.subscribe(lambda job: self._update() if job.output == LENS else None)
+        bench.jobs.changed.subscribe(lambda job: self._update() if job.output == LENS else None)
         ui.timer(0.05, self._show, once=True)
 
     # -- the list -----------------------------------------------------------------------------------------------------
@@ -291,7 +98,7 @@ class PhotographsPage:
             boards.classes("w-full").props('accept="image/*,.heic,.tif,.tiff"').mark("boards")
             self.pattern = ui.input("inner corners", value="9x6").props("dense").mark("pattern")
             self.square = ui.input("side of a square", value="25mm").props("dense").mark("square")
-            job_panel(self.shell, LENS, "Calibrate", self._calibrate)
+            job_panel(self.bench.jobs, LENS, "Calibrate", self._calibrate)
         self.find = ui.button("Find the grid", on_click=self._find).props("dense").mark("find-grid")
         ui.label("Photographs").classes("font-bold")
         self.rows: dict[str, tuple[Row, Input, Icon, Tooltip]] = {}

@@ -6,13 +6,14 @@ import dataclasses
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from softmodels.case.case import Case
 from softmodels.common.files import replace_text
 
 CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
 PHOTOGRAPHS, BOARDS, CURVES, RESULTS = "photographs", "boards", "curves", "results"
+PREVIEW = 1600
+"""Longest side of a photograph's preview in px."""
 FIRST_PRESSURES = "0:60 cm"
 
 
@@ -44,8 +45,8 @@ class Project:
 
     def _read_case(self) -> Case:
         from geometries import HollowDisk
+        from softmodels.case.case import in_unit
         from softmodels.case.entries import CaseError
-        from softmodels.case.from_python import in_unit
         from softmodels.common.errors import reason
         from softmodels.materials.silicones import silicone
 
@@ -58,14 +59,14 @@ class Project:
         first = Case("device", HollowDisk(section="axisymmetric"), silicone("ecoflex-00-30"), pressures_cm=(1.0,))
         return dataclasses.replace(first, pressures_cm=in_unit("cm", FIRST_PRESSURES, "pressure", first.cm))
 
-    def change(self, **fields: Any) -> None:
+    def change(self, **fields: object) -> None:
         """Change fields of the case and write it; all pages are told.
 
         Raises:
             CaseError, ArgumentError: The case would be invalid; it stays as it was.
             OSError: It cannot be written.
         """
-        self.case = dataclasses.replace(self.case, **fields)
+        self.case = dataclasses.replace(self.case, **fields)  # type: ignore[arg-type]
         self.case_error = ""
         replace_text(self / CASE, self.case.to_toml())
         self.changed.emit(CASE)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
-from softmodels.common.terminal import say
+from softmodels.common.processes import say
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -133,30 +133,31 @@ def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: b
     """
     from nicegui import app, core, ui
 
+    from softmodels.app.bench import Bench
     from softmodels.app.project import Project
-    from softmodels.app.shell import Shell
+    from softmodels.app.shell import ICON, build_page
 
     host = "0.0.0.0" if lan else HERE
     port = free_port(host, port)
     outside = lan_address() if lan else HERE
     key = key or secrets.token_urlsafe(24)
     hosts = frozenset(f"{name}:{port}" for name in (HERE, "localhost", outside))
-    shell = Shell(Project(folder), f"http://{outside}:{port}/?{KEY}={key}" if lan else "")
-    app.on_startup(shell.begin)
-    app.on_shutdown(shell.end)
+    bench = Bench(Project(folder), f"http://{outside}:{port}/?{KEY}={key}" if lan else "")
+    app.on_startup(bench.begin)
+    app.on_shutdown(bench.end)
     address = f"http://{HERE}:{port}/?{KEY}={key}"
 
     @app.on_startup
     def tell() -> None:
         say(f"softmodels: {address}\nCtrl-C stops it; the project is {folder}")
         if lan:
-            say(f"on the same network: {shell.address}")
+            say(f"on the same network: {bench.address}")
         if browser:
             webbrowser.open(address)
 
-    app.add_static_files("/files", shell.project.folder, max_cache_age=0)
+    app.add_static_files("/files", bench.project.folder, max_cache_age=0)
     core.app.add_middleware(Guard, key=key, hosts=hosts)  # type: ignore[arg-type]
     ui.run(
-        shell.page, host=host, port=port, title="softmodels", show=False, reload=False, dark=None, favicon=shell.icon,
+        lambda: build_page(bench), host=host, port=port, title="softmodels", show=False, reload=False, dark=None, favicon=ICON,
         show_welcome_message=False, reconnect_timeout=30.0, uvicorn_logging_level="error", storage_secret=None,
     )  # fmt: skip

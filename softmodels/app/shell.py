@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import asyncio
 from typing import TYPE_CHECKING
 
 from softmodels.app.device import DevicePage
-from softmodels.app.jobs import Jobs
 from softmodels.app.making import DesignPage, MouldPage
 from softmodels.app.material import MaterialPage
 from softmodels.app.overlay import OverlayPage
-from softmodels.app.photographs import Photographs, PhotographsPage
-from softmodels.app.warm import Warm
+from softmodels.app.photographs import PhotographsPage
 
 if TYPE_CHECKING:
-    from softmodels.app.project import Project
+    from softmodels.app.bench import Bench
 
 STYLE = """
 svg.section { width: 100%; max-height: 62vh; }
@@ -39,54 +36,37 @@ iframe { width: 100%; height: 80vh; border: 0; background: white; }
 """
 
 
-class Shell:
-    """What all tabs of one server share.
+ICON = "🎈"
 
-    Args:
-        project: The project.
-        address: Under which other machines of the network connect, with the key; empty if they may not.
-    """
 
-    icon = "🎈"
+def build_page(bench: Bench) -> None:
+    """Build the page of one tab."""
+    from nicegui import ui
 
-    def __init__(self, project: Project, address: str = ""):
-        self.project, self.address = project, address
-        self.solver, self.bench = Warm("softmodels.app.answers"), Warm("softmodels.app.tracing")
-        self.jobs, self.photographs = Jobs(project), Photographs(project, self)
+    pages = {
+        "Photographs": ("photo_camera", PhotographsPage),
+        "Material": ("science", MaterialPage),
+        "Device": ("tune", DevicePage),
+        "Overlay": ("layers", OverlayPage),
+        "Design": ("auto_fix_high", DesignPage),
+        "Mould": ("view_in_ar", MouldPage),
+    }
+    ui.add_css(STYLE)
+    with ui.header(elevated=False).classes("items-center gap-2 py-1"):
+        ui.label("softmodels").classes("font-bold")
+        with ui.tabs().props("dense mobile-arrows inline-label").classes("grow") as tabs:
+            for name, (icon, _) in pages.items():
+                ui.tab(name, icon=icon)
+        if bench.address:
+            import segno
 
-    async def begin(self) -> None:
-        """Load the solver while the user looks at the page, and go on with interrupted jobs."""
-        self._loading = [asyncio.create_task(asyncio.to_thread(warm.start)) for warm in (self.solver, self.bench)]
-        self.jobs.begin()
-
-    def end(self) -> None:
-        self.jobs.end()
-        self.solver.stop()
-        self.bench.stop()
-
-    async def page(self) -> None:
-        """Build the page of one tab."""
-        from nicegui import ui
-
-        pages = {
-            "Photographs": ("photo_camera", PhotographsPage),
-            "Material": ("science", MaterialPage),
-            "Device": ("tune", DevicePage),
-            "Overlay": ("layers", OverlayPage),
-            "Design": ("auto_fix_high", DesignPage),
-            "Mould": ("view_in_ar", MouldPage),
-        }
-        ui.add_css(STYLE)
-        with ui.header(elevated=False).classes("items-center gap-2 py-1"):
-            ui.label("softmodels").classes("font-bold")
-            with ui.tabs().props("dense mobile-arrows inline-label").classes("grow") as tabs:
-                for name, (icon, _) in pages.items():
-                    ui.tab(name, icon=icon)
-            dark = ui.dark_mode(None)
-            ui.button(icon="dark_mode", on_click=lambda: dark.set_value(not dark.value)).props(
-                'flat round dense color=white aria-label="light or dark"'
-            )
-        with ui.tab_panels(tabs, value="Device").classes("w-full bg-transparent"):
-            for name, (_, page) in pages.items():
-                with ui.tab_panel(name).classes("p-0"):
-                    page(self)
+            with ui.button(icon="qr_code").props('flat round dense color=white aria-label="phone"'), ui.menu():
+                ui.html(segno.make(bench.address).svg_inline(scale=5, light="white"), sanitize=False)
+        dark = ui.dark_mode(None)
+        ui.button(icon="dark_mode", on_click=lambda: dark.set_value(not dark.value)).props(
+            'flat round dense color=white aria-label="light or dark"'
+        )
+    with ui.tab_panels(tabs, value="Device").classes("w-full bg-transparent"):
+        for name, (_, page) in pages.items():
+            with ui.tab_panel(name).classes("p-0"):
+                page(bench)

@@ -11,17 +11,17 @@ import numpy as np
 from PIL import Image
 from scipy.optimize import minimize_scalar
 
-from measurement.camera.pictures import read_pixels
 from measurement.cli.setup import LensOptions
 from measurement.cli.shared import length, with_error
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
-from measurement.screen.seen import setup_from_grid
+from measurement.pictures import read_pixels
+from measurement.screen.calibration import setup_from_grid
 from measurement.screen.setup import PITCH_ERROR, Setup
 from measurement.series.measuring import zero_line
 from measurement.series.photo import outline_of, trace_image, zero_of
 from measurement.series.photo_list import read_photos
-from softmodels.app.photographs import PREVIEW
+from softmodels.app.project import PREVIEW
 from softmodels.common.arrays import Array
 
 

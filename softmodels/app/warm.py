@@ -37,7 +37,7 @@ class Warm:
         self._process: multiprocessing.process.BaseProcess | None = None
         self._line: Connection
 
-    async def ask(self, function: str, *args: Any, kind: str = "") -> Any:
+    async def ask(self, function: str, *args: object, kind: str = "") -> Any:
         """Return what a function of the module returns.
 
         Args:
@@ -72,7 +72,7 @@ class Warm:
         self._process.start()
         far.close()
 
-    def _answered(self, function: str, args: tuple[Any, ...]) -> Any:
+    def _answered(self, function: str, args: tuple[object, ...]) -> object:
         self.start()
         self._line.send((function, args))
         done, value = self._line.recv()
@@ -90,8 +90,8 @@ class Warm:
 
 def _answer(module: str, line: Connection) -> None:
     """Answer questions until the line is closed; in the process."""
-    from softmodels.cli.options import end_with_parent
     from softmodels.common.errors import reason
+    from softmodels.common.processes import end_with_parent
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's
     end_with_parent()

@@ -1,7 +1,7 @@
 """The commands: options read, runs started, one sentence and an exit status.
 
 - `options`: options shared by all devices, the choice of ranks, and how a command begins and ends.
-- `run_command`: the options of a run. `run`: what it prints, and the process that draws.
+- `app_command`: the bench on a page. `run_command`: the options of a run. `run`: what it prints, and the process that draws.
 - `analyses`: limit pressure and natural frequencies. `fit_command`: fits. `design`: the search for a device.
 - `material_commands`: a material's curves and scores. `silicone_command`: named silicones.
 - `exports`: moulds, and cases for other programs. `doctor`: the installation.

@@ -12,7 +12,7 @@ import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -35,6 +35,7 @@ from softmodels.materials.specimens import nominal_stress, stress_in_time
 from softmodels.runs.outcomes import DONE, FAILED
 
 if TYPE_CHECKING:
+    import gmsh
     from mpi4py import MPI
 
 
@@ -344,7 +345,7 @@ def told_truth() -> str:
 def finger(path: Path) -> None:
     """Write a finger of 80 x 12 x 12 mm as a STEP file. Its rounded cavity lies below the middle, so it bends up (along z)."""
 
-    def draw(occ: Any) -> None:
+    def draw(occ: gmsh.model.occ) -> None:
         block = occ.addBox(0, -6, -6, 80, 12, 12)
         hole = occ.addBox(5, -4.5, -4.5, 72, 9, 6)
         occ.synchronize()
@@ -358,7 +359,7 @@ def finger(path: Path) -> None:
 def two_cavities(path: Path) -> None:
     """Write a block of 20 x 10 x 10 mm with two flat cavities above each other, 1.5 mm apart, as a STEP file."""
 
-    def draw(occ: Any) -> None:
+    def draw(occ: gmsh.model.occ) -> None:
         block = occ.addBox(0, -5, -5, 20, 10, 10)
         holes = [occ.addBox(6, -3, z, 10, 6, 2.0) for z in (0.75, -2.75)]
         occ.cut([(3, block)], [(3, hole) for hole in holes])
@@ -366,7 +367,7 @@ def two_cavities(path: Path) -> None:
     _write_step(path, draw)
 
 
-def _write_step(path: Path, draw: Callable[[Any], None]) -> None:
+def _write_step(path: Path, draw: Callable[[gmsh.model.occ], None]) -> None:
     """Write what ``draw(gmsh.model.occ)`` draws in mm as a STEP file."""
     import gmsh  # type: ignore[import-untyped]
 

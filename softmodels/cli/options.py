@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import dataclasses
 import gc
 import importlib
@@ -41,7 +40,7 @@ from softmodels.common.commands import (
 )
 from softmodels.common.errors import meant
 from softmodels.common.folders import OwnFolderError
-from softmodels.common.processes import COLUMNS, columns, cores, say
+from softmodels.common.processes import COLUMNS, columns, cores, end_with_parent, say
 from softmodels.common.units import exact_text
 from softmodels.materials.laws import LAWS
 from softmodels.materials.silicones import PRODUCTS
@@ -147,8 +146,6 @@ AUTO = "auto"
 EACH = 30_000
 """Unknowns per rank above which another rank pays off: on two cores, a path with 25,000 unknowns is as fast on one core while
 the other draws; one with 88,000 takes two thirds of the time on two."""
-PR_SET_PDEATHSIG = 1
-"""PR_SET_PDEATHSIG of Linux' prctl."""
 PER_NODE = 3.2
 """Unknowns per node of a solid mesh: three displacements, and the pressure at its corners."""
 
@@ -266,12 +263,6 @@ def start_again(ranks: int) -> int:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def end_with_parent() -> None:
-    """Make this process end when its parent ends or is killed (Linux)."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _status(returned: int) -> int:

@@ -20,6 +20,16 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+PR_SET_PDEATHSIG = 1
+"""PR_SET_PDEATHSIG of Linux' prctl."""
+
+
+def end_with_parent() -> None:
+    """Make this process end when its parent ends or is killed (Linux)."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # The process' signal handlers are the caller's: those that compiled code sets at its start are taken away again.
 

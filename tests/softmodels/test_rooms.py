@@ -32,6 +32,7 @@ ROOMS = (
     "softmodels/pictures",
     "softmodels/casting",
     "softmodels/api",
+    "softmodels/app",
     "softmodels/cli",
 )
 """From the lowest to the highest."""
