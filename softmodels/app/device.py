@@ -42,24 +42,24 @@ class DevicePage:
                 self.controls = ui.refreshable(self._controls)
                 self.controls()
             with ui.column().classes("w-full min-w-0"):
-                self.message = ui.label().classes("text-negative").mark("message")
+                self.message = ui.label().classes("text-negative").props('data-name="message"')
                 self.picture = ui.html("", sanitize=False).classes("w-full")
                 self.scale = ui.html("", sanitize=False).classes("w-full")
                 with ui.row().classes("w-full items-center no-wrap gap-3"):
                     self.slider = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0).classes("grow")
-                    self.slider.props('aria-label="pressure"').mark("pressure")
+                    self.slider.props('aria-label="pressure"').props('data-name="pressure"')
                     self.reading = ui.label().classes("w-28 text-right")
                 self.slider.on_value_change(lambda _: self._show_between())
                 self.slider.on("change", lambda _: self._solve_between())
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
                 self.chart = ui.echart(_chart([], [], "")).classes("w-full h-64")
-                self.limit = ui.label().mark("limit")
-                self.spread = ui.label().classes("text-sm").mark("spread")
+                self.limit = ui.label().props('data-name="limit"')
+                self.spread = ui.label().classes("text-sm").props('data-name="spread"')
                 self.notes = ui.column().classes("gap-1")
                 job_panel(bench.jobs, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html")
                 with ui.expansion("The same in a terminal, and in Python").classes("w-full").props("dense"):
-                    self.terminal = ui.code("", language="bash").classes("w-full")
-                    self.python = ui.code("", language="python").classes("w-full")
+                    self.terminal = ui.code("", language="bash").classes("w-full").props('data-name="terminal"')
+                    self.python = ui.code("", language="python").classes("w-full").props('data-name="python"')
         self.project.changed.subscribe(self._changed)
         ui.timer(0.05, self._solve, once=True)
 
@@ -85,12 +85,12 @@ class DevicePage:
         own = None if known else f"{case.material.name} of case.toml"
         ui.select(
             ([own] if own else []) + names, value=own or str(known).partition("/")[0], label="Silicone", with_input=True
-        ).classes("w-full").props("dense").mark("silicone").on_value_change(
+        ).classes("w-full").props("dense").props('data-name="silicone"').on_value_change(
             lambda event: self._take(material=silicone(event.value), band=None) if event.value in PRODUCTS else None
         )
         values = case.pressures_cm
         box = ui.input("Pressures", value=f"{values[0]:g}:{values[-1]:g} cm" if values else "").props("dense")
-        box.classes("w-full").mark("pressures").tooltip("such as 0:60 cm of water, or 0:6 kPa")
+        box.classes("w-full").props('data-name="pressures"').tooltip("such as 0:60 cm of water, or 0:6 kPa")
         box.on("change", lambda _: self._take_pressures(str(box.value)))
 
     async def _take_device(self, name: str) -> None:
@@ -219,7 +219,7 @@ class DevicePage:
         with self.numbers:
             for name, text in self._figures(row):
                 ui.label(name).classes("text-grey-7")
-                ui.label(text).mark(name)
+                ui.label(text).props(f'data-name="{name}"')
 
     def _figures(self, row: dict[str, object]) -> list[tuple[str, str]]:
         bands = {name.replace("_ci95", ""): f" +- {row[name]:.2g}" for name in row if "_ci95_" in name}

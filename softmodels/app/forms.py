@@ -62,7 +62,7 @@ def _control(device: Actuator, name: str, field: About, take: Take, found: dict[
     else:
         made = ui.input(label, value=_text(kind, value))
         made.on("change", lambda _: take(name, _read(kind, str(made.value))))
-    made.classes("w-full").props("dense").tooltip(field.help).mark(name)
+    made.classes("w-full").props("dense").tooltip(field.help).props(f'data-name="{name}"')
     found[name] = made
     return None
 
@@ -76,8 +76,8 @@ def _number(device: Actuator, name: str, field: About, take: Take, found: dict[s
     with ui.row().classes("w-full items-center no-wrap gap-2"):
         box = ui.input(name.replace("_", " "), value=readable(value, unit)).props("dense").classes("w-32 shrink-0")
         slider = ui.slider(min=reach[0], max=reach[1], step=(reach[1] - reach[0]) / STEPS, value=value)
-        slider.classes("grow").props(f'aria-label="{name.replace("_", " ")}"').mark(f"{name}-slider")
-    box.tooltip(field.help).mark(name)
+        slider.classes("grow").props(f'aria-label="{name.replace("_", " ")}"').props(f'data-name="{name}-slider"')
+    box.tooltip(field.help).props(f'data-name="{name}"')
     slider.on_value_change(lambda event: box.set_value(readable(float(f"{event.value:.4g}"), unit)))
     slider.on("change", lambda _: take(name, float(f"{slider.value:.4g}")))
     box.on("change", lambda _: take(name, box.value))

@@ -188,12 +188,12 @@ def job_panel(jobs: Jobs, output: str, title: str, command: Callable[[], Command
 
     with ui.card().classes("w-full"):
         with ui.row().classes("items-center gap-3"):
-            start_button = ui.button(title, on_click=start).mark(f"start-{output}")
-            stop_button = ui.button("Stop", on_click=stop).props("outline").mark(f"stop-{output}")
+            start_button = ui.button(title, on_click=start).props(f'data-name="start-{output}"')
+            stop_button = ui.button("Stop", on_click=stop).props("outline").props(f'data-name="stop-{output}"')
             spinner = ui.spinner()
-            state = ui.label().mark(f"state-{output}")
-        sentence = ui.label().classes("text-negative").mark(f"why-{output}")
-        line = ui.label().classes("text-sm font-mono whitespace-pre-wrap break-all").mark(f"line-{output}")
+            state = ui.label().props(f'data-name="state-{output}"')
+        sentence = ui.label().classes("text-negative").props(f'data-name="why-{output}"')
+        line = ui.label().classes("text-sm font-mono whitespace-pre-wrap break-all").props(f'data-name="line-{output}"')
         log = ui.expansion("All it printed").classes("w-full").props("dense")
         with log:
             whole = ui.code("", language="text").classes("w-full")

@@ -62,13 +62,13 @@ class MouldPage:
                 self.silicone = ui.select(
                     ["as simulated", *sorted(PRODUCTS)], value="as simulated", label="Silicone to cast"
                 )
-                self.silicone.classes("w-full").props("dense").mark("cast-silicone")
+                self.silicone.classes("w-full").props("dense").props('data-name="cast-silicone"')
                 self.settings = {}
                 for name, field, default in workshop_fields():
                     self.settings[name] = (
                         ui.input(name.replace("_", " "), placeholder=default).props("dense").classes("w-full")
                     )
-                    self.settings[name].tooltip(field).mark(f"mould-{name}")
+                    self.settings[name].tooltip(field).props(f'data-name="mould-{name}"')
                 ui.label("Files").classes("font-bold")
                 self.files = ui.column().classes("gap-1")
             with ui.column().classes("w-full min-w-0"):
@@ -119,9 +119,9 @@ class DesignPage:
                 self.controls = ui.refreshable(self._controls)
                 self.controls()
             with ui.column().classes("w-full min-w-0"):
-                self.message = ui.label().classes("text-negative").mark("design-message")
+                self.message = ui.label().classes("text-negative").props('data-name="design-message"')
                 job_panel(bench.jobs, DESIGN, "Search", self._command, f"{DESIGN}/report.html")
-                ui.button("Use this device", on_click=self._use).props("outline").mark("use-design")
+                ui.button("Use this device", on_click=self._use).props("outline").props('data-name="use-design"')
         self.project.changed.subscribe(lambda file: self.controls.refresh())
 
     def _controls(self) -> None:
@@ -131,25 +131,30 @@ class DesignPage:
         ui.label("What may change").classes("font-bold")
         names = [name for name in parameter_names(device) if is_length(device, name)]
         self.varied = ui.select(names, value=names[:1], label="lengths", multiple=True).props("dense use-chips")
-        self.varied.classes("w-full").mark("varied")
+        self.varied.classes("w-full").props('data-name="varied"')
         self.reach = ui.input("from and to, as a factor both ways", value=f"{REACH:g}").props("dense").classes("w-full")
         ui.label("What it should do").classes("font-bold")
         self.objective = (
             ui.select(list(OBJECTIVES), value="most rise", label="objective").props("dense").classes("w-full")
         )
-        self.objective.mark("objective")
+        self.objective.props('data-name="objective"')
         self.probe = (
             ui.select(list(device.probes), value=next(iter(device.probes)), label="of").props("dense").classes("w-full")
         )
         highest = max(self.project.case.pressures_cm, default=0.0)
-        self.at = ui.input("at", value=f"{highest:g} cm").props("dense").classes("w-full").mark("design-pressure")
+        self.at = (
+            ui.input("at", value=f"{highest:g} cm")
+            .props("dense")
+            .classes("w-full")
+            .props('data-name="design-pressure"')
+        )
         ui.label("Limits that it keeps").classes("font-bold")
         defaults = {"limit_margin": "1.25", "clearances": "0.8 mm"}
         self.limits = {
             name: ui.input(name, value=defaults.get(quantity, ""))
             .props("dense")
             .classes("w-full")
-            .mark(f"keep-{quantity}")
+            .props(f'data-name="keep-{quantity}"')
             for name, (quantity, _) in LIMITS.items()
         }
 

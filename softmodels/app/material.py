@@ -42,27 +42,30 @@ class MaterialPage:
             with ui.card().classes("w-full"):
                 upload = ui.upload(
                     label="Drop curves of a test machine", multiple=True, auto_upload=True, max_file_size=LARGEST_CURVE,
-                    on_multi_upload=self._uploaded, on_rejected=lambda: self._say(f"rejected: above {LARGEST_CURVE >> 20} MB"),
+                    on_multi_upload=self._uploaded, on_rejected=lambda: self._say(f"not taken: curves are CSV or Excel (.xlsx), of at most {LARGEST_CURVE >> 20} MB each"),
                 )  # fmt: skip
                 self.upload = upload.classes("w-full").props('accept=".csv,.txt,.tsv,.xlsx"')
                 self.curves = ui.refreshable(self._curves)
                 self.curves()
                 self.with_outlines = ui.switch("Outlines of the photographs", value=(self.project / OUTLINES).is_dir())
-                self.with_outlines.mark("with-outlines")
-                self.with_untrusted = ui.switch("Also untrusted ones").mark("with-untrusted")
+                self.with_outlines.props('data-name="with-outlines"')
+                self.with_untrusted = ui.switch("Also untrusted ones").props('data-name="with-untrusted"')
                 self.with_untrusted.tooltip("The doubts stay in the fit's record")
                 self.laws = ui.select(sorted(LAWS), value=["yeoh"], label="Laws to compare", multiple=True)
-                self.laws.classes("w-full").props("dense use-chips").mark("laws")
+                self.laws.classes("w-full").props("dense use-chips").props('data-name="laws"')
                 self.fixed = ui.input("Fixed parameters", placeholder="c3=0, leak=0").classes("w-full").props("dense")
-                self.fixed.mark("fixed")
+                self.fixed.props('data-name="fixed"')
                 self.poisson = (
-                    ui.input("Poisson's ratio", value="0.49").classes("w-full").props("dense").mark("poisson")
+                    ui.input("Poisson's ratio", value="0.49")
+                    .classes("w-full")
+                    .props("dense")
+                    .props('data-name="poisson"')
                 )
                 products = ["any", *sorted(PRODUCTS)]
                 self.product = ui.select(products, value="any", label="Cast from", with_input=True)
-                self.product.classes("w-full").props("dense").mark("product")
+                self.product.classes("w-full").props("dense").props('data-name="product"')
             with ui.column().classes("w-full min-w-0"):
-                self.message = ui.label().classes("text-negative").mark("material-message")
+                self.message = ui.label().classes("text-negative").props('data-name="material-message"')
                 self.answer = ui.column().classes("gap-1")
                 job_panel(bench.jobs, OUTPUT, "Fit", self._command, f"{OUTPUT}/report.html")
         bench.jobs.changed.subscribe(self._ended)
@@ -79,7 +82,7 @@ class MaterialPage:
             with ui.row().classes("w-full items-center no-wrap gap-2"):
                 ui.label(file.name).classes("grow truncate")
                 self.tests[file.name] = ui.select(["not used", *TESTS], value=TESTS[0]).props("dense").classes("w-32")
-                self.tests[file.name].mark(f"test-{file.name}")
+                self.tests[file.name]
 
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
         for given in event.files:
@@ -138,9 +141,9 @@ class MaterialPage:
                 ends = one["interval_95"]
                 unit, value = one["unit"], readable(one["value"], one["unit"])
                 between = f", 95 %: {' to '.join(readable(end, unit) for end in ends)}" if ends else ""
-                ui.label(f"{one['name']}  {value}{between}").mark(f"fitted-{one['name']}")
+                ui.label(f"{one['name']}  {value}{between}").props(f'data-name="fitted-{one["name"]}"')
             ui.label(found["verdict"]).classes("text-sm")
-            ui.button("Use it for the device", on_click=self._use).props("outline").mark("use-material")
+            ui.button("Use it for the device", on_click=self._use).props("outline").props('data-name="use-material"')
 
     def _use(self) -> None:
         try:

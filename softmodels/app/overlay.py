@@ -27,14 +27,16 @@ class OverlayPage:
         from nicegui import ui
 
         self.bench, self.project = bench, bench.project
-        self.message = ui.label().classes("text-negative").mark("overlay-message")
+        self.message = ui.label().classes("text-negative").props('data-name="overlay-message"')
         with ui.row().classes("w-full items-center gap-3"):
             self.chosen = (
-                ui.select([], label="Photograph", on_change=self._show).classes("w-72").mark("overlay-photograph")
+                ui.select([], label="Photograph", on_change=self._show)
+                .classes("w-72")
+                .props('data-name="overlay-photograph"')
             )
-            ui.button("Draw", on_click=self._refresh).props("outline").mark("overlay-draw")
-            self.about = ui.label().mark("overlay-about")
-        self.image = ui.interactive_image(sanitize=False).classes("w-full photograph").mark("overlay")
+            ui.button("Draw", on_click=self._refresh).props("outline").props('data-name="overlay-draw"')
+            self.about = ui.label().props('data-name="overlay-about"')
+        self.image = ui.interactive_image(sanitize=False).classes("w-full photograph").props('data-name="overlay"')
         bench.jobs.changed.subscribe(lambda job: self._list() if job.output == OUTLINES else None)
         self._list()
 

@@ -52,30 +52,34 @@ class PhotographsPage:
                 self.upload = ui.upload(
                     label="Drop photographs here, or take them", multiple=True, auto_upload=True,
                     max_file_size=LARGEST_PHOTOGRAPH, on_multi_upload=self._uploaded,
-                    on_rejected=lambda: self._say(f"rejected: above {LARGEST_PHOTOGRAPH >> 20} MB"),
+                    on_rejected=lambda: self._say(f"not taken: photographs are JPEG, PNG, TIFF or HEIC, of at most {LARGEST_PHOTOGRAPH >> 20} MB each"),
                 )  # fmt: skip
                 self.upload.classes("w-full").props(
                     'accept="image/*,.heic,.tif,.tiff,.csv" capture="environment"'
-                ).mark("drop")
+                ).props('data-name="drop"')
                 with ui.card().classes("w-full"):
                     self._table()
             with ui.column().classes("w-full min-w-0"):
-                self.message = ui.label().classes("text-negative").mark("photo-message")
+                self.message = ui.label().classes("text-negative").props('data-name="photo-message"')
                 self.image = (
                     ui.interactive_image(
                         on_mouse=self._mouse, events=["pointerdown", "pointermove", "pointerup"], sanitize=False
                     )
                     .classes("w-full photograph")
-                    .mark("photograph")
+                    .props('data-name="photograph"')
                 )
                 with ui.row().classes("gap-4 items-center"):
                     self.with_zero = ui.switch("Zero line", value=self.photos.zero is not None)
-                    self.with_zero.tooltip("Two points on the undeformed surface; drag them").mark("zero-line")
+                    self.with_zero.tooltip("Two points on the undeformed surface; drag them").props(
+                        'data-name="zero-line"'
+                    )
                     self.with_zero.on("update:model-value", lambda _: self._toggle_zero())
                     self.with_roi = ui.switch("Region", value=self.photos.roi is not None)
-                    self.with_roi.tooltip("The shadow is searched only inside; drag its corners").mark("region")
+                    self.with_roi.tooltip("The shadow is searched only inside; drag its corners").props(
+                        'data-name="region"'
+                    )
                     self.with_roi.on("update:model-value", lambda _: self._toggle_roi())
-                self.about = ui.label().mark("about-photograph")
+                self.about = ui.label().props('data-name="about-photograph"')
                 job_panel(bench.jobs, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
         self.photos.changed.subscribe(self._changed)
         bench.jobs.changed.subscribe(lambda job: self._update() if job.output == LENS else None)
@@ -89,17 +93,17 @@ class PhotographsPage:
 
         ui.label("Screen").classes("font-bold")
         with ui.row().classes("w-full items-end no-wrap gap-2"):
-            self.grid = ui.select([], label="photograph of the grid").classes("grow").mark("grid")
-            self.pitch = ui.input("pitch", value=self.photos.pitch).classes("w-20").mark("pitch")
+            self.grid = ui.select([], label="photograph of the grid").classes("grow").props('data-name="grid"')
+            self.pitch = ui.input("pitch", value=self.photos.pitch).classes("w-20").props('data-name="pitch"')
         self.lens = ui.select([], label="lens correction").classes("w-full").props("dense")
         with ui.expansion("Lens from photographs of a board").classes("w-full").props("dense"):
             boards = ui.upload(label="Drop ten photographs of a chessboard", multiple=True, auto_upload=True,
                                max_file_size=LARGEST_PHOTOGRAPH, on_multi_upload=self._boards)  # fmt: skip
-            boards.classes("w-full").props('accept="image/*,.heic,.tif,.tiff"').mark("boards")
-            self.pattern = ui.input("inner corners", value="9x6").props("dense").mark("pattern")
-            self.square = ui.input("side of a square", value="25mm").props("dense").mark("square")
+            boards.classes("w-full").props('accept="image/*,.heic,.tif,.tiff"').props('data-name="boards"')
+            self.pattern = ui.input("inner corners", value="9x6").props("dense").props('data-name="pattern"')
+            self.square = ui.input("side of a square", value="25mm").props("dense").props('data-name="square"')
             job_panel(self.bench.jobs, LENS, "Calibrate", self._calibrate)
-        self.find = ui.button("Find the grid", on_click=self._find).props("dense").mark("find-grid")
+        self.find = ui.button("Find the grid", on_click=self._find).props("dense").props('data-name="find-grid"')
         ui.label("Photographs").classes("font-bold")
         self.rows: dict[str, tuple[Row, Input, Icon, Tooltip]] = {}
         self.listing = ui.column().classes("w-full gap-1")
@@ -127,7 +131,7 @@ class PhotographsPage:
                         "flat dense no-caps align=left"
                     ).classes("grow truncate")
                     box = ui.input(value=one.pressure, placeholder="12.5 cm").props("dense").classes("w-24")
-                    box.props(f'aria-label="pressure of {_attribute(name)}"').mark(f"pressure-{name}")
+                    box.props(f'aria-label="pressure of {_attribute(name)}"')
                     box.on("change", lambda _, one=one, box=box: self._pressure(one, str(box.value)))
                     icon = ui.icon("hourglass_empty")
                     with icon:

@@ -1,0 +1,90 @@
+"""A server of the page for tests, with a project of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+TOP = Path(__file__).parents[2]
+START = 120.0
+"""Seconds within which the server must have printed its address, on a machine that other tests keep busy."""
+
+
+@contextlib.contextmanager
+def served(project, *options, stop=signal.SIGINT):
+    """Serve a project; yields the process and the address that it printed."""
+    command = [sys.executable, "-m", "softmodels", "app", str(project), "--no-browser", *options]
+    # NiceGUI serves its own tests by this variable; the program under test is not within one.
+    environment = {name: text for name, text in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
+    process = subprocess.Popen(
+        command, cwd=TOP, stdout=subprocess.PIPE, text=True, env={**environment, "PYTHONUNBUFFERED": "1"}
+    )
+    try:
+        line = process.stdout.readline()
+        assert line.startswith("softmodels: http://127.0.0.1:"), line
+        yield process, line.split()[1]
+    finally:
+        process.send_signal(stop)
+        try:
+            process.wait(20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    with served(tmp_path_factory.mktemp("bench") / "project") as (_, address):
+        yield address
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Chromium, Playwright's own or the system's; skips where there is neither."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as started:
+        own = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+        try:
+            found = started.chromium.launch(executable_path=own, args=["--no-sandbox"])
+        except playwright.Error:
+            pytest.skip("no Chromium: install Debian's chromium, or run playwright install chromium")
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def page(browser, server):
+    """A tab that shows the page; an error of its scripts fails the test."""
+    with tab(browser, server) as opened:
+        yield opened
+
+
+@contextlib.contextmanager
+def tab(browser, address, **options):
+    """Open a tab with the key."""
+    context = browser.new_context(**{"viewport": {"width": 1280, "height": 900}, **options})
+    opened, errors = context.new_page(), []
+    opened.set_default_timeout(120_000)
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    opened.goto(address)
+    yield opened
+    context.close()
+    assert not errors
+
+
+def value(page, name):
+    """Return the text of the element with a data-name, once it has one."""
+    found = page.locator(f'[data-name="{name}"]')
+    for _ in range(600):
+        if text := found.text_content():
+            return text
+        time.sleep(0.1)
+    raise AssertionError(f"{name} stays empty")

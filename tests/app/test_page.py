@@ -1,0 +1,124 @@
+"""The page in a real browser: what it shows is what Python computes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import softmodels as sm
+from softmodels.case.case import Case
+from tests.app.conftest import served, tab, value
+
+NUMBER = re.compile(r"-?[0-9][0-9.]*(?:e-?[0-9]+)?")
+DEVICE = sm.HollowDisk(section="axisymmetric", membrane=5e-3)
+
+
+def number(text):
+    return float(NUMBER.search(text)[0])
+
+
+def test_a_changed_length_gives_what_python_gives(page):
+    page.locator('[data-name="membrane"]').first.wait_for()
+    page.get_by_label("membrane", exact=True).first.fill("5 mm")
+    page.get_by_label("membrane", exact=True).first.press("Tab")
+    page.locator("svg.section").wait_for()
+    page.wait_for_function("document.querySelector('[data-name=\"rise of the apex\"]')")
+    run = sm.inflate(DEVICE, "ecoflex-00-30", "0:60 cm")
+    wanted = run.at("60 cm").row
+    page.wait_for_function(
+        "wanted => Math.abs(parseFloat(document.querySelector('[data-name=\"rise of the apex\"]').textContent) - wanted)"
+        " < 1e-3 * wanted",
+        arg=wanted["apex_mm"],
+    )
+    assert number(value(page, "rise of the apex")) == pytest.approx(wanted["apex_mm"], rel=5e-4)
+    assert number(value(page, "added volume")) == pytest.approx(wanted["added_volume_ml"], rel=5e-4)
+    assert number(value(page, "largest stretch")) == pytest.approx(wanted["max_stretch"], rel=5e-4)
+    limit = sm.limit(DEVICE, "ecoflex-00-30")
+    assert number(value(page, "limit").partition(" at ")[2] or value(page, "limit").partition(" to ")[2]) == pytest.approx(
+        limit.pressure / Case("x", DEVICE, "ecoflex-00-30", pressures_cm=(1.0,)).cm, rel=5e-4
+    )
+
+
+def test_an_impossible_length_is_told_in_place_and_changes_nothing(page):
+    box = page.get_by_label("membrane", exact=True).first
+    before = value(page, "rise of the apex")
+    box.fill("-3 mm")
+    box.press("Tab")
+    assert "membrane is" in value(page, "message")
+    assert value(page, "rise of the apex") == before
+
+
+def test_two_tabs_show_the_same(browser, server, page):
+    with tab(browser, server) as other:
+        page.get_by_label("wall", exact=True).first.fill("12 mm")
+        page.get_by_label("wall", exact=True).first.press("Tab")
+        other.wait_for_function("document.querySelector('[data-name=\"wall\"] input, input[data-name=\"wall\"]').value == '12 mm'")
+
+
+def test_the_python_lines_shown_do_the_same(page):
+    rise = number(value(page, "rise of the apex"))
+    page.get_by_text("The same in a terminal").click()
+    assert "uv run softmodels run case.toml" in value(page, "terminal")
+    namespace = {}
+    exec(page.locator('[data-name="python"] code').inner_text(), namespace)
+    assert namespace["run"].apex[-1] * 1e3 == pytest.approx(rise, rel=5e-4)
+
+
+def test_what_is_no_photograph_is_told(page, tmp_path):
+    page.get_by_role("tab", name="Photographs").click()
+    bad = []
+    for name, data in {
+        "empty.jpg": b"", "text.png": b"not a picture", "half.jpg": b"\xff\xd8\xff\xe0" + bytes(40), "<b>.jpg": b"x",
+    }.items():  # fmt: skip
+        (tmp_path / name).write_bytes(data)
+        bad.append(tmp_path / name)
+    for file in bad:
+        page.locator("input[type=file]").first.set_input_files(file)
+        page.wait_for_function(
+            "name => document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith(name)", arg=f"{file.name}:"
+        )
+    (tmp_path / "a.exe").write_bytes(b"MZ")
+    page.locator("input[type=file]").first.set_input_files(tmp_path / "a.exe")
+    page.wait_for_function("document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith('not taken')")
+    assert page.locator('button:has-text("empty.jpg").count() == 0
+
+
+def test_a_killed_server_resumes_its_job(browser, tmp_path):
+    """Its results are those of a run that was left alone."""
+    import signal
+    import time
+
+    project = tmp_path / "project"
+    project.mkdir()
+    case = Case("device", sm.HollowDisk(cell_size=2.5e-3), sm.Yeoh(14e3, 60.0), pressures_cm=tuple(range(0, 60, 3)))
+    (project / "case.toml").write_text(case.to_toml())
+    rows = project / "results" / "device" / "path.csv"
+    with served(project, stop=signal.SIGKILL) as (_, address), tab(browser, address) as page:
+        page.get_by_role("button", name="Run with all pictures").click()
+        for _ in range(1200):
+            if rows.exists() and len(rows.read_text().splitlines()) > 3:
+                break
+            time.sleep(0.1)
+    before = len(rows.read_text().splitlines())
+    assert 3 < before < 21
+    with served(project) as (_, address), tab(browser, address) as page:
+        page.wait_for_function("document.querySelector('[data-name=\"state-results/device\"]').textContent == 'done'")
+    alone = sm.run(case)
+    found = sm.load(project / "results" / "device")
+    assert found.apex == pytest.approx(alone.apex, rel=1e-6)
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_sticks_out(browser, server, width):
+    with tab(browser, server, viewport={"width": width, "height": 844}) as page:
+        page.locator("svg.section").wait_for()
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_files_stay_in_the_project(page, server):
+    address = server.partition("?")[0]
+    for path in ("files/../../../../etc/passwd", "files/%2e%2e/%2e%2e/etc/passwd", "files//etc/passwd"):
+        assert page.request.get(f"{address}{path}").status == 404
+    assert Path("/etc/passwd").exists()
