@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from softmodels.app.server import LARGEST_UPLOAD, Guard, free_port  # noqa: E402
+from softmodels.app.server import LARGEST_UPLOAD, Guard, free_port
 
 KEY, HOST = "a-key", "127.0.0.1:8700"
 COOKIE = ("cookie", f"softmodels-8700={KEY}")

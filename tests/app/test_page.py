@@ -36,9 +36,9 @@ def test_a_changed_length_gives_what_python_gives(page):
     assert number(value(page, "added volume")) == pytest.approx(wanted["added_volume_ml"], rel=5e-4)
     assert number(value(page, "largest stretch")) == pytest.approx(wanted["max_stretch"], rel=5e-4)
     limit = sm.limit(DEVICE, "ecoflex-00-30")
-    assert number(value(page, "limit").partition(" at ")[2] or value(page, "limit").partition(" to ")[2]) == pytest.approx(
-        limit.pressure / Case("x", DEVICE, "ecoflex-00-30", pressures_cm=(1.0,)).cm, rel=5e-4
-    )
+    assert number(
+        value(page, "limit").partition(" at ")[2] or value(page, "limit").partition(" to ")[2]
+    ) == pytest.approx(limit.pressure / Case("x", DEVICE, "ecoflex-00-30", pressures_cm=(1.0,)).cm, rel=5e-4)
 
 
 def test_an_impossible_length_is_told_in_place_and_changes_nothing(page):
@@ -54,7 +54,9 @@ def test_two_tabs_show_the_same(browser, server, page):
     with tab(browser, server) as other:
         page.get_by_label("wall", exact=True).first.fill("12 mm")
         page.get_by_label("wall", exact=True).first.press("Tab")
-        other.wait_for_function("document.querySelector('[data-name=\"wall\"] input, input[data-name=\"wall\"]').value == '12 mm'")
+        other.wait_for_function(
+            "document.querySelector('[data-name=\"wall\"] input, input[data-name=\"wall\"]').value == '12 mm'"
+        )
 
 
 def test_the_python_lines_shown_do_the_same(page):
@@ -77,12 +79,15 @@ def test_what_is_no_photograph_is_told(page, tmp_path):
     for file in bad:
         page.locator("input[type=file]").first.set_input_files(file)
         page.wait_for_function(
-            "name => document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith(name)", arg=f"{file.name}:"
+            "name => document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith(name)",
+            arg=f"{file.name}:",
         )
     (tmp_path / "a.exe").write_bytes(b"MZ")
     page.locator("input[type=file]").first.set_input_files(tmp_path / "a.exe")
-    page.wait_for_function("document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith('not taken')")
-    assert page.locator('button:has-text("empty.jpg").count() == 0
+    page.wait_for_function(
+        "document.querySelector('[data-name=\"photo-message\"]').textContent.startsWith('not taken')"
+    )
+    assert page.locator('button:has-text("empty.jpg")').count() == 0
 
 
 def test_a_killed_server_resumes_its_job(browser, tmp_path):
