@@ -293,6 +293,8 @@ class PlaneOptions:
               help="From the lamp to the object, if the light is not parallel; 2m+-5cm gives an error.")  # fmt: skip
 @click.option("--screen-distance", metavar="LENGTH", help="From the object to the screen; 3cm+-1mm gives an error.")
 @click.option("--roi", metavar="x0,y0,x1,y1", help="Region of interest in px; the shadow is searched only there.")
+@click.option("--mask", "masks", multiple=True, metavar="x0,y0,x1,y1",
+              help="Region in px in which no edge is looked for, such as a label's; may be repeated.")  # fmt: skip
 @click.option("--zero", metavar="x,y=x,y", help="Two pixels on the undeformed surface.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("setup.toml"), show_default=True,
               help="Setup file to write, for photos --setup.")  # fmt: skip
@@ -340,12 +342,14 @@ class LightOptions:
         lamp_distance: From the lamp to the object; None for parallel light.
         screen_distance: From the object to the screen; None for parallel light.
         roi: Region of interest; None for all of the picture.
+        masks: Regions in which no edge is looked for.
         zero: Two pixels on the undeformed surface; None where a photograph shows it.
     """
 
     lamp_distance: str | None
     screen_distance: str | None
     roi: str | None
+    masks: tuple[str, ...]
     zero: str | None
 
     def setup(self, camera: Camera, plane: Plane, grid_pitch: float | None) -> Setup:
@@ -356,7 +360,8 @@ class LightOptions:
         """
         size = texts.magnification(self.lamp_distance, self.screen_distance)
         roi = None if self.roi is None else texts.numbers(self.roi, 4, "--roi")
-        made = Setup(camera, plane, *size, roi=roi, grid_pitch=grid_pitch)  # type: ignore[arg-type]
+        masks = tuple(texts.numbers(mask, 4, "--mask") for mask in self.masks)
+        made = Setup(camera, plane, *size, roi=roi, masks=masks, grid_pitch=grid_pitch)  # type: ignore[arg-type]
         if self.zero is None:
             return made
         ends = [texts.numbers(part, 2, "--zero") for part in self.zero.split("=")]

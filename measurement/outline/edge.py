@@ -620,7 +620,16 @@ class Traced:
         shading = Shading(self.image, coarse.colour, ink, None if ink is None else ink.drawn, self.view.light)
         contour = coarse_contour(coarse.mask, coarse.share, self.factor, self.view.roi[:2])
         edge = refine_edge(shading, contour, self.factor, self.camera)
-        return edge[self.view.inside(edge.px)]
+        return edge[self.view.inside(edge.px) & ~self._masked(edge.px)]
+
+    def _masked(self, px: Array) -> npt.NDArray[np.bool_]:
+        """Return which pixels (n, 2) lie in one of the setup's masks."""
+        found = np.zeros(len(px), dtype=bool)
+        for x0, y0, x1, y1 in self.setup.masks:
+            found |= ((px >= [x0, y0]) & (px <= [x1, y1])).all(axis=1)
+        if len(px) and found.all():
+            raise Unmeasurable("the masks cover the whole edge; make them smaller")
+        return found
 
     @property
     def touched(self) -> bool:

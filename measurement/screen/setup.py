@@ -341,6 +341,7 @@ class Setup:
         pitch_error: Standard error of the printed pitch, and so of all lengths on the screen, as a share of it.
         zero: Two points (2, 2) in m, as `to_metres` gives them, on the undeformed surface; None where unknown.
         roi: Region of interest as x0, y0, x1, y1 in px of the photograph; None for all of it.
+        masks: Regions as ``roi`` in which no edge is looked for: a label, a hose, a stretch of edge that something covers.
         grid_pitch: Distance of the grid's lines in m; None where the screen's points were given.
         shadow_colour: Red, green, blue of the shadow, 0 to 255; None to find it in each photograph.
     """
@@ -352,6 +353,7 @@ class Setup:
     pitch_error: float = 0.0
     zero: Points | None = None
     roi: tuple[float, float, float, float] | None = None
+    masks: tuple[tuple[float, float, float, float], ...] = ()
     grid_pitch: float | None = None
     shadow_colour: tuple[float, float, float] | None = None
 
@@ -373,12 +375,17 @@ class Setup:
                 raise SetupError("the zero line needs two different points in m")
             object.__setattr__(self, "zero", zero)
         if self.roi is not None:
-            x0, y0, x1, y1 = self.roi
-            if not (0 <= x0 < x1 <= self.camera.width and 0 <= y0 < y1 <= self.camera.height):
-                raise SetupError(
-                    f"the region of interest {x0:g},{y0:g},{x1:g},{y1:g} is not x0,y0,x1,y1 inside of the picture of "
-                    f"{self.camera.width} x {self.camera.height} px"
-                )
+            self._check_region("region of interest", self.roi)
+        for mask in self.masks:
+            self._check_region("mask", mask)
+
+    def _check_region(self, what: str, region: tuple[float, float, float, float]) -> None:
+        x0, y0, x1, y1 = region
+        if not (0 <= x0 < x1 <= self.camera.width and 0 <= y0 < y1 <= self.camera.height):
+            raise SetupError(
+                f"the {what} {x0:g},{y0:g},{x1:g},{y1:g} is not x0,y0,x1,y1 inside of the picture of "
+                f"{self.camera.width} x {self.camera.height} px"
+            )
 
     def _check_pitch(self, pitch: float) -> None:
         """Reject a pitch whose lines the picture cannot show: looking for them would take all memory, or for ever."""
@@ -473,6 +480,8 @@ class Setup:
         for name in ("zero", "roi", "shadow_colour"):
             if getattr(self, name) is not None:
                 table[name] = np.asarray(getattr(self, name), dtype=float).tolist()
+        if self.masks:
+            table["masks"] = [list(map(float, mask)) for mask in self.masks]
         table["camera"] = self.camera.as_table()
         table["plane"] = {
             field.name: np.asarray(getattr(self.plane, field.name)).tolist() for field in dataclasses.fields(Plane)
@@ -515,9 +524,11 @@ class Setup:
         for name in table:
             if name not in known:
                 raise SetupError(f"the setup has an unknown field {name!r}; {known_are(name, sorted(known))}")
-        roi, colour = table.get("roi"), table.get("shadow_colour")
-        if (roi is not None and len(roi) != 4) or (colour is not None and len(colour) != 3):
-            raise SetupError("the setup's roi needs four numbers and its shadow_colour three")
+        roi, colour, masks = table.get("roi"), table.get("shadow_colour"), table.get("masks", [])
+        if any(len(one) != 4 for one in (*masks, *([] if roi is None else [roi]))):
+            raise SetupError("the setup's roi and each of its masks need four numbers")
+        if colour is not None and len(colour) != 3:
+            raise SetupError("the setup's shadow_colour needs three numbers")
         return cls(
             camera=Camera.from_table(table["camera"]),
             plane=_plane(table["plane"]),
@@ -525,7 +536,8 @@ class Setup:
             magnification_error=_float(table.get("magnification_error", 0.0)),
             pitch_error=_float(table.get("pitch_error", 0.0)),
             zero=None if table.get("zero") is None else numbers(table["zero"]),
-            roi=None if roi is None else (_float(roi[0]), _float(roi[1]), _float(roi[2]), _float(roi[3])),
+            roi=None if roi is None else _region(roi),
+            masks=tuple(map(_region, masks)),
             grid_pitch=None if table.get("grid_pitch") is None else _float(table["grid_pitch"]),
             shadow_colour=None if colour is None else (_float(colour[0]), _float(colour[1]), _float(colour[2])),
         )
@@ -543,6 +555,11 @@ class Setup:
             raise SetupError(f"{path} {error}") from None
         except SetupError as error:
             raise SetupError(f"{path}: {error}") from None
+
+
+def _region(values: Any) -> tuple[float, float, float, float]:
+    x0, y0, x1, y1 = map(_float, values)
+    return x0, y0, x1, y1
 
 
 def _float(value: Any) -> float:

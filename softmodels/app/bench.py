@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import csv
 import dataclasses
 import io
@@ -15,7 +16,7 @@ import tomli_w
 
 from measurement.series.photo_list import PICTURES, Column, ColumnError, PhotoListError, read_photos
 from softmodels.app.jobs import Jobs
-from softmodels.app.project import PHOTOGRAPHS, PHOTOS, SETUP, Project
+from softmodels.app.project import PHOTOGRAPHS, PHOTOS, SETUP, Handles, Project
 from softmodels.app.warm import AnswerError, Warm
 from softmodels.common.files import replace_text, write_bytes
 from softmodels.common.tables import TomlError, read_toml
@@ -65,8 +66,7 @@ class Photographs:
         self.error = ""
         self.listed: dict[str, Listed] = {}
         self.typed: dict[str, str] = {}
-        self.zero: list[list[float]] | None = None
-        self.roi: list[float] | None = None
+        self.handles = Handles()
         self.read()
 
     # -- files --------------------------------------------------------------------------------------------------------
@@ -177,7 +177,7 @@ class Photographs:
         self.plane, self.grid, self.pitch, self.lens = found, grid, pitch, lens
         replace_text(self.project / BENCH, tomli_w.dumps({"grid": grid, "pitch": pitch, "lens": lens}))
         replace_text(self.project / SETUP, found.setup)
-        self.zero = self.roi = None
+        self.handles = Handles()
         self.write_list()
         self.changed.emit(grid)
         await self.trace_all()
@@ -201,10 +201,21 @@ class Photographs:
             one.traced, one.why = None, str(error)
         self.changed.emit(one.file.name)
 
-    async def move(self, zero: list[list[float]] | None, roi: list[float] | None) -> None:
-        """Take a zero line or region that was dragged, and trace anew."""
-        self.zero, self.roi = zero, roi
-        replace_text(self.project / SETUP, await self.tracer.ask("moved", self.setup, zero, roi))
+    async def begin(self) -> None:
+        """Read where the handles of the project's setup are."""
+        if self.setup:
+            with contextlib.suppress(AnswerError):  # an unusable setup is told when a photograph is traced
+                self.handles = await self.tracer.ask("handles", self.setup)
+        await self.trace_all()
+
+    async def move(self, handles: Handles) -> None:
+        """Take handles that were dragged, and trace anew.
+
+        Raises:
+            AnswerError: They cannot be where they are; the old ones stay.
+        """
+        replace_text(self.project / SETUP, await self.tracer.ask("moved", self.setup, handles))
+        self.handles = handles
         self.changed.emit("")
         await self.trace_all()
 
@@ -228,6 +239,7 @@ class Bench:
     async def begin(self) -> None:
         """Load the solver while the user looks at the page, and resume interrupted jobs."""
         self._loading = [asyncio.create_task(asyncio.to_thread(warm.start)) for warm in (self.solver, self.tracer)]
+        self._loading.append(asyncio.create_task(self.photographs.begin()))
         self.jobs.begin()
 
     def end(self) -> None:

@@ -25,6 +25,8 @@ OUTPUT = f"{RESULTS}/fit"
 ENDINGS = (".csv", ".txt", ".tsv", ".xlsx")
 TESTS = ("uniaxial", "planar", "equibiaxial", "balloon")
 LARGEST_CURVE = 40 << 20
+"""Bytes of the largest table."""
+NOT_TAKEN = f"not taken: curves are CSV or Excel (.xlsx), of at most {LARGEST_CURVE >> 20} MB each"
 
 
 class MaterialPage:
@@ -42,7 +44,7 @@ class MaterialPage:
             with ui.card().classes("w-full"):
                 upload = ui.upload(
                     label="Drop curves of a test machine", multiple=True, auto_upload=True, max_file_size=LARGEST_CURVE,
-                    on_multi_upload=self._uploaded, on_rejected=lambda: self._say(f"not taken: curves are CSV or Excel (.xlsx), of at most {LARGEST_CURVE >> 20} MB each"),
+                    on_multi_upload=self._uploaded, on_rejected=lambda: self._say(NOT_TAKEN),
                 )  # fmt: skip
                 self.upload = upload.classes("w-full").props('accept=".csv,.txt,.tsv,.xlsx"')
                 self.curves = ui.refreshable(self._curves)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import copy
 import math
 from typing import TYPE_CHECKING
 
@@ -10,8 +11,8 @@ import numpy as np
 
 from measurement.series.photo_list import PICTURES, ColumnError, PhotoListError, read_photos
 from softmodels.app.jobs import Command, job_panel
-from softmodels.app.project import BOARDS, PHOTOS, PREVIEW, SETUP
-from softmodels.app.warm import AnswerError, SupersededError
+from softmodels.app.project import BOARDS, PHOTOS, PREVIEW, SETUP, Handles
+from softmodels.app.warm import AnswerError
 from softmodels.common.arrays import Array
 from softmodels.common.files import write_bytes
 
@@ -29,6 +30,8 @@ OUTLINES, LENS = "outlines", "lens.toml"
 BENCH = "bench.toml"
 """How the screen was found: the photograph of its grid, the pitch, and the lens."""
 LARGEST_PHOTOGRAPH = 80 << 20
+"""Bytes of the largest photograph."""
+NOT_TAKEN = f"not taken: photographs are JPEG, PNG, TIFF or HEIC, of at most {LARGEST_PHOTOGRAPH >> 20} MB each"
 REACH = 40.0
 """Pixels of a preview within which a press takes hold of a handle."""
 
@@ -45,14 +48,15 @@ class PhotographsPage:
 
         self.bench, self.photos = bench, bench.photographs
         self.shown = next(iter(self.photos.listed), "")
-        self.held: tuple[str, int] | None = None
+        self.held: tuple[str, int, int] | None = None
+        self.handles = copy.deepcopy(self.photos.handles)
         self.scale = 1.0
         with ui.element("div").classes("two-columns"):
             with ui.column().classes("w-full min-w-0"):
                 self.upload = ui.upload(
                     label="Drop photographs here, or take them", multiple=True, auto_upload=True,
                     max_file_size=LARGEST_PHOTOGRAPH, on_multi_upload=self._uploaded,
-                    on_rejected=lambda: self._say(f"not taken: photographs are JPEG, PNG, TIFF or HEIC, of at most {LARGEST_PHOTOGRAPH >> 20} MB each"),
+                    on_rejected=lambda: self._say(NOT_TAKEN),
                 )  # fmt: skip
                 self.upload.classes("w-full").props(
                     'accept="image/*,.heic,.tif,.tiff,.csv" capture="environment"'
@@ -69,16 +73,22 @@ class PhotographsPage:
                     .props('data-name="photograph"')
                 )
                 with ui.row().classes("gap-4 items-center"):
-                    self.with_zero = ui.switch("Zero line", value=self.photos.zero is not None)
+                    self.with_zero = ui.switch("Zero line", value=self.photos.handles.zero is not None)
                     self.with_zero.tooltip("Two points on the undeformed surface; drag them").props(
                         'data-name="zero-line"'
                     )
-                    self.with_zero.on("update:model-value", lambda _: self._toggle_zero())
-                    self.with_roi = ui.switch("Region", value=self.photos.roi is not None)
+                    self.with_zero.on("update:model-value", lambda _: self._toggle())
+                    self.with_roi = ui.switch("Region", value=self.photos.handles.roi is not None)
                     self.with_roi.tooltip("The shadow is searched only inside; drag its corners").props(
                         'data-name="region"'
                     )
-                    self.with_roi.on("update:model-value", lambda _: self._toggle_roi())
+                    self.with_roi.on("update:model-value", lambda _: self._toggle())
+                    ui.button("Mask", icon="add", on_click=lambda: self._mask(True)).props("flat dense").tooltip(
+                        "A region in which no edge is looked for, such as a label; drag its corners"
+                    )
+                    ui.button(icon="remove", on_click=lambda: self._mask(False)).props(
+                        'flat dense aria-label="remove the last mask"'
+                    )
                 self.about = ui.label().props('data-name="about-photograph"')
                 job_panel(bench.jobs, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
         self.photos.changed.subscribe(self._changed)
@@ -210,6 +220,7 @@ class PhotographsPage:
 
     async def _changed(self, name: str) -> None:
         self._update()
+        self._settled()
         if name in ("", self.shown):
             await self._show()
 
@@ -250,80 +261,90 @@ class PhotographsPage:
             ]
         if one.traced is not None:
             drawn += [f'<polyline class="traced" points="{piece}"/>' for piece in _pieces(one.traced.edge, scale)]
-            if one.traced.zero is not None and self.photos.zero is None:
+            if one.traced.zero is not None and self.handles.zero is None:
                 drawn.append(f'<polyline class="zero" points="{points_text(one.traced.zero, scale)}"/>')
-        if self.photos.zero is not None:
-            drawn.append(f'<polyline class="zero" points="{points_text(np.array(self.photos.zero), scale)}"/>')
-            drawn += [
-                f'<circle class="handle" cx="{x / scale:.1f}" cy="{y / scale:.1f}" r="12"/>'
-                for x, y in self.photos.zero
-            ]
-        if self.photos.roi is not None:
-            x0, y0, x1, y1 = (value / scale for value in self.photos.roi)
-            drawn.append(f'<rect class="roi" x="{x0:.1f}" y="{y0:.1f}" width="{x1 - x0:.1f}" height="{y1 - y0:.1f}"/>')
-            drawn += [f'<circle class="handle" cx="{x:.1f}" cy="{y:.1f}" r="12"/>' for x, y in ((x0, y0), (x1, y1))]
+        handles = self.handles
+        if handles.zero is not None:
+            drawn.append(f'<polyline class="zero" points="{points_text(np.array(handles.zero), scale)}"/>')
+        for name, box in (("roi", handles.roi), *(("mask", mask) for mask in handles.masks)):
+            if box is not None:
+                x0, y0, x1, y1 = (value / scale for value in box)
+                left, top, wide, tall = min(x0, x1), min(y0, y1), abs(x1 - x0), abs(y1 - y0)
+                drawn.append(
+                    f'<rect class="{name}" x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{tall:.1f}"/>'
+                )
+        places = [(x / scale, y / scale) for x, y in handles.corners.values()]
+        drawn += [f'<circle class="handle" cx="{x:.1f}" cy="{y:.1f}" r="12"/>' for x, y in places]
         self.image.set_content("".join(drawn))
 
     # -- handles ------------------------------------------------------------------------------------------------------
 
-    async def _toggle_zero(self) -> None:
-        preview = self._preview()
-        if preview is None:
-            return
-        line = None
-        if self.with_zero.value:
-            line = [[0.2 * preview.width, 0.6 * preview.height], [0.8 * preview.width, 0.6 * preview.height]]
-            traced = self.photos.listed[self.shown].traced
-            if traced is not None and traced.zero is not None:
-                line = traced.zero.tolist()
-        await self._move(line, self.photos.roi)
-
-    async def _toggle_roi(self) -> None:
-        preview = self._preview()
+    async def _toggle(self) -> None:
+        """Show or remove the zero line and the region."""
+        preview, handles = self._preview(), copy.deepcopy(self.photos.handles)
         if preview is None:
             return
         w, h = preview.width, preview.height
-        await self._move(self.photos.zero, [0.05 * w, 0.05 * h, 0.95 * w, 0.95 * h] if self.with_roi.value else None)
+        if self.with_zero.value and handles.zero is None:
+            traced = self.photos.listed[self.shown].traced
+            seen = None if traced is None or traced.zero is None else traced.zero.tolist()
+            handles.zero = seen or [[0.2 * w, 0.6 * h], [0.8 * w, 0.6 * h]]
+        elif not self.with_zero.value:
+            handles.zero = None
+        if self.with_roi.value and handles.roi is None:
+            handles.roi = [0.05 * w, 0.05 * h, 0.95 * w, 0.95 * h]
+        elif not self.with_roi.value:
+            handles.roi = None
+        await self._move(handles)
+
+    async def _mask(self, more: bool) -> None:
+        """Add a mask in the middle, or remove the last one."""
+        preview, handles = self._preview(), copy.deepcopy(self.photos.handles)
+        if preview is None:
+            return
+        if more:
+            w, h = preview.width, preview.height
+            handles.masks.append([0.45 * w, 0.45 * h, 0.55 * w, 0.55 * h])
+        else:
+            del handles.masks[-1:]
+        await self._move(handles)
 
     def _preview(self) -> Preview | None:
         one = self.photos.listed.get(self.shown)
-        return None if one is None or not self.photos.setup else one.preview
+        if not self.photos.setup:
+            self._say("find the grid first")
+            return None
+        return None if one is None else one.preview
 
-    async def _move(self, zero: list[list[float]] | None, roi: list[float] | None) -> None:
+    async def _move(self, handles: Handles) -> None:
+        handles.settle()
         try:
-            await self.photos.move(zero, roi)
+            await self.photos.move(handles)
             self._say("")
         except (AnswerError, OSError) as error:
             self._say(str(error))
-            self.photos.zero, self.photos.roi = None, None
-        except SupersededError:
-            pass
+        self._settled()
+
+    def _settled(self) -> None:
+        """Show the handles where they are now, for all tabs."""
+        if self.held is None:
+            self.handles = copy.deepcopy(self.photos.handles)
+            self.with_zero.set_value(self.handles.zero is not None)
+            self.with_roi.set_value(self.handles.roi is not None)
+            self._draw()
 
     async def _mouse(self, event: MouseEventArguments) -> None:
-        if self._preview() is None:
-            return
         x, y = event.image_x * self.scale, event.image_y * self.scale
-        places = self._handles()
+        corners = self.handles.corners
         if event.type == "pointerdown":
-            near = min(places, key=lambda place: math.dist((x, y), places[place]), default=None)
-            self.held = near if near is not None and math.dist((x, y), places[near]) < REACH * self.scale else None
+            near = min(corners, key=lambda corner: math.dist((x, y), corners[corner]), default=None)
+            self.held = near if near is not None and math.dist((x, y), corners[near]) < REACH * self.scale else None
         elif self.held is not None:
-            name, k = self.held
-            if name == "zero" and self.photos.zero is not None:
-                self.photos.zero[k] = [x, y]
-            elif self.photos.roi is not None:
-                self.photos.roi[2 * k : 2 * k + 2] = [x, y]
+            self.handles.drag(self.held, x, y)
             self._draw()
             if event.type == "pointerup":
                 self.held = None
-                await self._move(self.photos.zero, self.photos.roi)
-
-    def _handles(self) -> dict[tuple[str, int], tuple[float, float]]:
-        zero, roi = self.photos.zero or [], self.photos.roi
-        found: dict[tuple[str, int], tuple[float, float]] = {("zero", k): (x, y) for k, (x, y) in enumerate(zero)}
-        if roi is not None:
-            found |= {("roi", 0): (roi[0], roi[1]), ("roi", 1): (roi[2], roi[3])}
-        return found
+                await self._move(self.handles)
 
     # -- all of them --------------------------------------------------------------------------------------------------
 
@@ -336,7 +357,7 @@ class PhotographsPage:
             listed = read_photos(self.photos.project / PHOTOS)
         except (PhotoListError, OSError) as error:
             return f"{error}; type the pressures beside the photographs"
-        if not any(photo.is_zero for photo in listed) and self.photos.zero is None:
+        if not any(photo.is_zero for photo in listed) and self.handles.zero is None:
             return "none of the photographs is at zero pressure: type 0 cm beside it, or drag the zero line"
         words = ["measurement", "photos", PHOTOS, "--setup", SETUP, "-o", OUTLINES]
         return words, OUTLINES, False

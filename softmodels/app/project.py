@@ -17,6 +17,47 @@ PREVIEW = 1600
 FIRST_PRESSURES = "0:60 cm"
 
 
+@dataclasses.dataclass
+class Handles:
+    """What can be dragged on a photograph, in px.
+
+    Attributes:
+        zero: Two points on the undeformed surface.
+        roi: Region of interest, as x0, y0, x1, y1.
+        masks: Regions in which no edge is looked for.
+    """
+
+    zero: list[list[float]] | None = None
+    roi: list[float] | None = None
+    masks: list[list[float]] = dataclasses.field(default_factory=list)
+
+    @property
+    def corners(self) -> dict[tuple[str, int, int], tuple[float, float]]:
+        """The points that can be dragged: by what they belong to, its number, and theirs."""
+        found = {("zero", 0, k): (x, y) for k, (x, y) in enumerate(self.zero or [])}
+        for name, number, box in (("roi", 0, self.roi), *(("mask", n, mask) for n, mask in enumerate(self.masks))):
+            if box is not None:
+                found |= {(name, number, 0): (box[0], box[1]), (name, number, 1): (box[2], box[3])}
+        return found
+
+    def drag(self, corner: tuple[str, int, int], x: float, y: float) -> None:
+        """Put a point elsewhere."""
+        name, number, k = corner
+        if name == "zero":
+            assert self.zero is not None
+            self.zero[k] = [x, y]
+        else:
+            box = self.roi if name == "roi" else self.masks[number]
+            assert box is not None
+            box[2 * k : 2 * k + 2] = [x, y]
+
+    def settle(self) -> None:
+        """Put the corners of boxes in order, as after one was dragged past the other."""
+        for box in (self.roi, *self.masks):
+            if box is not None:
+                box[:] = [*map(min, box[:2], box[2:]), *map(max, box[:2], box[2:])]
+
+
 class Project:
     """A project's folder. What several pages show comes from here, so that all tabs show the same.
 

@@ -30,6 +30,7 @@ svg.section .scale-bar text { fill: currentColor; }
 .photograph svg circle { fill: none; stroke: #3cb44b; stroke-width: 2; }
 .photograph svg .handle { fill: #0082c8aa; stroke: white; }
 .photograph svg .roi { fill: none; stroke: #f58231; stroke-width: 2.5; }
+.photograph svg .mask { fill: #f5823166; stroke: #f58231; stroke-width: 1.5; }
 .photograph img { touch-action: none; }
 iframe { width: 100%; height: 80vh; border: 0; background: white; }
 .nicegui-content { padding: 0.75rem; }

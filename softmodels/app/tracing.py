@@ -21,7 +21,7 @@ from measurement.screen.setup import PITCH_ERROR, Setup
 from measurement.series.measuring import zero_line
 from measurement.series.photo import outline_of, trace_image, zero_of
 from measurement.series.photo_list import read_photos
-from softmodels.app.project import PREVIEW
+from softmodels.app.project import PREVIEW, Handles
 from softmodels.common.arrays import Array
 
 
@@ -109,17 +109,19 @@ def trace(file: str, setup: str, level: bool, pressure: float) -> Traced:
     return Traced(found.line.px, found.line.error, doubts, ends, height, error)
 
 
-def moved(setup: str, zero: list[tuple[float, float]] | None, roi: list[float] | None) -> str:
-    """Return a setup's text with a zero line given by two pixels, and a region of interest in px; None where there is none."""
+def moved(setup: str, handles: Handles) -> str:
+    """Return a setup's text with a zero line, region of interest and masks where their handles are."""
     known = Setup.from_toml(setup)
-    line = None if zero is None else known.to_metres(zero)
-    return dataclasses.replace(known, zero=line, roi=None if roi is None else tuple(roi)).to_toml()  # type: ignore[arg-type]
+    line = None if handles.zero is None else known.to_metres(handles.zero)
+    roi, *masks = (None if one is None else tuple(one) for one in (handles.roi, *handles.masks))
+    return dataclasses.replace(known, zero=line, roi=roi, masks=tuple(masks)).to_toml()  # type: ignore[arg-type]
 
 
-def handles(setup: str) -> tuple[Array | None, tuple[float, float, float, float] | None]:
-    """Return a setup's zero line in px, shape (2, 2), and its region of interest in px."""
+def handles(setup: str) -> Handles:
+    """Return where the handles of a setup are."""
     known = Setup.from_toml(setup)
-    return (None if known.zero is None else known.to_pixels(known.zero)), known.roi
+    zero = None if known.zero is None else known.to_pixels(known.zero).tolist()
+    return Handles(zero, None if known.roi is None else list(known.roi), [list(mask) for mask in known.masks])
 
 
 SUNK = -5e-5
