@@ -587,17 +587,31 @@ class Traced:
         return WIDEST_LINE * (self.setup.grid_pitch / self.setup.magnification / self.scale / self.factor)
 
     @functools.cached_property
+    def covered(self) -> npt.NDArray[np.bool_]:
+        """Pixels of the small version that the setup masks, shape (h, w)."""
+        shape = self.small.shape[:2]
+        if not self.setup.masks:
+            return np.zeros(shape, dtype=bool)
+        places = np.moveaxis(np.indices(shape)[::-1], 0, -1).reshape(-1, 2)
+        found = self.masked(self.view.enlarged(places, shape)).reshape(shape)
+        if found.all():
+            raise Unmeasurable("the masks cover everything; make them smaller")
+        return found
+
+    @functools.cached_property
     def coarse(self) -> CoarseShadow:
         """The shadow in the small version."""
         colour = self.setup.shadow_colour
         known = None if colour is None else self.view.light[np.rint(np.array(colour)).astype(int)]
-        return find_shadow(self.small, self.line_px, known)
+        return find_shadow(self.small, self.line_px, known, self.covered)
 
     @functools.cached_property
     def look(self) -> GridLook | None:
         """The screen's grid in the light; None without a grid."""
         pitch = self.setup.grid_pitch
-        return None if pitch is None else look_at_grid(self.view, pitch, _well_inside(~self.coarse.dark))
+        return (
+            None if pitch is None else look_at_grid(self.view, pitch, _well_inside(~(self.coarse.dark | self.covered)))
+        )
 
     @functools.cached_property
     def movement(self) -> tuple[float, float]:
@@ -620,15 +634,16 @@ class Traced:
         shading = Shading(self.image, coarse.colour, ink, None if ink is None else ink.drawn, self.view.light)
         contour = coarse_contour(coarse.mask, coarse.share, self.factor, self.view.roi[:2])
         edge = refine_edge(shading, contour, self.factor, self.camera)
-        return edge[self.view.inside(edge.px) & ~self._masked(edge.px)]
+        masked = self.masked(edge.px)
+        if masked.all():
+            raise Unmeasurable("the masks cover the whole edge; make them smaller")
+        return edge[self.view.inside(edge.px) & ~masked]
 
-    def _masked(self, px: Array) -> npt.NDArray[np.bool_]:
+    def masked(self, px: Array) -> npt.NDArray[np.bool_]:
         """Return which pixels (n, 2) lie in one of the setup's masks."""
         found = np.zeros(len(px), dtype=bool)
         for x0, y0, x1, y1 in self.setup.masks:
             found |= ((px >= [x0, y0]) & (px <= [x1, y1])).all(axis=1)
-        if len(px) and found.all():
-            raise Unmeasurable("the masks cover the whole edge; make them smaller")
         return found
 
     @property
@@ -684,7 +699,7 @@ class Traced:
         look, coarse = self.look, self.coarse
         if look is None:
             return Flatness(np.zeros(len(self.points)))
-        parts = (~coarse.dark, coarse.mask)
+        parts = (~(coarse.dark | self.covered), coarse.mask & ~self.covered)
         looks = [look_at_grid(self.view, look.pitch, _well_inside(part), look.line_reach) for part in parts]
         return flatness(pieces_of(looks), self.points * self.setup.magnification)
 

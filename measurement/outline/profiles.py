@@ -153,13 +153,16 @@ class CoarseShadow:
     even: Array
 
 
-def find_shadow(light: npt.NDArray[np.float32], line_px: float = 0.0, known: Array | None = None) -> CoarseShadow:
+def find_shadow(
+    light: npt.NDArray[np.float32], line_px: float = 0.0, known: Array | None = None, masked: Mask | None = None
+) -> CoarseShadow:
     """Find the shadow in a small photograph.
 
     Args:
         light: Light of the photograph, shape (h, w, 3), at most about a thousand pixels wide.
         line_px: Greatest width of a grid line in these pixels; thinner dark things are closed over.
         known: Light of a sample of the shadow, shape (3,); None to find the shadow's colour.
+        masked: Where something else covers the screen, shape (h, w): dark things that lie mostly there are no shadows.
 
     Raises:
         Unmeasurable: No contrast, no shadow, or several.
@@ -188,6 +191,9 @@ def find_shadow(light: npt.NDArray[np.float32], line_px: float = 0.0, known: Arr
     colour = learn_colour(levelled[inner], levelled[cv2.erode(lit.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0])
     share = colour.share(levelled)
     dark = share < 0.5
+    if masked is not None and masked.any():
+        _, labels = cv2.connectedComponents(dark.astype(np.uint8))
+        dark &= ~(np.bincount(labels.ravel(), masked.ravel()) > 0.5 * np.bincount(labels.ravel()))[labels]
     return CoarseShadow(colour, _only_shadow(dark), dark, share, even)
 
 

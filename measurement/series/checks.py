@@ -174,15 +174,16 @@ class Evidence:
         return np.flatnonzero(self.above & ~rounded(self.placed, self.upwards))
 
     @functools.cached_property
-    def gaps(self) -> tuple[Array, Array]:
-        """Indices of the points that were measured, from the outline's first to its last one, shape (k,), and the lengths in m
-        that are missing between them, shape (k - 1,)."""
+    def gaps(self) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+        """Indices of the points that were measured, from the outline's first to its last one, shape (k,), the lengths in m that
+        are missing between them, and which of these the setup masks, both (k - 1,)."""
         inner = slice(self.kept[0], self.kept[-1] + 1)
         seen = np.flatnonzero(~self.traced.line.bridged[inner]) + inner.start
         lengths = np.linalg.norm(np.diff(self.placed[seen], axis=0), axis=1)
         above = np.isin(seen, self.kept)
         lengths[~(above[1:] | above[:-1])] = 0.0
-        return seen, lengths
+        px = self.traced.line.px[seen]
+        return seen, lengths, self.traced.masked(0.5 * (px[1:] + px[:-1]))
 
 
 def unsure_of(ripple: tuple[int, float, float]) -> float:
@@ -695,9 +696,9 @@ class Whole(Check, stage=OUTLINE):
                 "too little of the surface between the body's sides is visible",
                 "move the camera closer, or photograph it again with all of its surface in the light",
                 rejects=True)  # fmt: skip
-        seen, lengths = e.gaps
+        seen, lengths, masked = e.gaps
         words = "the outline has a gap of {:.1f} mm where no edge is clear"
-        longest = 1e3 * lengths.max(initial=0.0)
+        longest = 1e3 * lengths[~masked].max(initial=0.0)
         if longest > 1e3 * self.LARGEST:
             # What else speaks against the edge may tell why a part of it is missing.
             verdict = "; ".join([words.format(longest), *e.traced.doubts])
@@ -709,7 +710,7 @@ class Whole(Check, stage=OUTLINE):
             reach = float((e.placed[part, 1] + 2.0 * e.error[part]).max())
             if highest > 3.0 * ON_SURFACE and reach > highest:
                 found.append(f"{words.format(lengths[at] * 1e3)}, and its highest place may lie in it")
-            elif lengths[at] > self.GAP:
+            elif lengths[at] > self.GAP and not masked[at]:
                 found.append(words.format(lengths[at] * 1e3))
         return Doubt("; ".join(found)) if found else None
 
