@@ -593,7 +593,7 @@ class Traced:
         if not self.setup.masks:
             return np.zeros(shape, dtype=bool)
         places = np.moveaxis(np.indices(shape)[::-1], 0, -1).reshape(-1, 2)
-        found = self.masked(self.view.enlarged(places, shape)).reshape(shape)
+        found = self.masked(self.view.enlarged(places.astype(np.float64), shape)).reshape(shape)
         if found.all():
             raise Unmeasurable("the masks cover everything; make them smaller")
         return found

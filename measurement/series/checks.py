@@ -13,6 +13,7 @@ import functools
 from typing import ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from measurement.outline.edge import Traced, widest_patch
 from measurement.outline.zero import (

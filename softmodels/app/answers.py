@@ -13,7 +13,6 @@ from softmodels.app.drawing import Section
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
-from softmodels.common.units import readable
 from softmodels.materials.silicones import named, product_of, spanning, stretch_at_break
 from softmodels.runs.columns import span_sentence
 from softmodels.runs.grid import Cells, border, parabolas
@@ -81,7 +80,7 @@ def limit(case: str) -> str:
     found = limit_of(
         asked.actuator, asked.material, formulation=asked.formulation, components=asked.components, solver=asked.solver
     )
-    pressure = f"{found.pressure / asked.cm:.4g} cm ({readable(found.pressure, 'Pa')})"
+    pressure = f"{found.pressure / asked.cm:.4g} cm ({found.pressure / 1e3:.4g} kPa)"
     if not found.found:
         return f"no limit point up to {pressure}, where the largest stretch is {found.stretch:.3g}"
     what = "limit point" if found.kind == "limit" else "bifurcation"

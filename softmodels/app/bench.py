@@ -16,9 +16,9 @@ import tomli_w
 
 from measurement.series.photo_list import PICTURES, Column, ColumnError, PhotoListError, read_photos
 from softmodels.app.jobs import Jobs
-from softmodels.app.project import PHOTOGRAPHS, PHOTOS, SETUP, Handles, Project
+from softmodels.app.project import OUTLINES, PHOTOGRAPHS, PHOTOS, SETUP, Handles, Project
 from softmodels.app.warm import AnswerError, Warm
-from softmodels.common.files import replace_text, write_bytes
+from softmodels.common.files import read_text, replace_text, write_bytes
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.common.units import pascal_per_cm
 
@@ -101,6 +101,15 @@ class Photographs:
     def shadows(self) -> list[Listed]:
         """All photographs but that of the grid."""
         return [one for one in self.listed.values() if one.file.name != self.grid]
+
+    @property
+    def measured(self) -> dict[str, dict[str, str]]:
+        """Rows of ``heights.csv`` of the measured photographs, by their files' names."""
+        try:
+            rows = csv.DictReader(io.StringIO(read_text(self.project / OUTLINES / "heights.csv")))
+            return {row["file"]: row for row in rows if row["height_m"]}
+        except (OSError, KeyError, ValueError):
+            return {}
 
     def write_list(self) -> None:
         """Write ``photos.csv`` of the photographs with a pressure."""

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import bisect
+import csv
+import io
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from geometries import ACTUATORS, Actuator, registry
@@ -13,6 +16,7 @@ from softmodels.app.project import CASE, RESULTS
 from softmodels.app.warm import AnswerError, SupersededError
 from softmodels.case.case import in_unit
 from softmodels.case.entries import INPUT_ERRORS
+from softmodels.common.files import read_text
 from softmodels.materials.silicones import PRODUCTS, named, silicone
 
 if TYPE_CHECKING:
@@ -22,6 +26,7 @@ if TYPE_CHECKING:
     from softmodels.app.bench import Bench
 
 COLOURS = colours_of()
+FAINT = {"splitLine": {"lineStyle": {"opacity": 0.25}}}
 OUTPUT = f"{RESULTS}/device"
 
 
@@ -52,7 +57,7 @@ class DevicePage:
                 self.slider.on_value_change(lambda _: self._show_between())
                 self.slider.on("change", lambda _: self._solve_between())
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
-                self.chart = ui.echart(_chart([], [], "")).classes("w-full h-64")
+                self.chart = ui.echart(_chart([], "")).classes("w-full h-64")
                 self.limit = ui.label().props('data-name="limit"')
                 self.spread = ui.label().classes("text-sm").props('data-name="spread"')
                 self.notes = ui.column().classes("gap-1")
@@ -62,6 +67,7 @@ class DevicePage:
                     self.python = ui.code("", language="python").classes("w-full").props('data-name="python"')
         self.project.changed.subscribe(self._changed)
         ui.timer(0.05, self._solve, once=True)
+        ui.timer(1.0, self._follow)
 
     def _run(self) -> Command:
         if not (self.project / CASE).exists():
@@ -134,7 +140,9 @@ class DevicePage:
         self._say(self.project.case_error)
         if not _is_section(case.actuator):
             self.answer = None
-            return self._say("this device is a solid: start a run below")
+            self.picture.set_content("")
+            self.scale.set_content("")
+            return self._say("this device is a solid: start a run below, its path appears as it is solved")
         try:
             answer: PathAnswer = await self.bench.solver.ask("path", case.to_toml(), kind="path")
         except SupersededError:
@@ -156,11 +164,7 @@ class DevicePage:
         self.slider.props(f"max={top} step={top / 500}")
         self.slider.set_value(top)
         self._show(answer.states[self.pressures.index(top)])
-        main = next(name for name in answer.states[0].row if name.endswith("_mm"))
-        self.chart.options.update(
-            _chart(self.pressures, [float(s.row[main]) for s in answer.states], main.removesuffix("_mm"))  # type: ignore[arg-type]
-        )
-        self.chart.update()
+        self._plot([one.row for one in answer.states])
         self._report(answer)
         for function, label in (("limit", self.limit), ("spread", self.spread)):
             label.set_text("")
@@ -171,6 +175,26 @@ class DevicePage:
             except AnswerError as error:
                 label.set_text(str(error))
         return None
+
+    def _follow(self) -> None:
+        """Show the path of a solid while its job solves it."""
+        job = self.bench.jobs.latest(OUTPUT)
+        if job is None or not job.active or _is_section(self.project.case.actuator):
+            return
+        try:
+            rows = list(csv.DictReader(io.StringIO(read_text(self.project / OUTPUT / "path.csv"))))
+            self._plot([{name: float(row[name]) for name in row if name.endswith(("_mm", "_cm"))} for row in rows])
+        except (OSError, ValueError, KeyError, TypeError):  # not there yet, or a row half written
+            return
+
+    def _plot(self, rows: Sequence[Mapping[str, object]]) -> None:
+        """Plot the rise of the device's main point over the pressure."""
+        main = f"{self.project.case.actuator.gauge}_mm"
+        if main not in rows[0]:
+            return
+        points = [(float(str(row["pressure_cm"])), float(str(row[main]))) for row in rows]
+        self.chart.options.update(_chart(points, main.removesuffix("_mm")))
+        self.chart.update()
 
     def _report(self, answer: PathAnswer) -> None:
         from nicegui import ui
@@ -248,13 +272,12 @@ def _is_section(device: Actuator) -> bool:
     return getattr(device, "section", "") == "axisymmetric" or device.axial
 
 
-def _chart(pressures: list[float], rises: list[float], name: str) -> dict[str, object]:
-    points = [[p, r] for p, r in zip(pressures, rises, strict=True)]
+def _chart(points: Sequence[tuple[float, float]], name: str) -> dict[str, object]:
     return {
         "animation": False,
         "grid": {"left": 55, "right": 20, "top": 30, "bottom": 45},
-        "xAxis": {"name": "pressure in cm", "nameLocation": "middle", "nameGap": 26},
-        "yAxis": {"name": f"rise of the {name} in mm" if name else "", "nameTextStyle": {"align": "left"}},
-        "series": [{"type": "line", "data": points, "symbolSize": 5}],
+        "xAxis": {"name": "pressure in cm", "nameLocation": "middle", "nameGap": 26, **FAINT},
+        "yAxis": {"name": f"rise of the {name} in mm" if name else "", "nameTextStyle": {"align": "left"}, **FAINT},
+        "series": [{"type": "line", "data": list(points), "symbolSize": 5}],
         "tooltip": {"trigger": "axis"},
     }

@@ -6,8 +6,7 @@ import json
 from typing import TYPE_CHECKING
 
 from softmodels.app.jobs import DONE, Command, Job, job_panel
-from softmodels.app.photographs import OUTLINES
-from softmodels.app.project import CASE, CURVES, FITTED, RESULTS
+from softmodels.app.project import CASE, CURVES, FITTED, OUTLINES, RESULTS
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.case.materials import band_of, material_from
 from softmodels.common.files import read_text, replace_text, write_bytes

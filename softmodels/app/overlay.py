@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import TYPE_CHECKING
 
-from softmodels.app.photographs import OUTLINES, picture_of, points_text
-from softmodels.app.project import PHOTOS
+from softmodels.app.photographs import picture_of, points_text
+from softmodels.app.project import OUTLINES, PHOTOS
 from softmodels.app.warm import AnswerError, SupersededError
-from softmodels.common.files import read_text
 
 if TYPE_CHECKING:
     from softmodels.app.bench import Bench
@@ -40,16 +37,8 @@ class OverlayPage:
         bench.jobs.changed.subscribe(lambda job: self._list() if job.output == OUTLINES else None)
         self._list()
 
-    def _measured(self) -> dict[str, float]:
-        """Return the pressure in Pa of each measured photograph, by its file's name."""
-        try:
-            rows = csv.DictReader(io.StringIO(read_text(self.project / OUTLINES / "heights.csv")))
-            return {row["file"]: float(row["pressure_Pa"]) for row in rows if row["height_m"]}
-        except (OSError, KeyError, ValueError):
-            return {}
-
     def _list(self) -> None:
-        self.measured = self._measured()
+        self.measured = {name: float(row["pressure_Pa"]) for name, row in self.bench.photographs.measured.items()}
         self.chosen.set_options(list(self.measured))
 
     async def _refresh(self) -> None:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from measurement.series.photo_list import PICTURES, ColumnError, PhotoListError, read_photos
-from softmodels.app.jobs import Command, job_panel
-from softmodels.app.project import BOARDS, PHOTOS, PREVIEW, SETUP, Handles
+from softmodels.app.jobs import Command, Job, job_panel
+from softmodels.app.project import BOARDS, LENS, OUTLINES, PHOTOS, PREVIEW, SETUP, Handles
 from softmodels.app.warm import AnswerError
 from softmodels.common.arrays import Array
 from softmodels.common.files import write_bytes
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from softmodels.app.bench import Bench, Listed
     from softmodels.app.tracing import Preview
 
-OUTLINES, LENS = "outlines", "lens.toml"
 BENCH = "bench.toml"
 """How the screen was found: the photograph of its grid, the pitch, and the lens."""
 LARGEST_PHOTOGRAPH = 80 << 20
@@ -92,7 +91,7 @@ class PhotographsPage:
                 self.about = ui.label().props('data-name="about-photograph"')
                 job_panel(bench.jobs, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
         self.photos.changed.subscribe(self._changed)
-        bench.jobs.changed.subscribe(lambda job: self._update() if job.output == LENS else None)
+        bench.jobs.changed.subscribe(self._job_changed)
         ui.timer(0.05, self._show, once=True)
 
     # -- the list -----------------------------------------------------------------------------------------------------
@@ -211,6 +210,12 @@ class PhotographsPage:
             self.shown = next(iter(self.photos.listed), "")
         await self._show()
 
+    async def _job_changed(self, job: Job) -> None:
+        if job.output == LENS:
+            self._update()
+        elif job.output == OUTLINES:
+            await self._show()
+
     def _say(self, sentence: str) -> None:
         self.message.set_text(sentence)
 
@@ -241,8 +246,11 @@ class PhotographsPage:
         if one.file.name == self.photos.grid and self.photos.plane is not None:
             plane = self.photos.plane
             words.append(f"{len(plane.crossings)} crossings, residual to the plane {plane.residual * 1e6:.3g} um (rms)")
-        if traced is not None and traced.height is not None and traced.height_error is not None:
-            words.append(f"height {traced.height * 1e3:.4f} mm +- {traced.height_error * 1e6:.1f} um")
+        height, error = (None, None) if traced is None else (traced.height, traced.height_error)
+        if (row := self.photos.measured.get(one.file.name)) is not None:
+            height, error = float(row["height_m"]), float(row["height_error_m"])
+        if height is not None and error is not None:
+            words.append(f"height {height * 1e3:.4f} mm +- {error * 1e6:.1f} um")
         if one.why:
             words.append(f"refused: {one.why}")
         elif traced is not None and traced.doubts:

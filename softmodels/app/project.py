@@ -10,6 +10,7 @@ from pathlib import Path
 from softmodels.case.case import Case
 from softmodels.common.files import replace_text
 
+OUTLINES, LENS = "outlines", "lens.toml"
 CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
 PHOTOGRAPHS, BOARDS, CURVES, RESULTS = "photographs", "boards", "curves", "results"
 PREVIEW = 1600

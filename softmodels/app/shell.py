@@ -21,6 +21,7 @@ svg.section .scale-bar path { stroke: currentColor; fill: none; }
 svg.section .scale-bar text { fill: currentColor; }
 .two-columns { display: grid; grid-template-columns: minmax(0, 1fr); gap: 1rem; width: 100%; }
 @media (min-width: 900px) { .two-columns { grid-template-columns: 22rem minmax(0, 1fr); } }
+@media (max-width: 700px) { .q-header .q-tab__label { display: none; } .q-header .q-tab { min-width: 0; padding: 0 9px; } }
 .colour-bar { display: flex; gap: 0.6rem; align-items: center; font-size: 0.85rem; max-width: 30rem; margin: 0 auto; }
 .colour-bar div { flex: 1; height: 0.7rem; }
 .photograph svg polyline { fill: none; stroke-width: 2.5; vector-effect: non-scaling-stroke; }
@@ -57,7 +58,7 @@ def build_page(bench: Bench) -> None:
         ui.label("softmodels").classes("font-bold")
         with ui.tabs().props("dense mobile-arrows inline-label").classes("grow") as tabs:
             for name, (icon, _) in pages.items():
-                ui.tab(name, icon=icon)
+                ui.tab(name, icon=icon).props(f'aria-label="{name}"')
         if bench.address:
             import segno
 
