@@ -31,6 +31,7 @@ from softmodels.pictures.solid import tiled
 from softmodels.pictures.style import CURVE, DPI, FAINT, INK, SOLID, STYLE, WARNING, WIDTH, png
 from softmodels.runs.analyses import Tolerance
 from softmodels.runs.grid import Cells, outline, surface_of
+from softmodels.runs.state_values import FacingWalls
 
 SHOWN = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}
 """Factor and text of each unit on an axis."""
@@ -81,7 +82,9 @@ def scatter_figure(
 
 
 AMOUNT = 0.15
-"""Largest displacement of a mode as drawn, in sizes of the slice."""
+"""Largest displacement of a mode as drawn, in sizes of the slice, unless walls meet before."""
+SMALLER = 0.6 ** np.arange(7)
+"""Shares of it that are tried until no walls of a solid pass through each other."""
 DRAWN = 4
 """Maximum number of modes drawn."""
 
@@ -170,7 +173,8 @@ def solid_shapes(
     """
     skin, up = surface_of(points, cells, cell_name, actuator), np.asarray(actuator.lift)
     size = AMOUNT * np.ptp(points, axis=0).max()
-    bent = np.array([skin.points(moved + size * shape) for shape in shapes])
+    walls = FacingWalls(points, cells, cell_name, [plane.normal for plane in actuator.cut_planes])
+    bent = np.array([skin.points(moved + _apart(walls, moved - points, size * shape)) for shape in shapes])
     whole = direction(*((-45.0, 32.0) if actuator.axial else (-58.0, 24.0)), up)
     return SolidShapes(
         before=skin.points(moved),
@@ -181,6 +185,15 @@ def solid_shapes(
         up=up,
         towards=across_cut(skin, up) if len(skin.planes) else whole,
     )
+
+
+def _apart(walls: FacingWalls, displacement: Array, shape: Array) -> Array:
+    """Return a mode as large, and of that sign, as makes no walls pass through each other."""
+    for share in SMALLER:
+        for sign in (1.0, -1.0):
+            if not walls.cross(displacement + sign * share * shape):
+                return sign * share * shape
+    return SMALLER[-1] * shape
 
 
 def draw_solids(told: SolidShapes, titles: Sequence[str]) -> Figure:

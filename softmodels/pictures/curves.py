@@ -34,8 +34,8 @@ FORCES = ("contact_force_N", "blocked_force_N")
 """Columns plotted separately if the device is in contact."""
 DASHES = ("--", ":", "-.", (0, (10, 3)), (0, (1, 4)))
 """Line styles of the sources."""
-MOST_CYCLES = 12
-"""Number of cycles up to which their loops have a legend."""
+MOST_CYCLES = 6
+"""Number of cycles up to which each is in the legend; of more only the first and the last."""
 PRESSURE = ("pressure_cm", "pressure in cm of water")
 """Default abscissa of the plots: the column, and its label."""
 
@@ -301,13 +301,14 @@ def loop(rows: Sequence[Row], words: StateLabels) -> Figure:
     shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, len(found))) if len(found) > 1 else [CURVE]
     for count, (cycle, colour) in enumerate(zip(found, shades, strict=True), 1):
         label = f"cycle {count}: loses {cycle.loss}" if cycle.closed else f"cycle {count}, not closed"
+        marker, wide = {1: ("o", 2.0), len(found): ("s", 2.0)}.get(count, ("", 0.9))
+        shown = label if marker or len(found) <= MOST_CYCLES else None
         for axes, name in zip(places, ("added_volume_ml", f"{words.gauge}_mm"), strict=True):
             x, y = ([row[column] for row in cycle.rows] for column in (name, PRESSURE[0]))
-            axes.plot(x, y, "o-", color=colour, markersize=3.0, label=label)
+            axes.plot(x, y, "-", marker=marker, color=colour, linewidth=wide, markersize=4.0, label=shown)
     places[0].set(xlabel="added volume in ml", ylabel=PRESSURE[1])
     places[1].set(xlabel=f"rise of the {words.gauge} in mm")
-    if len(found) <= MOST_CYCLES:
-        places[0].legend(loc="best")
+    figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
