@@ -21,6 +21,7 @@ MEASURED = {
     "rubber": "three tests on rubber and silicone, Treloar 1944 and Meunier 2008",
     "chessboards": "photographs of a chessboard, OpenCV's samples",
     "silhouettes": "photographs of drops, DropPyTension (GPL)",
+    "memory": "VHB 4910, Hossain et al. 2012 and Wang et al. 2016; solutions of Kumar and Lopez-Pamies' law",
     "lens": "lens profile of a Canon EF-S 18-55, lensfun (CC BY-SA)",
 }
 """Data of others by folder of ``shared/data`` beside the checkout: they are not part of the project."""

@@ -12,6 +12,10 @@ Over a step dt the unimodular part of an H + b Cbar solves this, with H and b kn
 so that a branch stays a term of one potential, with a symmetric tangent and no local iterations. With H = Cv and b = dt/tau
 this is implicit Euler (Shutov, Landgraf, Ihlemann 2013, doi 10.1016/j.cma.2013.07.004); `step_of` is of second order.
 
+tau may depend on the branch's stress and creep, and its spring be another one of I1 (Kumar and Lopez-Pamies 2016, doi
+10.1016/j.crme.2015.11.004): see `Branch`. The stress of a step then takes the rate of its beginning, and Cv at its end the
+mean of both ends: also of second order, and closed.
+
 Softening is Ogden and Roxburgh's (1999, doi 10.1098/rspa.1999.0431): below the largest energy so far the law carries less.
 
 Symmetric tensors are their six entries 11, 22, 33, 12, 13, 23, each a UFL expression or a numpy array.
@@ -45,15 +49,36 @@ LARGEST_SHARE = 1e3
 
 @dataclasses.dataclass(frozen=True)
 class Branch:
-    """A Maxwell branch.
+    """A Maxwell branch, of spring G.
+
+    With I1e = Cbar : Cv^-1, J2 half the square of the branch's deviatoric stress, and I1v the trace of Cv, the spring's
+    stress is that of a neo-Hookean one times g = sum w (I1e/3)^(a - 1), and the viscosity over G times ``time`` is
+
+        least + (1 - least + growth ((I1v/3)^growth_exponent - 1)) / (1 + (J2/(onset G)^2)^exponent)
 
     Attributes:
         share: Its spring's shear modulus over the law's at small strain, which stays that of equilibrium.
-        time: Relaxation time in s.
+        time: Relaxation time in s; of small stress if it depends on it.
+        onset: Stress over G from which on the viscosity falls; infinite for never.
+        exponent: How fast it falls.
+        least: Viscosity at large stress over that at small stress.
+        growth, growth_exponent: How it grows with the creep.
+        spring: Pairs of w and a, with weights w that add up to 1; none for neo-Hookean.
     """
 
     share: float
     time: float
+    onset: float = math.inf
+    exponent: float = 0.5
+    least: float = 0.0
+    growth: float = 0.0
+    growth_exponent: float = 1.0
+    spring: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def linear(self) -> bool:
+        """Whether its relaxation time is constant and its spring neo-Hookean."""
+        return math.isinf(self.onset) and not self.growth and not self.spring
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +114,8 @@ class Memory:
 
     @classmethod
     def of(cls, branches: object = (), softening: object = None) -> Memory:
-        """Return the memory of numbers, or texts with units: pairs (share, time), and (r, m, beta) or (r, m, beta, recovery).
+        """Return the memory of numbers, or texts with units: pairs (share, time) or tables of what `Branch` has, and
+        (r, m, beta) or (r, m, beta, recovery).
 
         Raises:
             FieldError: They are none.
@@ -118,7 +144,7 @@ class Memory:
         """Return the table that `from_table` takes back."""
         table: dict[str, object] = {}
         if self.branches:
-            table["branches"] = [[one.share, text(one.time, "s")] for one in self.branches]
+            table["branches"] = [_branch_table(one, text) for one in self.branches]
         if self.softening:
             r, m, beta, recovery = dataclasses.astuple(self.softening)
             table["softening"] = [r, text(m, "Pa"), beta, *([] if math.isinf(recovery) else [text(recovery, "s")])]
@@ -130,19 +156,71 @@ class Memory:
         return min((one.time for one in self.branches), default=math.inf)
 
 
+def _branch_table(branch: Branch, text: Text) -> object:
+    """Return a pair of share and time, or a table of what differs from a linear branch."""
+    time = text(branch.time, "s")
+    if branch.linear:
+        return [branch.share, time]
+    given = {field.name: getattr(branch, field.name) for field in dataclasses.fields(branch)[2:]}
+    table: dict[str, object] = {"share": branch.share, "time": time}
+    table |= {name: value for name, value in given.items() if value != getattr(Branch, name)}
+    return table | ({"spring": [list(pair) for pair in branch.spring]} if branch.spring else {})
+
+
 def _branch(given: object) -> Branch:
     if isinstance(given, Branch):
-        given = (given.share, given.time)
-    if isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
+        given = dataclasses.asdict(given)
+    known = [field.name for field in dataclasses.fields(Branch)]
+    if isinstance(given, Mapping):
+        if unknown := set(given) - set(known):
+            raise FieldError(f"branch has an unknown entry {min(map(str, unknown))!r}; known are {', '.join(known)}")
+        table = dict(given)
+    elif isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
         raise FieldError(f"branch {brief(given)} is no pair of share and time, such as [0.2, '1 s']")
-    share, time = Quantity().settled("share of a branch", given[0]), SECONDS.settled("time of a branch", given[1])
+    else:
+        table = dict(zip(known, given, strict=False))
+    if missing := {"share", "time"} - set(table):
+        raise FieldError(f"branch has no {min(missing)}; write {{share = 0.2, time = '1 s'}}")
+    spring = _spring(table.pop("spring", ()))
+    values = {name: _settled(name, value) for name, value in table.items()}
+    share, time = values["share"], values["time"]
     if not 0.0 < share <= LARGEST_SHARE:
         raise FieldError(
             f"share of a branch is {share:g}; it is the branch's part of the law's shear modulus, above 0, such as 0.2"
         )
     if not time > 0.0:
         raise FieldError(f"relaxation time of a branch is {time:g} s; it must be above 0")
-    return Branch(share, time)
+    if (onset := values.get("onset", 1.0)) <= 0.0:
+        raise FieldError(
+            f"onset of a branch is {onset:g}; it is a stress over the spring's modulus, above 0, such as 0.1"
+        )
+    if (least := values.get("least", 0.0)) > 1.0:
+        raise FieldError(f"least of a branch is {least:g}; it is a share of the viscosity, 0 to 1")
+    if negative := next((name for name, value in values.items() if value < 0.0), None):
+        raise FieldError(f"{negative} of a branch is {values[negative]:g}; it must not be negative")
+    return Branch(**values, spring=spring)
+
+
+def _settled(name: str, value: object) -> float:
+    if name == "onset" and value == math.inf:
+        return math.inf
+    return (SECONDS if name == "time" else Quantity()).settled(f"{name} of a branch", value)
+
+
+def _spring(given: object) -> tuple[tuple[float, float], ...]:
+    """Return the terms of a spring, with weights that add up to 1."""
+    like = "pairs of weight above 0 and exponent other than 0, one above 0, such as [[0.8, 1], [0.2, -2]]"
+    if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
+        raise FieldError(f"spring {brief(given)} of a branch is none of {like}")
+    terms = []
+    for one in given:
+        if isinstance(one, str) or not isinstance(one, Sequence) or len(one) != 2:
+            raise FieldError(f"term {brief(one)} of a branch's spring is none of {like}")
+        terms.append(tuple(Quantity().settled("spring of a branch", value) for value in one))
+    if terms and (min(w for w, _ in terms) <= 0.0 or not all(a for _, a in terms) or max(a for _, a in terms) <= 0.0):
+        raise FieldError(f"spring {brief(given)} of a branch is none of {like}")
+    whole = sum(w for w, _ in terms)
+    return tuple((w, a) if math.isclose(whole, 1.0) else (w / whole, a) for w, a in terms)
 
 
 def _softening(given: object) -> Softening:
@@ -186,6 +264,26 @@ class SofteningValues(Protocol):
     def m(self) -> Expression: ...
     @property
     def beta(self) -> Expression: ...
+
+
+Spring = Sequence[tuple[Expression, Expression]]
+
+
+class FlowValues(Protocol):
+    """The flow of `Branch`, or constants in its place."""
+
+    @property
+    def onset(self) -> Expression: ...
+    @property
+    def exponent(self) -> Expression: ...
+    @property
+    def least(self) -> Expression: ...
+    @property
+    def growth(self) -> Expression: ...
+    @property
+    def growth_exponent(self) -> Expression: ...
+    @property
+    def spring(self) -> Spring: ...
 
 
 class InUfl:
@@ -287,6 +385,24 @@ def step_of(C: Six, Cv: Six, x: Expression, of: Functions, k: Expression = None)
     return [kept * v + early * c for v, c in zip(Cv, C, strict=True)], b
 
 
+def corrected_step(
+    C: Six, end: Six, Cv: Six, x: Expression, flow: FlowValues, of: Functions, new: Six | None = None
+) -> tuple[list[Expression], Expression]:
+    """Return H and b of a step of which the end is known, with the means of `growth` and `fluidity` over it.
+
+    Args:
+        C, Cv, of: See `step_of`.
+        end: Cbar at the end.
+        x: Length over ``time``.
+        flow: See `fluidity`.
+        new: Cv at the end, as the rates of the beginning have it; computed if None.
+    """
+    rate = fluidity(C, Cv, flow, of)
+    new = crept(end, *step_of(C, Cv, x * rate, of)) if new is None else new
+    mean = (growth(C, Cv) + growth(end, new)) / 2
+    return step_of(C, Cv, x * (rate + fluidity(end, new, flow, of)) / 2, of, mean)
+
+
 def step_energy(C: Six, J: Expression, H: Six, b: Expression) -> Expression:
     """Return W/G of a branch at the end of a step, of which only the derivatives count: W grows as 1/b.
 
@@ -300,6 +416,38 @@ def step_energy(C: Six, J: Expression, H: Six, b: Expression) -> Expression:
     return 1.5 / b * whole ** (1 / 3)
 
 
+def step_invariant(C: Six, J: Expression, H: Six, b: Expression) -> Expression:
+    """Return 2 W/G less its value at C = 0, with all digits: it has the derivative Cv^-1, and is I1e at no length of the step.
+
+    I1e at the end of a step of some length differs by an amount that changes little within the step, so that the energy of any
+    spring of I1e, of this plus that amount where the step begins, has the spring's stress up to the square of the step.
+    """
+    bar, scale = b * J ** (-2 / 3), J ** (-2 / 3)
+    start = determinant(H)
+    rise = scale * (contracted(cofactors(H), C) + bar * contracted(H, cofactors(C))) + b**2
+    p, q = (start + b * rise) ** (1 / 3), start ** (1 / 3)
+    return 3 * rise / (p**2 + p * q + q**2)
+
+
+def spring_energy(I1: Expression, spring: Spring) -> Expression:
+    """Return the energy of a spring over G; without terms neo-Hookean."""
+    return sum(1.5 * w / a * ((I1 / 3) ** a - 1) for w, a in spring) if spring else (I1 - 3) / 2
+
+
+def spring_stiffness(I1: Expression, spring: Spring) -> Expression:
+    """Return g, the stress over that of a neo-Hookean spring."""
+    return sum(w * (I1 / 3) ** (a - 1) for w, a in spring) if spring else 1.0
+
+
+def fluidity(C: Six, Cv: Six, flow: FlowValues, of: Functions) -> Expression:
+    """Return the rate of a branch over 1/``time``, 1 of a linear one; see `Branch`."""
+    g = spring_stiffness(3 * growth(C, Cv), flow.spring)
+    J2 = g**2 * lost(C, Cv) / flow.onset**2
+    thinned = 1 + of.below(J2, 0.0, 0.0, J2) ** flow.exponent
+    crept = flow.growth * (((Cv[0] + Cv[1] + Cv[2]) / 3) ** flow.growth_exponent - 1)
+    return g / (flow.least + (1 - flow.least + crept) / thinned)
+
+
 def crept(C: Six, H: Six, b: Expression) -> list[Expression]:
     """Return Cv at the end of a step, of Cbar there and `step_of`."""
     A = [h + b * c for h, c in zip(H, C, strict=True)]
@@ -307,17 +455,24 @@ def crept(C: Six, H: Six, b: Expression) -> list[Expression]:
     return [scale * a for a in A]
 
 
-def stored(C: Six, Cv: Six) -> Expression:
+def stored(C: Six, Cv: Six, spring: Spring = ()) -> Expression:
     """Return the energy of a branch over G."""
-    return (contracted(C, cofactors(Cv)) - 3) / 2
+    return spring_energy(contracted(C, cofactors(Cv)), spring)
 
 
 def lost(C: Six, Cv: Six) -> Expression:
-    """Return the power that a branch dissipates, times tau and over G: never negative."""
+    """Return the power that a linear branch dissipates, times tau and over G, and J2 over G^2: never negative."""
     B = cofactors(Cv)  # the inverse, because det Cv = 1
     CB = [[sum(_entry(C, i, k) * _entry(B, k, j) for k in range(3)) for j in range(3)] for i in range(3)]
     square = sum(CB[i][j] * CB[j][i] for i in range(3) for j in range(3))
     return (square - sum(CB[i][i] for i in range(3)) ** 2 / 3) / 2
+
+
+def dissipated(C: Six, Cv: Six, flow: FlowValues | None, of: Functions) -> Expression:
+    """Return the power that a branch dissipates, times ``time`` and over G; of a linear one without a flow."""
+    if flow is None:
+        return lost(C, Cv)
+    return spring_stiffness(3 * growth(C, Cv), flow.spring) * fluidity(C, Cv, flow, of) * lost(C, Cv)
 
 
 def _entry(A: Six, i: int, j: int) -> Expression:

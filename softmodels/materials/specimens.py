@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import types
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.materials import memory
 from softmodels.materials.laws import Material
-from softmodels.materials.memory import InNumpy, Softening
+from softmodels.materials.memory import Branch, InNumpy, Softening
 from softmodels.materials.strain import Dual, Expression
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -300,7 +301,7 @@ SOFTENING = ("softening", "softening_m", "softening_beta")
 
 
 def branch_stress(
-    time: npt.ArrayLike, stretch: npt.ArrayLike, mode: str, taus: npt.ArrayLike, error: float = MOST_ERROR
+    time: npt.ArrayLike, stretch: npt.ArrayLike, mode: str, branches: Sequence[Branch], error: float = MOST_ERROR
 ) -> Array:
     """Return the nominal stress over G of Maxwell branches, which depends on no parameter of the law.
 
@@ -311,29 +312,36 @@ def branch_stress(
         time: In s, not falling, shape (n,). Equal times are a jump; so is a first stretch other than 1.
         stretch: Imposed stretch, shape (n,).
         mode: One of `MODE_NAMES`.
-        taus: Relaxation times in s, shape (k,).
+        branches: The branches; their shares do not count.
         error: See `MOST_ERROR`; relative to the largest stress of a spring G without a dashpot.
 
     Returns:
         Shape (n, k).
     """
-    time, stretch, taus = (np.asarray(values, dtype=float) for values in (time, stretch, taus))
-    powers, sides = np.array(MODES[mode][0]), MODES[mode][1]
+    time, stretch = (np.asarray(values, dtype=float) for values in (time, stretch))
+    taus = np.array([one.time for one in branches], dtype=float)
+    powers, sides, flow = np.array(MODES[mode][0]), MODES[mode][1], _flow(branches)
 
     def squares(x: float) -> list[float]:
         return [*(x ** (2 * powers)).tolist(), 0.0, 0.0, 0.0]
 
     def stress(x: float, Cv: Sequence[Expression]) -> Array:
-        return np.asarray(sum(p * x ** (2 * p - 1) / v for p, v in zip(powers, Cv, strict=False)) / sides)
+        found = np.asarray(sum(p * x ** (2 * p - 1) / v for p, v in zip(powers, Cv, strict=False)) / sides)
+        return (
+            found if flow is None else found * memory.spring_stiffness(3 * memory.growth(squares(x), Cv), flow.spring)
+        )
 
     def crossed(Cv: list[Expression], at: int, steps: int) -> list[Expression]:
         nodes = np.linspace(stretch[at - 1], stretch[at], steps + 1)
         x = (time[at] - time[at - 1]) / steps / taus
         C = squares(nodes[0])
         for node in nodes[1:]:
-            H, b = memory.step_of(C, Cv, x, InNumpy)
-            C = squares(node)
-            Cv = memory.crept(C, H, b)
+            end = squares(node)
+            if flow is None:
+                Cv = memory.crept(end, *memory.step_of(C, Cv, x, InNumpy))
+            else:
+                Cv = memory.crept(end, *memory.corrected_step(C, end, Cv, x, flow, InNumpy))
+            C = end
         return Cv
 
     rest = list(memory.IDENTITY)
@@ -352,6 +360,18 @@ def branch_stress(
         Cv, steps = fine, max(steps // 2, 1)
         found.append(stress(stretch[at], Cv))
     return np.array(found)
+
+
+def _flow(branches: Sequence[Branch]) -> types.SimpleNamespace | None:
+    """Return what `memory.fluidity` takes of some branches at once; None if all are linear."""
+    if all(one.linear for one in branches):
+        return None
+    names = ("onset", "exponent", "least", "growth", "growth_exponent")
+    springs = [one.spring or ((1.0, 1.0),) for one in branches]
+    terms = max(map(len, springs))
+    filled = np.array([[*one, *[(0.0, 1.0)] * (terms - len(one))] for one in springs])
+    values = {name: np.array([getattr(one, name) for one in branches]) for name in names}
+    return types.SimpleNamespace(**values, spring=[(filled[:, k, 0], filled[:, k, 1]) for k in range(terms)])
 
 
 def stress_in_time(
@@ -377,11 +397,11 @@ def stress_in_time(
     """
     stretch = np.asarray(stretch, dtype=float)
     own = material.memory or memory.Memory()
-    shares, taus = np.array([one.share for one in own.branches]), [one.time for one in own.branches]
+    shares = np.array([one.share for one in own.branches])
     if branches is None:
-        branches = np.zeros((len(stretch), len(taus)))
-        if time is not None and taus:
-            branches = branch_stress(time, stretch, mode, taus)
+        branches = np.zeros((len(stretch), len(shares)))
+        if time is not None and own.branches:
+            branches = branch_stress(time, stretch, mode, own.branches)
     with np.errstate(all="ignore"):
         found = _pulled(material, stretch, mode)
         stress, energy = np.where(np.isfinite(found.value), found.slope, np.nan), found.value

@@ -6,6 +6,7 @@ the softening. With a step of no length the energy is that of the state itself, 
 
 from __future__ import annotations
 
+import itertools
 import math
 import types
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ import numpy as np
 from softmodels.common.arrays import Array
 from softmodels.materials import memory
 from softmodels.materials.laws import Material
-from softmodels.materials.memory import IDENTITY, InUfl, Memory, six
+from softmodels.materials.memory import IDENTITY, Branch, InUfl, Memory, six
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body
 from softmodels.mechanics.compiling import JIT
@@ -23,11 +24,33 @@ from softmodels.mechanics.mpi import largest, total
 
 if TYPE_CHECKING:
     from dolfinx import fem
+    from dolfinx.mesh import Mesh
     from ufl.core.expr import Expr
 
     from softmodels.mechanics.regions import MaterialRegion
 
 SIX = len(IDENTITY)
+
+
+FLOW = ("onset", "exponent", "least", "growth", "growth_exponent")
+
+
+def _constants(mesh: Mesh, branch: Branch) -> types.SimpleNamespace:
+    """Return what `memory.fluidity` takes of a branch, as constants for `_set`."""
+    from dolfinx import fem
+
+    spring = [tuple(fem.Constant(mesh, value) for value in term) for term in branch.spring]
+    flow = types.SimpleNamespace(**{name: fem.Constant(mesh, 1.0) for name in FLOW}, spring=spring)
+    _set(flow, branch)
+    return flow
+
+
+def _set(flow: types.SimpleNamespace, branch: Branch) -> None:
+    for name in FLOW:
+        getattr(flow, name).value = getattr(branch, name)
+    for constants, term in zip(flow.spring, branch.spring, strict=True):
+        for constant, value in zip(constants, term, strict=True):
+            constant.value = value
 
 
 class History:
@@ -63,13 +86,15 @@ class History:
         space = fem.functionspace(mesh, element)
         self.values = fem.Function(space)
         self._places = np.array(space.dofmap.list)[region.cells]
-        self._width = self.size + len(branches)
+        self._starts = [0, *itertools.accumulate(SIX + 1 + bool(one.spring) for one in branches)]
+        self._width = self._starts[-1] + (softening is not None)
         wider = basix.ufl.quadrature_element(
             mesh.basix_cell(), value_shape=(self._width,), degree=QUADRATURE_DEGREE, scheme="default"
         )
         self._begun = fem.Function(fem.functionspace(mesh, wider))
         self.times = fem.Constant(mesh, np.array([one.time for one in branches] or [1.0]))
         self.moduli = fem.Constant(mesh, np.zeros(max(1, len(branches))))
+        self.flows = [None if one.linear else _constants(mesh, one) for one in branches]
         self.softening = types.SimpleNamespace(
             **{name: fem.Constant(mesh, 1.0) for name in ("r", "m", "beta", "recovery") if softening is not None}
         )
@@ -90,22 +115,38 @@ class History:
         spent: Expr = ufl.as_ufl(0.0)
         begin: list[Expr] = []
         after: list[Expr] = []
-        for k in range(len(self.memory.branches)):
+        for k, flow in enumerate(self.flows):
             Cv = [self.values[SIX * k + i] for i in range(SIX)]
             G, x = self.moduli[k], self.step / self.times[k]
-            H, b = memory.step_of(C0, Cv, x, InUfl)
+            spring = flow.spring if flow else ()
+            rate = memory.fluidity(C0, Cv, flow, InUfl) if flow else 1.0
+            H, b = memory.step_of(C0, Cv, x * rate, InUfl)
             begin += [*H, b]
-            at = len(begin) - SIX - 1
+            if spring:
+                at_start = memory.crept(C0, H, b)
+                begin.append(3 * memory.growth(C0, at_start) - memory.step_invariant(C0, 1.0, H, b))
+            at = self._starts[k]
             H, b = [self._begun[at + i] for i in range(SIX)], self._begun[at + SIX]
-            density += G * memory.step_energy(six(self.strain.C), self.strain.J, H, b)
+            if spring:
+                I1 = memory.step_invariant(six(self.strain.C), self.strain.J, H, b) + self._begun[at + SIX + 1]
+                density += G * memory.spring_energy(I1, spring)
+            else:
+                density += G * memory.step_energy(six(self.strain.C), self.strain.J, H, b)
             new = memory.crept(C, H, b)
-            mean = (memory.growth(C0, Cv) + memory.growth(C, new)) / 2
-            better = memory.crept(C, *memory.step_of(C0, Cv, x, InUfl, mean))
+            if flow:
+                better = memory.crept(C, *memory.corrected_step(C0, C, Cv, x, flow, InUfl, new))
+            else:
+                mean = (memory.growth(C0, Cv) + memory.growth(C, new)) / 2
+                better = memory.crept(C, *memory.step_of(C0, Cv, x, InUfl, mean))
             off = [p - q for p, q in zip(memory.cofactors(new), memory.cofactors(better), strict=True)]
             error += G / 2 * ufl.sqrt(memory.contracted(off, off)) * memory.contracted(C, IDENTITY) / 3
+            new = better if flow else new
             half = [(c + c0) / 2 for c, c0 in zip(C, C0, strict=True)]
-            middle = memory.crept(half, *memory.step_of(C0, Cv, x / 2, InUfl))
-            lost = memory.lost(C0, Cv) + 4 * memory.lost(half, middle) + memory.lost(C, new)
+            middle = memory.crept(half, *memory.step_of(C0, Cv, x * rate / 2, InUfl))
+            lost = sum(
+                share * memory.dissipated(A, B, flow, InUfl)
+                for share, A, B in ((1, C0, Cv), (4, half, middle), (1, C, new))
+            )
             spent += G * x * lost / 6  # Simpson's rule
             after += new
         hurt: Expr = ufl.as_ufl(0.0)
@@ -137,8 +178,9 @@ class History:
         if self.memory.softening is not None:
             found = memory.softened(found, self.values[self.size - 1], self.softening, InUfl)
         C = six(strain.J ** (-2 / 3) * strain.C)
-        for k in range(len(self.memory.branches)):
-            found += self.moduli[k] * memory.stored(C, [self.values[SIX * k + i] for i in range(SIX)])
+        for k, flow in enumerate(self.flows):
+            spring = flow.spring if flow else ()
+            found += self.moduli[k] * memory.stored(C, [self.values[SIX * k + i] for i in range(SIX)], spring)
         return found
 
     def _von_mises(self) -> Expr:
@@ -157,6 +199,9 @@ class History:
         if found.branches:
             self.times.value = [one.time for one in found.branches]
             self.moduli.value = [one.share * material.shear_modulus_0 / mu for one in found.branches]
+            for flow, one in zip(self.flows, found.branches, strict=True):
+                if flow:
+                    _set(flow, one)
         if found.softening is not None:
             soft = self.softening
             soft.r.value, soft.m.value, soft.beta.value = (
@@ -183,8 +228,8 @@ class History:
             begun[self._places] = found.reshape(*self._places.shape, self._width)
             return
         kept = self.values.x.array.reshape(-1, self.size)
-        for k in range(len(self.memory.branches)):
-            at = (SIX + 1) * k
+        begun[:] = 0.0
+        for k, at in enumerate(self._starts[:-1]):
             begun[:, at : at + SIX], begun[:, at + SIX] = kept[:, SIX * k : SIX * (k + 1)], memory.LEAST
         if self.memory.softening is not None:
             begun[:, -1] = kept[:, -1]

@@ -107,12 +107,13 @@ def spectrum(curves: Sequence[TensileCurve]) -> Spectrum:
     decades = range(math.ceil(math.log10(0.9 * sampled)), math.floor(math.log10(MOST_DURATIONS * longest)) + 1)
     times = np.array([float(f"1e{k}") for k in decades] or [math.sqrt(sampled * longest)])
     spring = NeoHookean(1.0, 0.5)
+    linear = [Branch(1.0, float(time)) for time in times]
     largest = np.zeros(len(times))
     for curve in timed:
         assert curve.time is not None
         static = float(np.abs(respond(spring, curve.stretch, curve.mode).stress).max())
         largest = np.maximum(
-            largest, np.abs(branch_stress(curve.time, curve.stretch, curve.mode, times)).max(axis=0) / static
+            largest, np.abs(branch_stress(curve.time, curve.stretch, curve.mode, linear)).max(axis=0) / static
         )
     shown = largest >= RELATIVE
     if not shown.any():
@@ -258,7 +259,7 @@ def branch_stresses(curves: Sequence[TensileCurve], spectrum: Spectrum) -> list[
     return [
         np.zeros((len(curve.stretch), len(spectrum.times)))
         if curve.time is None
-        else branch_stress(curve.time, curve.stretch, curve.mode, spectrum.times)
+        else branch_stress(curve.time, curve.stretch, curve.mode, [Branch(1.0, time) for time in spectrum.times])
         for curve in curves
     ]
 

@@ -1,0 +1,207 @@
+"""Branches whose viscosity depends on stress and creep, with springs of I1 (Kumar and Lopez-Pamies 2016).
+
+The figures for VHB 4910 are theirs (doi 10.1016/j.crme.2015.11.004): kPa and s.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from softmodels.materials import memory
+from softmodels.materials.laws import NeoHookean
+from softmodels.materials.memory import InNumpy, Memory
+from softmodels.materials.specimens import MODES, branch_stress
+from tests.support import bodies
+from tests.verification.test_memory import MU, REST, SPHERE, entries, followed, strain, tensor, unimodular
+
+ODE = "ordinary differential equation of Kumar and Lopez-Pamies' branch"
+WALL = "closed integral through the wall of a sphere, with the equation of Kumar and Lopez-Pamies' branch in time"
+LAW = ((13.54, 1.0), (1.08, -2.474))
+SPRING = ((5.42, -10.0), (20.78, 1.948))
+G = sum(m for m, _ in SPRING)
+ETA0, ETA_INF, BETA1, BETA2, K1, K2 = 7014.0, 0.1, 1.852, 0.26, 3507.0, 1.0
+VHB = Memory.of(
+    [
+        {
+            "share": G / 14.62,
+            "time": ETA0 / G,
+            "onset": K2**-0.5 / G,
+            "exponent": BETA2,
+            "least": ETA_INF / ETA0,
+            "growth": K1 * 3**BETA1 / ETA0,
+            "growth_exponent": BETA1,
+            "spring": [[m / G, a] for m, a in SPRING],
+        }
+    ]
+).branches[0]
+
+
+def stiffness(terms, I1):
+    return sum(m * (I1 / 3) ** (a - 1) for m, a in terms)
+
+
+def rate(C, Cv):
+    """Rate of Cv, both 3 x 3, as the paper has it."""
+    B = C @ np.linalg.inv(Cv)
+    I1, I2 = np.trace(B), (np.trace(B) ** 2 - np.trace(B @ B)) / 2
+    m = stiffness(SPRING, I1)
+    thinned = 1 + (K2 * max(I1**2 / 3 - I2, 0.0) * m**2) ** BETA2
+    eta = ETA_INF + (ETA0 - ETA_INF + K1 * (np.trace(Cv) ** BETA1 - 3**BETA1)) / thinned
+    return m / eta * (C - I1 / 3 * Cv)
+
+
+def integrated(C, corners):
+    """Cv in time of a history C(t) with kinks at some times."""
+    y, pieces = np.array(memory.IDENTITY), []
+    for low, high in itertools.pairwise(corners):
+        slope = lambda t, y: entries(rate(C(t), tensor(y)))  # noqa: E731
+        pieces.append(solve_ivp(slope, (low, high), y, "LSODA", rtol=1e-10, atol=1e-12, dense_output=True))
+        y = pieces[-1].y[:, -1]
+    return lambda t: tensor(next(p for p in pieces if t <= p.t[-1] + 1e-9).sol(t))
+
+
+def in_steps(C, count, end):
+    """Stress over G of each of so many equal steps, as their energies have it, and Cv at the end."""
+    Cv, stresses = np.array(memory.IDENTITY), []
+    for t0, t1 in itertools.pairwise(np.linspace(0.0, end, count + 1)):
+        C0, C1, x = entries(C(t0)), entries(C(t1)), (t1 - t0) / VHB.time
+        H, b = memory.step_of(C0, Cv, x * memory.fluidity(C0, Cv, VHB, InNumpy), InNumpy)
+        shift = 3 * memory.growth(C0, memory.crept(C0, H, b)) - memory.step_invariant(C0, 1.0, H, b)
+        g = memory.spring_stiffness(memory.step_invariant(C1, 1.0, H, b) + shift, VHB.spring)
+        stresses.append(g * np.linalg.inv(tensor(memory.crept(C1, H, b))))
+        Cv = np.array(memory.crept(C1, *memory.corrected_step(C0, C1, Cv, x, VHB, InNumpy)))
+    return np.array(stresses), tensor(Cv)
+
+
+def test_stress_and_creep_converge_with_the_square_of_the_step(figure):
+    """A history in which the axes turn."""
+
+    def C(t):
+        return strain(t / 5)
+
+    exact, counts = integrated(C, (0.0, 40.0)), (40, 80, 160, 320)
+    stress_errors, creep_errors = [], []
+    for count in counts:
+        stresses, Cv = in_steps(C, count, 40.0)
+        creep_errors.append(np.abs(Cv - exact(40.0)).max())
+        off = []
+        for t, S in zip(np.linspace(0.0, 40.0, count + 1)[1:], stresses, strict=True):
+            inverse = np.linalg.inv(exact(t))
+            off.append(np.abs(S - stiffness(VHB.spring, np.trace(C(t) @ inverse)) * inverse).max())
+        stress_errors.append(max(off))
+    figure(ODE, "Cv after 320 steps", creep_errors[-1], 1e-4)
+    figure(ODE, "stress in 320 steps, over G", stress_errors[-1], 1e-3)
+    for name, errors in (("Cv", creep_errors), ("stress", stress_errors)):
+        figure(ODE, f"order of the step, less 2: {name}", np.log2(np.array(errors[:-1]) / errors[1:]) - 2.0, 0.2)
+
+
+@pytest.mark.parametrize("mode", list(MODES))
+def test_pull_and_return_of_vhb(mode, shared_data, figure):
+    """Stretch 1 to 3 in 40 s and back: the equation, and the solutions published with the authors' subroutine.
+
+    Those are of a slightly compressible specimen (J to 1.0015), at 41 times.
+    """
+    powers = np.array(MODES[mode][0])
+
+    def sides(t):
+        return (1 + 0.05 * min(t, 80.0 - t)) ** (2 * powers)
+
+    times = np.linspace(0.0, 80.0, 41)
+    stretch = 1 + 0.05 * np.minimum(times, 80.0 - times)
+    exact, shares = integrated(lambda t: np.diag(sides(t)), (0.0, 40.0, 80.0)), []
+    for t in times:
+        C, Cv = sides(t), np.diag(exact(t))
+        be = stiffness(SPRING, np.sum(C / Cv)) * C / Cv
+        shares.append((be[0] - be[2]) / G)
+    found = branch_stress(times, stretch, mode, [VHB])[:, 0] * stretch
+    figure(ODE, f"stress of VHB in 40 intervals, {mode}", (found - shares) / np.abs(shares).max(), 1e-4)
+    table = np.genfromtxt(shared_data("memory") / f"klp_{mode}.csv", delimiter=",", names=True)
+    law = np.array([stiffness(LAW, np.sum(C)) * (C[0] - C[2]) for C in map(sides, times)])
+    published = 1e3 * table["S11" if mode == "equibiaxial" else "S22"]
+    off = (law + G * found - published) / published.max()
+    figure("published solutions of VHB 4910", f"Cauchy stress, {mode}", off, 6e-3)
+
+
+def test_the_spring_of_a_step_is_a_potential(figure):
+    generator = np.random.default_rng(5)
+    C0, before, C1 = (unimodular(np.eye(3) + 0.3 * (A @ A.T)) for A in generator.normal(size=(3, 3, 3)))
+    Cv = memory.crept(entries(before), *memory.step_of(list(memory.IDENTITY), list(memory.IDENTITY), 0.7, InNumpy))
+    change, J = np.array([[0.1, 0.2, 0.0], [0.2, -0.05, 0.3], [0.0, 0.3, -0.05]]), 1.3
+    C = J ** (2 / 3) * C1
+    for x in (0.0, 1e-9, 0.5, 50.0):
+        H, b = memory.step_of(entries(C0), Cv, x, InNumpy)
+        moved = C + 1e-30j * change
+        slope = np.imag(memory.step_invariant(entries(moved), np.linalg.det(moved) ** 0.5, H, b)) / 1e-30
+        inverse = np.linalg.inv(tensor(memory.crept(entries(C1), H, b)))
+        isochoric = J ** (-2 / 3) * (change - np.trace(np.linalg.solve(C, change)) / 3 * C)
+        off = (slope - np.sum(inverse * isochoric)) / np.abs(inverse).max()
+        figure("Cv^-1", "derivative of a step's invariant", off, 1e-12)
+        if not x:
+            assert memory.step_invariant(entries(C1), 1.0, H, b) == pytest.approx(3 * memory.growth(entries(C1), Cv))
+
+
+# -- devices ----------------------------------------------------------------------------------------------------------
+
+SOFT = NeoHookean(MU, 0.5).with_memory(branches=[dataclasses.replace(VHB, time=20.0), (0.2, 3.0)])
+
+
+@pytest.mark.parametrize(("tolerance", "bound"), [(5e-5, 2e-3), (1e-6, 4e-4)], ids=["default", "fine"])
+def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figure):
+    """Filled in 3 s to 1.8 times its inner radius, held for 7 s and let out in 1 s to 1.3 times."""
+    flow, linear = SOFT.memory.branches
+    large, small = ((stretch**3 - 1) * REST for stretch in (1.8, 1.3))
+    tables = {"cavity1": {"volume_ml": [large * 1e6, large * 1e6, small * 1e6]}, "time_s": [3.0, 10.0, 11.0]}
+    (times, pressures, *_), end = followed(body_of(SPHERE), SOFT, tables, tolerance)
+    assert end is None and times[-1] == 11.0
+    points, weights = np.polynomial.legendre.leggauss(20)
+    middle, half = (SPHERE.outer + SPHERE.inner) / 2, (SPHERE.outer - SPHERE.inner) / 2
+    pressure = 0.0
+    for R, weight in zip(middle + half * points, weights, strict=True):
+
+        def stretch(t, R=R):
+            volume = np.interp(t, [0, 3, 10, 11], [0, large, large, small])
+            return (1.0 + (volume / REST) * (SPHERE.inner / R) ** 3) ** (1 / 3)
+
+        def sides(t, stretch=stretch):
+            return np.array([stretch(t) ** -4, stretch(t) ** 2, stretch(t) ** 2])
+
+        difference = MU * np.array([sides(t)[1] - sides(t)[0] for t in times])
+        for branch in (flow, linear):
+            Cv = diagonal(branch, sides, (0.0, 3.0, 10.0, 11.0))
+            be = np.array([sides(t) / Cv(t) for t in times])
+            g = memory.spring_stiffness(be.sum(axis=1), branch.spring)
+            difference += branch.share * MU * g * (be[:, 1] - be[:, 0])
+        pressure += weight * half * 2 * difference / (R * np.array([stretch(t) ** 3 for t in times]))
+    off = (pressures - pressure) / pressure.max()
+    figure(WALL, f"pressure in time over the largest, tolerance {tolerance:g}", off, bound)
+
+
+def diagonal(branch, sides, corners):
+    """Principal Cv of a branch in time, of a history of Cbar with kinks at some times."""
+    y, pieces = np.ones(3), []
+    for low, high in itertools.pairwise(corners):
+
+        def slope(t, y):
+            C, Cv = [*sides(t), 0.0, 0.0, 0.0], [*y, 0.0, 0.0, 0.0]
+            return memory.fluidity(C, Cv, branch, InNumpy) * (sides(t) - np.sum(sides(t) / y) / 3 * y) / branch.time
+
+        pieces.append(solve_ivp(slope, (low, high), y, "LSODA", rtol=1e-9, atol=1e-11, dense_output=True))
+        y = pieces[-1].y[:, -1]
+    return lambda t: next(p for p in pieces if t <= p.t[-1] + 1e-9).sol(t)
+
+
+def test_the_area_of_the_loop_is_what_the_branches_dissipate(body_of, figure):
+    """Work of the air on a sphere, up and down twice: stored and dissipated energy, at every state."""
+    corners = np.linspace(0.0, 8.0, 25)[1:]  # so many that the trapezoids of the work are fine enough
+    volumes = REST * 1e6 * (1.5**3 - 1) * np.interp(corners, [0, 2, 4, 6, 8], [0, 1, 0, 1, 0])
+    tables = {"cavity1": {"volume_ml": volumes.tolist()}, "time_s": corners.tolist()}
+    (_, P, V, stored, lost), _ = followed(body_of(bodies.Sphere(through=2, along=6)), SOFT, tables, 1e-5)
+    work = np.concatenate([[0.0], np.cumsum((P[1:] + P[:-1]) / 2 * np.diff(V))])
+    assert lost[-1] > 0.02 * work.max() and (np.diff(lost) > -1e-12 * lost[-1]).all()
+    off = (stored + lost - work) / work.max()
+    figure("work of the air on a cycled sphere", "stored and dissipated energy, viscosity by stress", off, 1e-3)
