@@ -222,7 +222,8 @@ class Material:
 
         Args:
             branches: Pairs of a share of the law's shear modulus at small strain, which stays that of equilibrium, and a
-                relaxation time in s or as a text: ``[(0.2, 1.0), (0.1, "30 s")]``.
+                relaxation time in s or as a text: ``[(0.2, 1.0), (0.1, "30 s")]``; or mappings of what
+                `softmodels.materials.memory.Branch` has, for a viscosity that depends on stress and creep.
             softening: Mullins softening r, m in Pa and beta, perhaps with a recovery time: ``(1.6, "2 kPa", 0.1, "8 h")``.
 
         Raises:

@@ -12,7 +12,8 @@ from softmodels.case.case import Case, CaseError
 from softmodels.materials.laws import MaterialError
 from tests.support import runs
 
-LAW = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.2, "1 s"), (0.1, "30 s")], softening=(1.6, "2 kPa", 0.1, "8 h"))
+THINNING = {"share": 0.1, "time": "30 s", "onset": 0.05, "least": 0.01, "growth": 2, "spring": [[0.8, 1], [0.2, -2]]}
+LAW = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.2, "1 s"), THINNING], softening=(1.6, "2 kPa", 0.1, "8 h"))
 DISK = sm.HollowDisk(section="axisymmetric")
 CASE = """
 name = "disk"
@@ -24,7 +25,7 @@ law = "yeoh"
 c1 = "14 kPa"
 c2 = "60 Pa"
 [material.memory]
-branches = [[0.2, "1 s"], [0.1, "30 s"]]
+branches = [[0.2, "1 s"], {share = 0.1, time = "30 s", onset = 0.05, least = 0.01, growth = 2, spring = [[0.8, 1], [0.2, -2]]}]
 softening = [1.6, "2 kPa", 0.1]
 [load]
 """
@@ -60,6 +61,13 @@ WRONG = {
     "branches = [[0.2, '-1 s']]": "relaxation time of a branch is -1 s; it must be above 0",
     "branches = [[14e3, '1 s']]": "share of a branch is 14000",
     "branches = [[0.2]]": "is no pair of share and time",
+    "branches = [{share = 0.2, tau = 3}]": "branch has an unknown entry 'tau'",
+    "branches = [{share = 0.2}]": "branch has no time; write {share = 0.2, time = '1 s'}",
+    "branches = [{share = 0.2, time = '1 s', onset = 0}]": "onset of a branch is 0",
+    "branches = [{share = 0.2, time = '1 s', least = 2}]": "least of a branch is 2",
+    "branches = [{share = 0.2, time = '1 s', growth = -1}]": "growth of a branch is -1; it must not be negative",
+    "branches = [{share = 0.2, time = '1 s', spring = 3}]": "spring 3 of a branch is none of pairs",
+    "branches = [{share = 0.2, time = '1 s', spring = [[1, -2]]}]": "one above 0, such as",
     "branches = 3": "are no pairs of share and time",
     "softening = [0.9, '2 kPa', 0.1]": "softening r is 0.9; it must be above 1",
     "softening = [1.6, '-2 kPa', 0.1]": "neither may be negative",
@@ -97,6 +105,16 @@ def test_a_wrong_time_ends_with_status_2(load, sentence, run, tmp_path):
     done = run(load + "\n")
     assert done.status == 2 and sentence in done.err.replace("\n", " ") and "Traceback" not in done.err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_linear_branch_is_a_pair_and_weights_add_up_to_1():
+    pair = sm.Yeoh(14e3).with_memory(branches=[{"share": 0.2, "time": 1}]).memory
+    assert pair == sm.Yeoh(14e3).with_memory(branches=[(0.2, "1 s")]).memory
+    assert pair.to_table()["branches"] == [[0.2, "1 s"]] and pair.branches[0].linear
+    (spring,) = (one.spring for one in LAW.memory.branches if one.spring)
+    kilopascals = [[8, 1], [2, -2]]
+    assert sm.Yeoh(14e3).with_memory([{**THINNING, "spring": kilopascals}]).memory.branches[0].spring == spring
+    assert LAW.with_memory(LAW.memory.branches, LAW.memory.softening).memory == LAW.memory
 
 
 def test_wrong_calls_are_told():

@@ -13,9 +13,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from softmodels.materials import memory
-from softmodels.materials.laws import NeoHookean
+from softmodels.materials.laws import Gent, NeoHookean
 from softmodels.materials.memory import InNumpy, Memory
-from softmodels.materials.specimens import MODES, branch_stress
+from softmodels.materials.specimens import MODES, branch_stress, respond, stress_in_time
 from tests.support import bodies
 from tests.verification.test_memory import MU, REST, SPHERE, entries, followed, strain, tensor, unimodular
 
@@ -205,3 +205,67 @@ def test_the_area_of_the_loop_is_what_the_branches_dissipate(body_of, figure):
     assert lost[-1] > 0.02 * work.max() and (np.diff(lost) > -1e-12 * lost[-1]).all()
     off = (stored + lost - work) / work.max()
     figure("work of the air on a cycled sphere", "stored and dissipated energy, viscosity by stress", off, 1e-3)
+
+
+# -- linear branches published for VHB 4910 ---------------------------------------------------------------------------
+
+ARRUDA_BOYCE, LOCKING = 15.36e3, 5.85
+LINEAR = ((26.06e3, 0.6074), (26.53e3, 6.56), (10.83e3, 61.25))
+"""Shear modulus in Pa and locking stretch of Wang et al. 2016, with modulus and time of each branch, as Stewart and Anand 2024
+(doi 10.1016/j.ijsolstr.2024.113023) use them with the branches of `softmodels.materials.memory`."""
+
+
+def published(time, stretch):
+    """Nominal stress in Pa of that law: with Cohen's approximation Arruda-Boyce is a third neo-Hookean, and Gent."""
+    limit = 3 * (LOCKING**2 - 1)
+    gent = Gent(2 * ARRUDA_BOYCE * LOCKING**2 / limit, limit, 0.5)
+    branches = [(modulus / gent.shear_modulus, tau) for modulus, tau in LINEAR]
+    own = stress_in_time(gent.with_memory(branches), time, stretch)[0]
+    return own + respond(NeoHookean(ARRUDA_BOYCE / 3, 0.5), stretch).stress
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.03, 0.05])
+def test_published_branches_as_published(rate, figure):
+    """Their algorithm, implicit Euler in 100 steps as they took and in more, without the library's formulas."""
+    errors = []
+    for count in (100, 200, 400, 800):
+        times = np.linspace(0.0, 3.0 / rate, count + 1)
+        stretch = 1 + rate * np.minimum(times, times[-1] - times)
+        z2 = (stretch**2 + 2 / stretch) / 3 / LOCKING**2
+        stress = ARRUDA_BOYCE * (3 - z2) / (1 - z2) / 3 * (stretch - stretch**-2)
+        for modulus, tau in LINEAR:
+            Cv = np.ones(3)
+            for i, x in enumerate(stretch):
+                C = np.array([x**2, 1 / x, 1 / x])
+                A = Cv + (times[1] / tau if i else 0.0) * C
+                Cv = A / np.prod(A) ** (1 / 3)
+                stress[i] += modulus * (C[0] / Cv[0] - C[1] / Cv[1]) / x
+        found = published(times, stretch)
+        errors.append(np.abs(stress - found).max() / found.max())
+    against = "implicit Euler of Stewart and Anand's law of VHB 4910"
+    figure(against, f"nominal stress in 100 steps of theirs, {rate:g} /s", errors[0], 1.1e-2)
+    figure(
+        against, "their error over that in half as many steps, less 1/2", np.array(errors[1:]) / errors[:-1] - 0.5, 0.06
+    )
+
+
+MISFITS = {0.01: (0.040, 0.020), 0.03: (0.062, 0.105), 0.05: (0.070, 0.110)}
+"""Largest rms misfit of loading and unloading over the rms stress, by rate in 1/s."""
+
+
+@pytest.mark.parametrize("rate", list(MISFITS))
+def test_published_branches_on_the_measured_curves(rate, shared_data, figure):
+    table = np.genfromtxt(shared_data("memory") / f"vhb_rate_{rate / 10:g}.csv", delimiter=",", names=True)
+    stretch, measured = np.append(1.0, table["stretch"]), np.append(0.0, table["nominal_stress_kPa"])
+    times = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(stretch)))]) / rate
+    off = published(times, stretch) / 1e3 - measured
+    turn = int(stretch.argmax()) + 1
+    parts = {"loading": slice(None, turn), "unloading": slice(turn, None)}
+    for (name, part), bound in zip(parts.items(), MISFITS[rate], strict=True):
+        value = np.sqrt(np.mean(off[part] ** 2) / np.mean(measured[part] ** 2))
+        figure(
+            "VHB 4910, Hossain et al. 2012",
+            f"Stewart and Anand's parameters, rms of {name} at {rate:g} /s",
+            value,
+            bound,
+        )

@@ -10,7 +10,8 @@ COLUMNS = (
     "added_volume_ml", "apex_mm", "max_von_mises_kPa", "stored_energy_mJ", "dissipated_energy_mJ",
     "lowest_eigenvalue_Pa_per_mm2",
 )  # fmt: skip
-LAW = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.2, 1.0), (0.1, 30.0)], softening=(1.6, "2 kPa", 0.1))
+THINNING = {"share": 0.1, "time": 30.0, "onset": 0.05, "exponent": 0.3, "spring": [[0.8, 1], [0.2, -2]]}
+LAW = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.2, 1.0), THINNING], softening=(1.6, "2 kPa", 0.1))
 
 
 def figures() -> dict[str, list[float]]:
