@@ -49,7 +49,7 @@ from softmodels.fitting.problem import (
     law_choices,
 )
 from softmodels.fitting.tables import as_json, as_text, material_toml, name_of, retire, write_curves, write_materials
-from softmodels.materials.specimens import SOFTENING
+from softmodels.materials.specimens import FLOW, SOFTENING
 from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.outcomes import DONE, FAILED, Progress
@@ -165,9 +165,9 @@ def _changes(
     options: FitGiven, units: Mapping[str, str], unknown: Callable[[str], str], value_needed: bool
 ) -> dict[str, Change]:
     """Return the changes by parameter; the curves' factors ``gauge1`` and so on are known to all laws, and with ``--memory``
-    the weights of its branches and its softening."""
+    the weights of its branches, its softening and what its viscosity depends on."""
     changes: dict[str, Change] = {}
-    remembered = ("share_", *SOFTENING) if options["memory"] else ()
+    remembered = ("share_", *SOFTENING, *FLOW) if options["memory"] else ()
     if remembered:
         units = {**units, SOFTENING[1]: "Pa"}
     kinds: tuple[tuple[tuple[str, ...], Callable[[str, str], Change]], ...] = (

@@ -298,6 +298,9 @@ MOST_ERROR = 1e-4
 _HALVINGS = 12
 SOFTENING = ("softening", "softening_m", "softening_beta")
 """Names of the softening's parameters to differentiate by: 1/r, m in Pa, beta."""
+FLOW = ("onset", "exponent")
+"""Names of what all branches have in common, to differentiate by."""
+_FLOW_STEP = 1e-3
 
 
 def branch_stress(
@@ -389,7 +392,8 @@ def stress_in_time(
         time: In s, see `branch_stress`; None for a test so slow that every branch is relaxed.
         stretch: Imposed stretch, shape (n,).
         mode: One of `MODE_NAMES`.
-        parameters: Names to differentiate by: the law's, ``share1`` and so on of the branches, and `SOFTENING`.
+        parameters: Names to differentiate by: the law's, ``share1`` and so on of the branches, `SOFTENING` and `FLOW`, these by
+            central differences.
         branches: `branch_stress` of the same history, where it is known.
 
     Returns:
@@ -398,10 +402,12 @@ def stress_in_time(
     stretch = np.asarray(stretch, dtype=float)
     own = material.memory or memory.Memory()
     shares = np.array([one.share for one in own.branches])
+    by_flow: dict[str, Array] = {}
     if branches is None:
         branches = np.zeros((len(stretch), len(shares)))
         if time is not None and own.branches:
-            branches = branch_stress(time, stretch, mode, own.branches)
+            flow = [name for name in parameters if name in FLOW]
+            branches, by_flow = _branch_slopes(time, stretch, mode, own.branches, flow)
     with np.errstate(all="ignore"):
         found = _pulled(material, stretch, mode)
         stress, energy = np.where(np.isfinite(found.value), found.slope, np.nan), found.value
@@ -412,7 +418,9 @@ def stress_in_time(
         for i, name in enumerate(parameters):
             if name.startswith("share"):
                 added[:, i] = size * branches[:, int(name[5:]) - 1]
-            elif name not in SOFTENING:
+            elif name in by_flow:
+                added[:, i] = size * by_flow[name] @ shares
+            elif name not in (*SOFTENING, *FLOW):
                 moved = nudged(material, name, 1j * _STEP)
                 change = _pulled(moved, stretch, mode)
                 slopes[:, i], energy_slopes[:, i] = (np.imag(v) / _STEP + dead for v in (change.slope, change.value))
@@ -420,6 +428,23 @@ def stress_in_time(
         if own.softening is not None:
             stress, slopes = _softened(own.softening, time, stress, slopes, energy, energy_slopes, parameters)
     return stress + size * viscous, slopes + added
+
+
+def _branch_slopes(
+    time: npt.ArrayLike, stretch: Array, mode: str, branches: Sequence[Branch], names: Sequence[str]
+) -> tuple[Array, dict[str, Array]]:
+    """Return `branch_stress` and its slopes by parameters of all branches, by central differences in the same steps."""
+    together, steps = list(branches), []
+    for name in names:
+        steps.append(_FLOW_STEP * getattr(branches[0], name))
+        together += [
+            dataclasses.replace(one, **{name: getattr(one, name) + d})
+            for d in (steps[-1], -steps[-1])
+            for one in branches
+        ]
+    base, *ends = np.split(branch_stress(time, stretch, mode, together), 1 + 2 * len(names), axis=1)
+    pairs = zip(names, ends[::2], ends[1::2], steps, strict=True)
+    return base, {name: (up - down) / (2 * step) for name, up, down, step in pairs}
 
 
 def _softened(

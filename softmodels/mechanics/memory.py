@@ -16,7 +16,7 @@ import numpy as np
 from softmodels.common.arrays import Array
 from softmodels.materials import memory
 from softmodels.materials.laws import Material
-from softmodels.materials.memory import IDENTITY, Branch, InUfl, Memory, six
+from softmodels.materials.memory import IDENTITY, Branch, InUfl, Memory, Six, six
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body
 from softmodels.mechanics.compiling import JIT
@@ -115,40 +115,11 @@ class History:
         spent: Expr = ufl.as_ufl(0.0)
         begin: list[Expr] = []
         after: list[Expr] = []
-        for k, flow in enumerate(self.flows):
-            Cv = [self.values[SIX * k + i] for i in range(SIX)]
-            G, x = self.moduli[k], self.step / self.times[k]
-            spring = flow.spring if flow else ()
-            rate = memory.fluidity(C0, Cv, flow, InUfl) if flow else 1.0
-            H, b = memory.step_of(C0, Cv, x * rate, InUfl)
-            begin += [*H, b]
-            if spring:
-                at_start = memory.crept(C0, H, b)
-                begin.append(3 * memory.growth(C0, at_start) - memory.step_invariant(C0, 1.0, H, b))
-            at = self._starts[k]
-            H, b = [self._begun[at + i] for i in range(SIX)], self._begun[at + SIX]
-            if spring:
-                I1 = memory.step_invariant(six(self.strain.C), self.strain.J, H, b) + self._begun[at + SIX + 1]
-                density += G * memory.spring_energy(I1, spring)
-            else:
-                density += G * memory.step_energy(six(self.strain.C), self.strain.J, H, b)
-            new = memory.crept(C, H, b)
-            if flow:
-                better = memory.crept(C, *memory.corrected_step(C0, C, Cv, x, flow, InUfl, new))
-            else:
-                mean = (memory.growth(C0, Cv) + memory.growth(C, new)) / 2
-                better = memory.crept(C, *memory.step_of(C0, Cv, x, InUfl, mean))
-            off = [p - q for p, q in zip(memory.cofactors(new), memory.cofactors(better), strict=True)]
-            error += G / 2 * ufl.sqrt(memory.contracted(off, off)) * memory.contracted(C, IDENTITY) / 3
-            new = better if flow else new
-            half = [(c + c0) / 2 for c, c0 in zip(C, C0, strict=True)]
-            middle = memory.crept(half, *memory.step_of(C0, Cv, x * rate / 2, InUfl))
-            lost = sum(
-                share * memory.dissipated(A, B, flow, InUfl)
-                for share, A, B in ((1, C0, Cv), (4, half, middle), (1, C, new))
-            )
-            spent += G * x * lost / 6  # Simpson's rule
-            after += new
+        for k in range(len(self.flows)):
+            own = self._branch(k, C0, C)
+            begin += own.begin
+            after += own.after
+            density, error, spent = density + own.energy, error + own.error, spent + own.lost
         hurt: Expr = ufl.as_ufl(0.0)
         if self.memory.softening is not None:
             before = Wm = self.values[self.size - 1]
@@ -171,6 +142,45 @@ class History:
         self._found = fem.Expression(found, points, jit_options=JIT)
         self._begin = fem.Expression(ufl.as_vector(begin), points, jit_options=JIT)
         self._stress = fem.Expression(self._von_mises(), points, jit_options=JIT)
+
+    def _branch(self, k: int, C0: Six, C: Six) -> types.SimpleNamespace:
+        """Return what the energy of a step takes of a branch and of its beginning, the branch's Cv at the end, the error of its
+        stress there, and what it dissipates in the step.
+
+        Args:
+            k: Number of the branch.
+            C0, C: Cbar at the beginning and at the end.
+        """
+        import ufl
+
+        flow, start = self.flows[k], self._starts[k]
+        Cv, G, x = [self.values[SIX * k + i] for i in range(SIX)], self.moduli[k], self.step / self.times[k]
+        rate = memory.fluidity(C0, Cv, flow, InUfl) if flow else 1.0
+        H, b = memory.step_of(C0, Cv, x * rate, InUfl)
+        begin = [*H, b]
+        if flow and flow.spring:
+            begin.append(3 * memory.growth(C0, memory.crept(C0, H, b)) - memory.step_invariant(C0, 1.0, H, b))
+        H, b = [self._begun[start + i] for i in range(SIX)], self._begun[start + SIX]
+        at_end = six(self.strain.C), self.strain.J, H, b
+        if flow and flow.spring:
+            I1 = memory.step_invariant(*at_end) + self._begun[start + SIX + 1]
+            energy = memory.spring_energy(I1, flow.spring)
+        else:
+            energy = memory.step_energy(*at_end)
+        new = memory.crept(C, H, b)
+        if flow:
+            better = memory.crept(C, *memory.corrected_step(C0, C, Cv, x, flow, InUfl, new))
+        else:
+            mean = (memory.growth(C0, Cv) + memory.growth(C, new)) / 2
+            better = memory.crept(C, *memory.step_of(C0, Cv, x, InUfl, mean))
+        off = [p - q for p, q in zip(memory.cofactors(new), memory.cofactors(better), strict=True)]
+        error = G / 2 * ufl.sqrt(memory.contracted(off, off)) * memory.contracted(C, IDENTITY) / 3
+        new = better if flow else new
+        half = [(c + c0) / 2 for c, c0 in zip(C, C0, strict=True)]
+        middle = memory.crept(half, *memory.step_of(C0, Cv, x * rate / 2, InUfl))
+        powers = [memory.dissipated(*state, flow, InUfl) for state in ((C0, Cv), (half, middle), (C, new))]
+        lost = G * x * (powers[0] + 4 * powers[1] + powers[2]) / 6  # Simpson's rule
+        return types.SimpleNamespace(begin=begin, energy=G * energy, error=error, lost=lost, after=new)
 
     def _stored(self, strain: Strain) -> Expr:
         """Return the energy of a state where a step begins and ends, above that which softening has spent."""

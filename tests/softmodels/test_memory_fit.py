@@ -198,7 +198,7 @@ def test_slopes_of_the_residuals_by_taylors_rule():
     (source,), _ = memory.memory_residuals(
         [one], memory.branch_stresses([one], spectrum), choice, StressError.from_text("100Pa"), 0.03, spectrum
     )
-    source = dataclasses.replace(source, softening=("softening", "softening_m", "softening_beta"))
+    source = dataclasses.replace(source, further=("softening", "softening_m", "softening_beta"))
     values = {**TRUTH, "gauge1": 1.02, "softening": 0.4, "softening_m": 4e3, "softening_beta": 0.2}
     values |= dict.fromkeys(set(source.parameters) - set(values), 0.1)
     base, slopes, _ = source.evaluate(values, True)
@@ -210,6 +210,45 @@ def test_slopes_of_the_residuals_by_taylors_rule():
         assert rests[0] < 1e-7 * np.abs(slope * values[name]).max() or rests[0] / rests[1] == pytest.approx(
             4.0, rel=0.05
         ), name
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Viscosity that depends on stress.
+
+
+THINNING = LAW.with_memory([{"share": s, "time": t, "onset": 0.3, "exponent": 0.6} for s, t in ((0.5, 10), (0.3, 100))])
+
+
+def test_viscosity_by_stress_is_fitted_where_it_is_asked_for():
+    """Onset and exponent of pulls and a hold at two rates within their intervals; without them the misfit is far larger."""
+    histories = {"pull": PULL, "hold": HOLD, "fast": (PULL[0] / 10, PULL[1])}
+    curves = [curve(THINNING, history, 50.0, k, name) for k, (name, history) in enumerate(histories.items())]
+    fixed = {"share_0.1s": {"start": 0.0, "fixed": True}, "share_1s": {"start": 0.0, "fixed": True}}
+    asked = dataclasses.replace(FAST, changes={**fixed, "onset": {}})
+    found, linear = (fit_curves(curves, "yeoh", options) for options in (asked, FAST))
+    fit = found.chosen.fit
+    for name, truth in {"onset": 0.3, "exponent": 0.6, "share_10s": 0.5, "share_100s": 0.3}.items():
+        low, high = fit.interval(name)
+        assert low <= truth <= high and high - low < 0.5 * truth, name
+    assert {(one.onset, one.exponent) for one in found.material.memory.branches} == {
+        (fit.values["onset"], fit.values["exponent"])
+    }
+    assert all(one.linear for one in linear.material.memory.branches)
+    assert linear.chosen.fit.deviance > 3 * fit.deviance
+
+
+def test_slopes_by_the_flow_are_those_of_the_stress():
+    time, stretch = zigzag(1.0, 2.0, 1.2)
+    names = ("onset", "exponent", "share1", "c1")
+    _, slopes = stress_in_time(THINNING, time, stretch, parameters=names)
+
+    def stress(**changes):
+        branches = [dataclasses.replace(one, **changes) for one in THINNING.memory.branches]
+        return stress_in_time(LAW.with_memory(branches), time, stretch)[0]
+
+    for name, value, slope in zip(names, (0.3, 0.6), slopes.T, strict=False):
+        coarse = (stress(**{name: 1.02 * value}) - stress(**{name: 0.98 * value})) / (0.04 * value)
+        assert coarse == pytest.approx(slope, abs=2e-3 * np.abs(slope).max())
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -400,6 +439,7 @@ def test_without_memory_a_loop_is_a_warning(says):
         (["--tensile", "cycles.csv", "--memory", "--fix", "share_7s=0"], "share_1s, share_10s"),
         (["--tensile", "cycles.csv", "--fix", "share_1s=0"], "no parameter 'share_1s'"),
         (["--tensile", "pull.csv", "--memory", "--fix", "softening=0.5"], "no test has a second loading"),
+        (["--tensile", "pull.csv", "--fix", "onset=0.5"], "no parameter 'onset'"),
     ],
 )
 def test_input_that_makes_no_memory_is_one_sentence(says, words, why):

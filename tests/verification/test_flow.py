@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.fit import fit_curves
+from softmodels.fitting.problem import FitOptions
 from softmodels.materials import memory
 from softmodels.materials.laws import Gent, NeoHookean
 from softmodels.materials.memory import InNumpy, Memory
@@ -94,10 +97,10 @@ def test_stress_and_creep_converge_with_the_square_of_the_step(figure):
             inverse = np.linalg.inv(exact(t))
             off.append(np.abs(S - stiffness(VHB.spring, np.trace(C(t) @ inverse)) * inverse).max())
         stress_errors.append(max(off))
-    figure(ODE, "Cv after 320 steps", creep_errors[-1], 1e-4)
-    figure(ODE, "stress in 320 steps, over G", stress_errors[-1], 1e-3)
+    figure(ODE, "Cv after 320 steps", creep_errors[-1], 1e-5)
+    figure(ODE, "stress in 320 steps, over G", stress_errors[-1], 1.5e-5)
     for name, errors in (("Cv", creep_errors), ("stress", stress_errors)):
-        figure(ODE, f"order of the step, less 2: {name}", np.log2(np.array(errors[:-1]) / errors[1:]) - 2.0, 0.2)
+        figure(ODE, f"order of the step, less 2: {name}", np.log2(np.array(errors[:-1]) / errors[1:]) - 2.0, 0.03)
 
 
 @pytest.mark.parametrize("mode", list(MODES))
@@ -107,6 +110,7 @@ def test_pull_and_return_of_vhb(mode, shared_data, figure):
     Those are of a slightly compressible specimen (J to 1.0015), at 41 times.
     """
     powers = np.array(MODES[mode][0])
+    bound, published_bound = (1e-4, 6e-3) if mode == "equibiaxial" else (3e-5, 2.5e-3)
 
     def sides(t):
         return (1 + 0.05 * min(t, 80.0 - t)) ** (2 * powers)
@@ -119,12 +123,12 @@ def test_pull_and_return_of_vhb(mode, shared_data, figure):
         be = stiffness(SPRING, np.sum(C / Cv)) * C / Cv
         shares.append((be[0] - be[2]) / G)
     found = branch_stress(times, stretch, mode, [VHB])[:, 0] * stretch
-    figure(ODE, f"stress of VHB in 40 intervals, {mode}", (found - shares) / np.abs(shares).max(), 1e-4)
+    figure(ODE, f"stress of VHB in 40 intervals, {mode}", (found - shares) / np.abs(shares).max(), bound)
     table = np.genfromtxt(shared_data("memory") / f"klp_{mode}.csv", delimiter=",", names=True)
     law = np.array([stiffness(LAW, np.sum(C)) * (C[0] - C[2]) for C in map(sides, times)])
     published = 1e3 * table["S11" if mode == "equibiaxial" else "S22"]
     off = (law + G * found - published) / published.max()
-    figure("published solutions of VHB 4910", f"Cauchy stress, {mode}", off, 6e-3)
+    figure("published solutions of VHB 4910", f"Cauchy stress, {mode}", off, published_bound)
 
 
 def test_the_spring_of_a_step_is_a_potential(figure):
@@ -150,7 +154,7 @@ def test_the_spring_of_a_step_is_a_potential(figure):
 SOFT = NeoHookean(MU, 0.5).with_memory(branches=[dataclasses.replace(VHB, time=20.0), (0.2, 3.0)])
 
 
-@pytest.mark.parametrize(("tolerance", "bound"), [(5e-5, 2e-3), (1e-6, 4e-4)], ids=["default", "fine"])
+@pytest.mark.parametrize(("tolerance", "bound"), [(5e-5, 2.5e-4), (1e-6, 8e-5)], ids=["default", "fine"])
 def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figure):
     """Filled in 3 s to 1.8 times its inner radius, held for 7 s and let out in 1 s to 1.3 times."""
     flow, linear = SOFT.memory.branches
@@ -204,7 +208,7 @@ def test_the_area_of_the_loop_is_what_the_branches_dissipate(body_of, figure):
     work = np.concatenate([[0.0], np.cumsum((P[1:] + P[:-1]) / 2 * np.diff(V))])
     assert lost[-1] > 0.02 * work.max() and (np.diff(lost) > -1e-12 * lost[-1]).all()
     off = (stored + lost - work) / work.max()
-    figure("work of the air on a cycled sphere", "stored and dissipated energy, viscosity by stress", off, 1e-3)
+    figure("work of the air on a cycled sphere", "stored and dissipated energy, viscosity by stress", off, 8e-5)
 
 
 # -- linear branches published for VHB 4910 ---------------------------------------------------------------------------
@@ -249,15 +253,20 @@ def test_published_branches_as_published(rate, figure):
     )
 
 
+def measured_at(rate, folder):
+    """Times in s from a stretch of 1 on, stretches and nominal stresses in kPa."""
+    table = np.genfromtxt(folder / f"vhb_rate_{rate / 10:g}.csv", delimiter=",", names=True)
+    stretch, measured = np.append(1.0, table["stretch"]), np.append(0.0, table["nominal_stress_kPa"])
+    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(stretch)))]) / rate, stretch, measured
+
+
 MISFITS = {0.01: (0.040, 0.020), 0.03: (0.062, 0.105), 0.05: (0.070, 0.110)}
 """Largest rms misfit of loading and unloading over the rms stress, by rate in 1/s."""
 
 
 @pytest.mark.parametrize("rate", list(MISFITS))
 def test_published_branches_on_the_measured_curves(rate, shared_data, figure):
-    table = np.genfromtxt(shared_data("memory") / f"vhb_rate_{rate / 10:g}.csv", delimiter=",", names=True)
-    stretch, measured = np.append(1.0, table["stretch"]), np.append(0.0, table["nominal_stress_kPa"])
-    times = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(stretch)))]) / rate
+    times, stretch, measured = measured_at(rate, shared_data("memory"))
     off = published(times, stretch) / 1e3 - measured
     turn = int(stretch.argmax()) + 1
     parts = {"loading": slice(None, turn), "unloading": slice(turn, None)}
@@ -266,6 +275,32 @@ def test_published_branches_on_the_measured_curves(rate, shared_data, figure):
         figure(
             "VHB 4910, Hossain et al. 2012",
             f"Stewart and Anand's parameters, rms of {name} at {rate:g} /s",
+            value,
+            bound,
+        )
+
+
+POINTS = {0.01: (0.04, 0.045), 0.03: (0.04, 0.02), 0.05: (0.045, 0.045)}
+"""Largest misfit of a single point, loading and unloading, over the largest stress of a test, by rate in 1/s."""
+
+
+@pytest.mark.parametrize("rate", list(POINTS))
+def test_a_third_rate_of_vhb_is_predicted_point_by_point(rate, shared_data, figure):
+    """Gent with linear branches, fitted to the two other rates and to equilibrium without factors on the tests."""
+    folder = shared_data("memory")
+    rest = np.genfromtxt(folder / "vhb_equilibrium.csv", delimiter=",", names=True)[1:]
+    curves = [TensileCurve("rest", "uniaxial", rest["stretch"], 1e3 * rest["nominal_stress_kPa"])]
+    for other in sorted(set(POINTS) - {rate}):
+        times, stretch, measured = (values[1:] for values in measured_at(other, folder))
+        curves.append(TensileCurve(f"{other:g}/s", "uniaxial", stretch, 1e3 * measured, time=times))
+    found = fit_curves(curves, "gent", FitOptions(memory=True, gauge_error=0.0, profiles=False)).material
+    times, stretch, measured = measured_at(rate, folder)
+    off = np.abs(stress_in_time(found, times, stretch)[0] / 1e3 - measured) / measured.max()
+    turn = int(stretch.argmax()) + 1
+    for name, value, bound in zip(("loading", "unloading"), (off[:turn], off[turn:]), POINTS[rate], strict=True):
+        figure(
+            "VHB 4910, Hossain et al. 2012",
+            f"largest misfit over the largest stress, {name} at {rate:g} /s",
             value,
             bound,
         )

@@ -65,7 +65,7 @@ from softmodels.fitting.problem import (
 )
 from softmodels.fitting.result import NOTHING, LeastSquaresFit
 from softmodels.materials.laws import Material
-from softmodels.materials.specimens import SOFTENING, respond
+from softmodels.materials.specimens import FLOW, SOFTENING, respond
 from softmodels.materials.stability import judge
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -367,10 +367,11 @@ class _MemoryTask(_Task):
             if asked and not self.softens:
                 why = "no test has a second loading, or a hold after an unloading, that would show it"
                 raise FitError(f"{asked[0]} cannot be set: {why}")
+            flow = FLOW if any(name in self.options.changes for name in FLOW) else ()
             fitted = functools.partial(fit_memory, sources, extra, modulus=modulus, loss=loss, errors=self.errors)
-            fit = fitted({k: v for k, v in self.options.changes.items() if k not in SOFTENING})
+            fit = fitted({k: v for k, v in self.options.changes.items() if k not in SOFTENING}, further=flow)
             if self.softens:
-                softer = fitted(self.options.changes, softening=self.softens)
+                softer = fitted(self.options.changes, further=(*self.softens, *flow))
                 lead = next(one.aicc for one in compare([fit, softer]).ranked if one.fit is fit)
                 if asked or (softer.converged and lead > DECISIVE and softer.interval(SOFTENING[0])[0] > 0.0):
                     self.stiffer[choice.name] = math.sqrt(fit.deviance / softer.deviance)

@@ -39,7 +39,7 @@ from softmodels.fitting.problem import (
 from softmodels.fitting.result import LeastSquaresFit
 from softmodels.materials.laws import Material, MaterialError, NeoHookean
 from softmodels.materials.memory import Branch, Memory, Softening
-from softmodels.materials.specimens import SOFTENING, branch_stress, respond, stress_in_time
+from softmodels.materials.specimens import FLOW, SOFTENING, branch_stress, respond, stress_in_time
 
 STARTS = 3
 """Number of a law's starts that are tried with branches."""
@@ -183,7 +183,8 @@ def remembering(
 ) -> Material:
     """Return a law with its fitted memory, weights below ``least`` left out."""
     pairs = ((values[name], time) for name, time in zip(spectrum.names, spectrum.times, strict=True))
-    branches = tuple(Branch(share, time) for share, time in pairs if share >= least)
+    onset, exponent = (values.get(name, getattr(Branch, name)) for name in FLOW)
+    branches = tuple(Branch(share, time, onset, exponent) for share, time in pairs if share >= least)
     softening = None
     if SOFTENING[0] in values and (damage := values[SOFTENING[0]]) >= least:
         softening = Softening(1 / max(damage, 1e-12), values[SOFTENING[1]], values.get(SOFTENING[2], 0.0))
@@ -196,21 +197,25 @@ class MemoryResiduals(TensileResiduals):
 
     Attributes:
         spectrum: The branches.
-        stresses: Of each over its G, shape (n, k).
-        softening: Names of the softening's free parameters; empty for none.
+        stresses: Of each over its G, shape (n, k), if it is linear.
+        further: Names of the free parameters of the softening, and of the branches' viscosity if that depends on stress.
     """
 
     spectrum: Spectrum = Spectrum((), (0.0, 0.0), ("", ""))
     stresses: Array = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
-    softening: tuple[str, ...] = ()
+    further: tuple[str, ...] = ()
 
     def on_yardstick(self) -> Self:
         """Return them with the common errors of tests; a history keeps its points."""
         return dataclasses.replace(self, errors=told(self.curve))
 
     @property
+    def _thins(self) -> bool:
+        return FLOW[0] in self.further
+
+    @property
     def parameters(self) -> tuple[str, ...]:
-        own = (*self.choice.names, *self.spectrum.names, *self.softening)
+        own = (*self.choice.names, *self.spectrum.names, *self.further)
         return (*own, self.gauge) if self.gauge else own
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
@@ -220,9 +225,14 @@ class MemoryResiduals(TensileResiduals):
         except MaterialError as error:
             raise CannotEvaluate(str(error)) from None
         shares = [f"share{k}" for k, _ in enumerate(self.spectrum.times, 1)]
-        names = (*self.choice.names, *shares, *self.softening) if derivatives else ()
+        names = (*self.choice.names, *shares, *self.further) if derivatives else ()
         stress, by = stress_in_time(
-            material, self.curve.time, self.curve.stretch, self.curve.mode, names, self.stresses
+            material,
+            self.curve.time,
+            self.curve.stretch,
+            self.curve.mode,
+            names,
+            None if self._thins else self.stresses,
         )
         factor = values[self.gauge] if self.gauge else 1.0
         slopes = None
@@ -270,7 +280,7 @@ def fit_memory(
     changes: Changes,
     *,
     modulus: float,
-    softening: tuple[str, ...] = (),
+    further: tuple[str, ...] = (),
     loss: str = "linear",
     errors: str = "unknown",
 ) -> LeastSquaresFit:
@@ -281,15 +291,15 @@ def fit_memory(
         extra: The curves' own factors.
         changes: Fields of parameters to replace.
         modulus: Small-strain shear modulus in Pa of the data.
-        softening: Names of the softening's parameters to fit.
+        further: See `MemoryResiduals`.
         loss, errors: See `softmodels.fitting.least_squares.fit_parameters`.
 
     Raises:
         FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
     """
-    sources = [dataclasses.replace(source, softening=softening) for source in sources]
+    sources = [dataclasses.replace(source, further=further) for source in sources]
     choice = sources[0].choice
-    names = (*choice.names, *sources[0].spectrum.names, *softening, *(p.name for p in extra.parameters))
+    names = (*choice.names, *sources[0].spectrum.names, *further, *(p.name for p in extra.parameters))
     for name in changes:
         if name not in names:
             raise FitError(f"{choice.name} with its memory has no parameter {name!r}; it has {', '.join(names)}")
@@ -299,7 +309,7 @@ def fit_memory(
     for starts in by_bounds(choice, _starts(choice, sources, modulus)[:STARTS]):
         own = [*choice.parameters(starts[0])]
         own += [Parameter(name, "", starts[0][name], 0.0, answers=(0.0,)) for name in sources[0].spectrum.names]
-        own += [one for one in _softening_parameters(energy) if one.name in softening]
+        own += [one for one in _further_parameters(energy) if one.name in further]
         parameters = [p.changed(changes.get(p.name, {})) for p in (*own, *extra.parameters)]
         try:
             fits.append(fit_parameters(sources, parameters, loss=loss, starts=starts, errors=errors, label=choice.name))
@@ -310,12 +320,14 @@ def fit_memory(
     return _settled(min(fits, key=lambda one: (not one.converged, one.deviance)))
 
 
-def _softening_parameters(energy: float) -> list[Parameter]:
-    """Return the softening's parameters for a largest energy in Pa."""
+def _further_parameters(energy: float) -> list[Parameter]:
+    """Return the parameters of softening and viscosity for a largest energy in Pa."""
     return [
         Parameter(SOFTENING[0], "", 0.2, 0.0, 0.99, answers=(0.0,)),
         Parameter(SOFTENING[1], "Pa", 0.2 * energy, 1e-4 * energy, 1e2 * energy),
         Parameter(SOFTENING[2], "", 0.1, 0.0, 10.0, answers=(0.0,)),
+        Parameter(FLOW[0], "", 0.3, 1e-3, 1e2),
+        Parameter(FLOW[1], "", 0.3, 0.02, 3.0),
     ]
 
 
