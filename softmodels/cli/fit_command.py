@@ -279,7 +279,8 @@ def fit_material(**options: Unpack[FitGiven]) -> None:
 
     With --memory the whole tests are used: cycles, holds, several rates at once. The law is then that of equilibrium, and
     fitted.toml has [material.memory]: relaxing branches, one per decade of time that the data cover, and Mullins softening
-    where a second loading, or a hold after an unloading, shows it. Without --memory the law is that of the tests' rate.
+    where a second loading, or a hold after an unloading, shows it. --bounds onset=0.01:10 also fits a viscosity that
+    depends on stress. Without --memory the law is that of the tests' rate.
 
     \b
     Examples:

@@ -36,8 +36,9 @@ def test_it_lies_below_the_least_gap_by_little(designed, comm):
     here = model.evaluate(model.start)
     run = sm.run(Case("folds", FOLDS, model.case.material, pressures_cm=(0.0, 200.0 / 95.12405), water_density=970.0))
     end = run.last
-    found = surface.FacingWalls(end.points, end.cells, end.cell_name).least(end.displacement, 0.006)
-    assert found is not None
+    walls = surface.FacingWalls(end.points, end.cells, end.cell_name)
+    found = walls.least(end.displacement, 0.006)
+    assert found is not None and not walls.cross(end.displacement) and walls.cross(-3 * end.displacement)
     least, smooth = found.value, here.values[LeastGap(at=200.0).key]
     assert run.pressure[-1] == pytest.approx(200.0, rel=1e-4)
     assert least - 10 * FOLDS.wall / SHARPNESS < smooth < least
