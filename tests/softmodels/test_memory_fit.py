@@ -216,20 +216,20 @@ def test_slopes_of_the_residuals_by_taylors_rule():
 # Viscosity that depends on stress.
 
 
-THINNING = LAW.with_memory([{"share": s, "time": t, "onset": 0.3, "exponent": 0.6} for s, t in ((0.5, 10), (0.3, 100))])
+THINNING = LAW.with_memory([{"share": s, "time": t, "onset": 0.5, "exponent": 0.7} for s, t in ((0.5, 10), (0.3, 100))])
 
 
 def test_viscosity_by_stress_is_fitted_where_it_is_asked_for():
     """Onset and exponent of pulls and a hold at two rates within their intervals; without them the misfit is far larger."""
-    histories = {"pull": PULL, "hold": HOLD, "fast": (PULL[0] / 10, PULL[1])}
+    time, stretch = (values[::3] for values in PULL)
+    histories = {"pull": (time, stretch), "slow": (10 * time, stretch), "hold": tuple(values[::2] for values in HOLD)}
     curves = [curve(THINNING, history, 50.0, k, name) for k, (name, history) in enumerate(histories.items())]
-    fixed = {"share_0.1s": {"start": 0.0, "fixed": True}, "share_1s": {"start": 0.0, "fixed": True}}
-    asked = dataclasses.replace(FAST, changes={**fixed, "onset": {}})
+    asked = dataclasses.replace(FAST, changes={"share_1s": {"start": 0.0, "fixed": True}, "onset": {}})
     found, linear = (fit_curves(curves, "yeoh", options) for options in (asked, FAST))
     fit = found.chosen.fit
-    for name, truth in {"onset": 0.3, "exponent": 0.6, "share_10s": 0.5, "share_100s": 0.3}.items():
+    for name, truth in {"onset": 0.5, "exponent": 0.7, "share_10s": 0.5, "share_100s": 0.3}.items():
         low, high = fit.interval(name)
-        assert low <= truth <= high and high - low < 0.5 * truth, name
+        assert low <= truth <= high and high - low < 0.8 * truth, (name, low, high)
     assert {(one.onset, one.exponent) for one in found.material.memory.branches} == {
         (fit.values["onset"], fit.values["exponent"])
     }
@@ -246,7 +246,7 @@ def test_slopes_by_the_flow_are_those_of_the_stress():
         branches = [dataclasses.replace(one, **changes) for one in THINNING.memory.branches]
         return stress_in_time(LAW.with_memory(branches), time, stretch)[0]
 
-    for name, value, slope in zip(names, (0.3, 0.6), slopes.T, strict=False):
+    for name, value, slope in zip(names, (0.5, 0.7), slopes.T, strict=False):
         coarse = (stress(**{name: 1.02 * value}) - stress(**{name: 0.98 * value})) / (0.04 * value)
         assert coarse == pytest.approx(slope, abs=2e-3 * np.abs(slope).max())
 
