@@ -91,6 +91,11 @@ class DeckSilicone:
                 f"{self.material.name}: softmodels' energy uses the full stretches, this one the isochoric ones; "
                 "they agree as Poisson's ratio approaches 0.5"
             )
+        if self.material.memory is not None:
+            found.append(
+                f"{self.name}: the deck leaves out its memory, a model that neither CalculiX nor FEBio has: it is the silicone "
+                "after a long time, relaxed and never softened"
+            )
         return found
 
     def check(self, where: str) -> None:

@@ -9,8 +9,9 @@ Over a step dt the unimodular part of an H + b Cbar solves this, with H and b kn
 
     W(F) = 3 G/(2 b) det(H + b Cbar)^(1/3)   has   dW/dCbar = G/2 Cv^-1   at the end of the step
 
-so that a branch stays a term of one potential, with a symmetric tangent and no local iterations. With H = Cv and b = dt/tau
-this is implicit Euler (Shutov, Landgraf, Ihlemann 2013, doi 10.1016/j.cma.2013.07.004); `step_of` is of second order.
+so that a branch stays a term of one potential, with a symmetric tangent and no local iterations. Only W's derivatives are
+needed, which have no 1/b: `step_stress`, `step_stiffness`. With H = Cv and b = dt/tau this is implicit Euler (Shutov, Landgraf,
+Ihlemann 2013, doi 10.1016/j.cma.2013.07.004); `step_of` is of second order.
 
 tau may depend on the branch's stress and creep, and its spring be another one of I1 (Kumar and Lopez-Pamies 2016, doi
 10.1016/j.crme.2015.11.004): see `Branch`. The stress of a step then takes the rate of its beginning, and Cv at its end the
@@ -37,6 +38,10 @@ from softmodels.materials.strain import Expression
 
 Six = Sequence[Expression]
 
+PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Rows and columns of the six entries."""
+COUNTS = (1, 1, 1, 2, 2, 2)
+"""How often each of them stands in the tensor."""
 IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 SECONDS = Quantity("s")
 LARGEST_SHARE = 1e3
@@ -328,7 +333,7 @@ class InNumpy:
 
 def six(A: Expression) -> list[Expression]:
     """Return the entries of a symmetric 3 x 3 tensor that is indexed by A[i, j]."""
-    return [A[0, 0], A[1, 1], A[2, 2], A[0, 1], A[0, 2], A[1, 2]]
+    return [A[i, j] for i, j in PLACES]
 
 
 def cofactors(A: Six) -> list[Expression]:
@@ -346,15 +351,15 @@ def determinant(A: Six) -> Expression:
     return a * (b * c - bc**2) - ab * (ab * c - ac * bc) + ac * (ab * bc - ac * b)
 
 
-LEAST = 1e-30
-"""Least b: W then has no digits left, but its derivatives, in which b cancels, have all of them."""
 SMALL = 0.02
 """Argument below which the two functions of `_shares` are their series, to rounding."""
 
 
 def _shares(z: Expression, of: Functions) -> tuple[Expression, Expression]:
     """Return (1 - exp(-z))/z and (z - 1 + exp(-z))/z^2."""
-    series = [sum((-z) ** k / math.factorial(k + n) for k in range(6)) for n in (1, 2)]
+    series = [1 / math.factorial(5 + n) for n in (1, 2)]
+    for k in reversed(range(5)):  # Horner's rule, because a compiled power takes as long as twenty products
+        series = [1 / math.factorial(k + n) - z * term for n, term in zip((1, 2), series, strict=True)]
     big = of.below(z, SMALL, SMALL, z)
     first = (1 - of.exp(-big)) / big
     return of.below(z, SMALL, series[0], first), of.below(z, SMALL, series[1], (1 - first) / big)
@@ -380,9 +385,8 @@ def step_of(C: Six, Cv: Six, x: Expression, of: Functions, k: Expression = None)
     """
     z = x * (growth(C, Cv) if k is None else k)
     whole, late = _shares(z, of)
-    b = of.below(x, LEAST, LEAST, x * late)
-    early, kept = x * (whole - late), of.exp(-z)
-    return [kept * v + early * c for v, c in zip(Cv, C, strict=True)], b
+    early, kept = x * (whole - late), 1 - z * whole
+    return [kept * v + early * c for v, c in zip(Cv, C, strict=True)], x * late
 
 
 def corrected_step(
@@ -403,28 +407,18 @@ def corrected_step(
     return step_of(C, Cv, x * (rate + fluidity(end, new, flow, of)) / 2, of, mean)
 
 
-def step_energy(C: Six, J: Expression, H: Six, b: Expression) -> Expression:
-    """Return W/G of a branch at the end of a step, of which only the derivatives count: W grows as 1/b.
-
-    Args:
-        C: Right Cauchy-Green tensor at the end of the step, not only its isochoric part: so the derivatives are short.
-        J: Volume ratio there.
-        H, b: See `step_of`; b at least `LEAST`.
-    """
-    bar = b * J ** (-2 / 3)
-    whole = determinant(H) + bar * contracted(cofactors(H), C) + bar**2 * contracted(H, cofactors(C)) + b**3
-    return 1.5 / b * whole ** (1 / 3)
-
-
-def step_invariant(C: Six, J: Expression, H: Six, b: Expression) -> Expression:
-    """Return 2 W/G less its value at C = 0, with all digits: it has the derivative Cv^-1, and is I1e at no length of the step.
+def step_invariant(C: Six, H: Six, b: Expression) -> Expression:
+    """Return 2 W/G minus its value at C = 0, with all digits: it has the derivative Cv^-1, and is I1e at no length of the step.
 
     I1e at the end of a step of some length differs by an amount that changes little within the step, so that the energy of any
     spring of I1e, of this plus that amount where the step begins, has the spring's stress up to the square of the step.
+
+    Args:
+        C: Cbar at the end of the step.
+        H, b: See `step_of`.
     """
-    bar, scale = b * J ** (-2 / 3), J ** (-2 / 3)
     start = determinant(H)
-    rise = scale * (contracted(cofactors(H), C) + bar * contracted(H, cofactors(C))) + b**2
+    rise = contracted(cofactors(H), C) + b * contracted(H, cofactors(C)) + b**2
     p, q = (start + b * rise) ** (1 / 3), start ** (1 / 3)
     return 3 * rise / (p**2 + p * q + q**2)
 
@@ -437,6 +431,46 @@ def spring_energy(I1: Expression, spring: Spring) -> Expression:
 def spring_stiffness(I1: Expression, spring: Spring) -> Expression:
     """Return g, the stress over that of a neo-Hookean spring."""
     return sum(w * (I1 / 3) ** (a - 1) for w, a in spring) if spring else 1.0
+
+
+def step_stress(C: Six, H: Six, b: Expression, spring: Spring = (), shift: Expression = 0.0) -> list[Expression]:
+    """Return dW/dCbar over G of a branch at the end of a step: half of Cv^-1, times g of a spring of I1.
+
+    Args:
+        C: Cbar at the end of the step.
+        H, b: See `step_of`.
+        spring: Terms of the spring; none for neo-Hookean.
+        shift: I1e minus `step_invariant`, where the step begins.
+    """
+    found = [entry / 2 for entry in cofactors(crept(C, H, b))]
+    if not spring:
+        return found
+    g = spring_stiffness(step_invariant(C, H, b) + shift, spring)
+    return [g * entry for entry in found]
+
+
+def step_stiffness(
+    C: Six, H: Six, b: Expression, spring: Spring = (), shift: Expression = 0.0
+) -> list[list[Expression]]:
+    """Return d2W/dCbar2 over G of a branch at the end of a step: of the symmetric 6 x 6 the lower triangle, by rows.
+
+    With B = Cv^-1 and A = H + b Cbar it is b/2 det(A)^(-1/3) (B_ij B_kl / 3 - (B_ik B_jl + B_il B_jk) / 2), of a spring of I1
+    times g, and dg/dI1 B_ij B_kl / 2 more. Arguments as of `step_stress`.
+    """
+    A = [h + b * c for h, c in zip(H, C, strict=True)]
+    B, half = cofactors(crept(C, H, b)), b / 4 * determinant(A) ** (-1 / 3)
+    third = half / 1.5
+    if spring:
+        I1 = step_invariant(C, H, b) + shift
+        g = spring_stiffness(I1, spring)
+        half, third = g * half, g * third + sum(w * (a - 1) / 6 * (I1 / 3) ** (a - 2) for w, a in spring)
+
+    def entry(p: int, q: int) -> Expression:
+        (i, j), (k, m) = PLACES[p], PLACES[q]
+        crossed = _entry(B, i, k) * _entry(B, j, m) + _entry(B, i, m) * _entry(B, j, k)
+        return third * (B[p] * B[q]) - half * crossed
+
+    return [[entry(p, q) for q in range(p + 1)] for p in range(len(PLACES))]
 
 
 def fluidity(C: Six, Cv: Six, flow: FlowValues, of: Functions) -> Expression:

@@ -67,6 +67,9 @@ def _instructions(processor: Path) -> bytes:
 
 JIT = {"cffi_extra_compile_args": compiler_flags()}
 """Compiler flags in DOLFINx's options."""
+LABEL = 1_000_000
+"""Number of the first label of a UFL variable that is compiled, above all that UFL gives out: they count up, and are part of a
+kernel's name in the cache."""
 
 LONGEST = 180.0
 """Seconds after which the compilation of a module counts as abandoned: a solid slice takes half a minute on a slow machine."""

@@ -6,6 +6,7 @@ the softening. With a step of no length the energy is that of the state itself, 
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import types
@@ -16,10 +17,10 @@ import numpy as np
 from softmodels.common.arrays import Array
 from softmodels.materials import memory
 from softmodels.materials.laws import Material
-from softmodels.materials.memory import IDENTITY, Branch, InUfl, Memory, Six, six
+from softmodels.materials.memory import COUNTS, IDENTITY, Branch, InUfl, Memory, Six, six
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body
-from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.compiling import JIT, LABEL
 from softmodels.mechanics.mpi import largest, total
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from softmodels.mechanics.regions import MaterialRegion
 
 SIX = len(IDENTITY)
+AT_ONCE = 4096
+"""Number of cells whose expressions are evaluated at once: of all together what they need would take gigabytes."""
 
 
 FLOW = ("onset", "exponent", "least", "growth", "growth_exponent")
@@ -61,16 +64,23 @@ class History:
         region: Where, and the constants of its law.
         displacement: Skew components of the displacement, in UFL.
         before: The same where the step begins.
+        fixed: ``displacement`` once more, which derivatives by the displacement take for a constant.
         step: Length of the step in s.
 
     Attributes:
         memory: What its silicone remembers.
         values: Of each integration point the branches' Cv, one after the other, and behind them Wm.
-        density: Energy at the end of the step without that of the change of volume; its derivatives are those of the stress.
+        begun: What the energy of a step has of its beginning: of each branch H and b, and of a spring of I1 its shift, and
+            behind them Wm.
+        prepared: How often ``begun`` has changed.
+        density: Without the change of volume, an energy whose derivative is that of the energy at the end of the step.
+        curved: One whose second derivative is too, which takes longer.
         free: Energy stored in the state where the step begins and ends, at no length of it.
     """
 
-    def __init__(self, body: Body, region: MaterialRegion, displacement: Expr, before: Expr, step: fem.Constant):
+    def __init__(
+        self, body: Body, region: MaterialRegion, displacement: Expr, before: Expr, fixed: Expr, step: fem.Constant
+    ):
         import basix.ufl
         from dolfinx import fem
 
@@ -85,20 +95,23 @@ class History:
         )
         space = fem.functionspace(mesh, element)
         self.values = fem.Function(space)
-        self._places = np.array(space.dofmap.list)[region.cells]
+        self.places = np.array(space.dofmap.list)[region.cells]
         self._starts = [0, *itertools.accumulate(SIX + 1 + bool(one.spring) for one in branches)]
-        self._width = self._starts[-1] + (softening is not None)
+        self.width = self._starts[-1] + (softening is not None)
         wider = basix.ufl.quadrature_element(
-            mesh.basix_cell(), value_shape=(self._width,), degree=QUADRATURE_DEGREE, scheme="default"
+            mesh.basix_cell(), value_shape=(self.width,), degree=QUADRATURE_DEGREE, scheme="default"
         )
-        self._begun = fem.Function(fem.functionspace(mesh, wider))
+        self.begun = fem.Function(fem.functionspace(mesh, wider))
         self.times = fem.Constant(mesh, np.array([one.time for one in branches] or [1.0]))
         self.moduli = fem.Constant(mesh, np.zeros(max(1, len(branches))))
         self.flows = [None if one.linear else _constants(mesh, one) for one in branches]
         self.softening = types.SimpleNamespace(
             **{name: fem.Constant(mesh, 1.0) for name in ("r", "m", "beta", "recovery") if softening is not None}
         )
-        self.strain, self._before = (Strain(body.deformation_gradient(u)) for u in (displacement, before))
+        self.strain, self._before, self._fixed = (
+            Strain(body.deformation_gradient(u)) for u in (displacement, before, fixed)
+        )
+        self.prepared, self._next = 0, np.empty(0)
         self._make()
         self.begin()
 
@@ -119,7 +132,7 @@ class History:
             own = self._branch(k, C0, C)
             begin += own.begin
             after += own.after
-            density, error, spent = density + own.energy, error + own.error, spent + own.lost
+            error, spent = error + own.error, spent + own.lost
         hurt: Expr = ufl.as_ufl(0.0)
         if self.memory.softening is not None:
             before = Wm = self.values[self.size - 1]
@@ -127,25 +140,25 @@ class History:
                 W0 = law.shape(self._before, parameters)
                 before = W0 + (Wm - W0) * ufl.exp(-self.step / self.softening.recovery)
             begin.append(before)
-            at_end = self._begun[self._width - 1]
+            at_end = self.begun[self.width - 1]
             density += memory.softened(W, at_end, self.softening, InUfl) - W
             hurt = memory.softened(ufl.as_ufl(0.0), Wm, self.softening, InUfl)
             after.append(InUfl.below(W, at_end, at_end, W))
         stretch = [c - one for c, one in zip(C, IDENTITY, strict=True)]
         size = (1.0 + sum(self.moduli[k] for k in range(len(self.memory.branches)))) / 2
-        self.density, self.free = density, self._stored(self.strain) - hurt
-        self._spent, self._hurt = (
-            fem.form(one * self.body.hoop * self.region.dx, jit_options=JIT) for one in (spent, hurt)
-        )
-        found = ufl.as_vector([*after, error, size * ufl.sqrt(memory.contracted(stretch, stretch))])
-        points, _ = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
-        self._found = fem.Expression(found, points, jit_options=JIT)
-        self._begin = fem.Expression(ufl.as_vector(begin), points, jit_options=JIT)
-        self._stress = fem.Expression(self._von_mises(), points, jit_options=JIT)
+        stress, stiffness = self._creeping()
+        self.density, self.free = density + stress, self._stored(self.strain) - hurt
+        self.curved = self.density + stiffness
+        self._hurt = fem.form(hurt * self.body.hoop * self.region.dx, jit_options=JIT)
+        spent *= self.body.hoop * abs(ufl.JacobianDeterminant(self.body.mesh))
+        found = ufl.as_vector([*after, error, size * ufl.sqrt(memory.contracted(stretch, stretch)), spent])
+        self._points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
+        self._found = fem.Expression(found, self._points, jit_options=JIT)
+        self._begin = fem.Expression(ufl.as_vector(begin), self._points, jit_options=JIT)
 
     def _branch(self, k: int, C0: Six, C: Six) -> types.SimpleNamespace:
-        """Return what the energy of a step takes of a branch and of its beginning, the branch's Cv at the end, the error of its
-        stress there, and what it dissipates in the step.
+        """Return what the energy of a step takes of a branch's beginning, the branch's Cv at the end, the error of its stress
+        there, and what it dissipates in the step.
 
         Args:
             k: Number of the branch.
@@ -153,20 +166,14 @@ class History:
         """
         import ufl
 
-        flow, start = self.flows[k], self._starts[k]
+        flow = self.flows[k]
         Cv, G, x = [self.values[SIX * k + i] for i in range(SIX)], self.moduli[k], self.step / self.times[k]
         rate = memory.fluidity(C0, Cv, flow, InUfl) if flow else 1.0
         H, b = memory.step_of(C0, Cv, x * rate, InUfl)
         begin = [*H, b]
         if flow and flow.spring:
-            begin.append(3 * memory.growth(C0, memory.crept(C0, H, b)) - memory.step_invariant(C0, 1.0, H, b))
-        H, b = [self._begun[start + i] for i in range(SIX)], self._begun[start + SIX]
-        at_end = six(self.strain.C), self.strain.J, H, b
-        if flow and flow.spring:
-            I1 = memory.step_invariant(*at_end) + self._begun[start + SIX + 1]
-            energy = memory.spring_energy(I1, flow.spring)
-        else:
-            energy = memory.step_energy(*at_end)
+            begin.append(3 * memory.growth(C0, memory.crept(C0, H, b)) - memory.step_invariant(C0, H, b))
+        H, b, *_ = self._begun_of(k)
         new = memory.crept(C, H, b)
         if flow:
             better = memory.crept(C, *memory.corrected_step(C0, C, Cv, x, flow, InUfl, new))
@@ -180,7 +187,40 @@ class History:
         middle = memory.crept(half, *memory.step_of(C0, Cv, x * rate / 2, InUfl))
         powers = [memory.dissipated(*state, flow, InUfl) for state in ((C0, Cv), (half, middle), (C, new))]
         lost = G * x * (powers[0] + 4 * powers[1] + powers[2]) / 6  # Simpson's rule
-        return types.SimpleNamespace(begin=begin, energy=G * energy, error=error, lost=lost, after=new)
+        return types.SimpleNamespace(begin=begin, error=error, lost=lost, after=new)
+
+    def _begun_of(self, k: int) -> tuple[list[Expr], Expr, list[tuple[Expr, Expr]], Expr]:
+        """Return H, b, the spring's terms and their shift of a branch's step, as `memory.step_stress` takes them."""
+        at, flow = self._starts[k], self.flows[k]
+        H, b = [self.begun[at + i] for i in range(SIX)], self.begun[at + SIX]
+        return (H, b, flow.spring, self.begun[at + SIX + 1]) if flow and flow.spring else (H, b, [], 0.0)
+
+    def _creeping(self) -> tuple[Expr, Expr]:
+        """Return what the branches add to ``density``, and to ``curved`` beside that.
+
+        The first is linear in Cbar, the second quadratic in its change from itself, which is zero: derivatives of Cbar then
+        multiply the sums of the branches' stresses and stiffnesses. Those of each branch's energy take five times as long.
+        """
+        import ufl
+
+        none = ufl.as_ufl(0.0)
+        F, J, moved = self._fixed.F, self._fixed.J, self.strain.F - self._fixed.F
+        C = J ** (-2 / 3) * self._fixed.C
+        turned = J ** (-2 / 3) * F.T * moved
+        change = six(turned + turned.T - 2 / 3 * ufl.inner(ufl.cofac(F), moved) / J * C)
+        stress, stiffness = [none] * SIX, [[none] * (p + 1) for p in range(SIX)]
+        for k in range(len(self.flows)):
+            G, begun = self.moduli[k], self._begun_of(k)
+            stress = [s + G * one for s, one in zip(stress, memory.step_stress(six(C), *begun), strict=True)]
+            of_branch = memory.step_stiffness(six(C), *begun)
+            stiffness = [
+                [s + G * one for s, one in zip(*rows, strict=True)] for rows in zip(stiffness, of_branch, strict=True)
+            ]
+        quadratic = none
+        for p, row in enumerate(stiffness):
+            counts = [COUNTS[p] * COUNTS[q] / (2 if p == q else 1) for q in range(p + 1)]
+            quadratic += change[p] * sum(n * s * c for n, s, c in zip(counts, row, change, strict=False))
+        return self.strain.J ** (-2 / 3) * memory.contracted(stress, six(self.strain.C)), quadratic
 
     def _stored(self, strain: Strain) -> Expr:
         """Return the energy of a state where a step begins and ends, above that which softening has spent."""
@@ -193,14 +233,19 @@ class History:
             found += self.moduli[k] * memory.stored(C, [self.values[SIX * k + i] for i in range(SIX)], spring)
         return found
 
-    def _von_mises(self) -> Expr:
-        """Return the von Mises stress of that state; a hydrostatic part changes nothing."""
+    @functools.cached_property
+    def _stress(self) -> fem.Expression:
+        """The von Mises stress of that state; a hydrostatic part changes nothing."""
         import ufl
+        from dolfinx import fem
+        from ufl.classes import Label, Variable
 
-        F = ufl.variable(self.strain.F)
+        F = Variable(
+            self.strain.F, Label(LABEL)
+        )  # a fixed label, because it is part of the signature in the kernel cache
         strain = Strain(F)
         stress = ufl.dev(ufl.diff(self._stored(strain), F) * F.T / strain.J)
-        return ufl.sqrt(1.5 * ufl.inner(stress, stress))
+        return fem.Expression(ufl.sqrt(1.5 * ufl.inner(stress, stress)), self._points, jit_options=JIT)
 
     def take(self, material: Material, mu: float) -> None:
         """Set a material's parameters, in units of a shear modulus in Pa; the number of branches stays."""
@@ -232,17 +277,25 @@ class History:
 
     def prepare(self) -> None:
         """Compute what the energy of a step has of its beginning, once, because the step's length or beginning has changed."""
-        begun = self._begun.x.array.reshape(-1, self._width)
+        self.prepared += 1
+        begun = self.begun.x.array.reshape(-1, self.width)
         if self.step.value:
-            found = self._begin.eval(self.body.mesh, self.region.cells)
-            begun[self._places] = found.reshape(*self._places.shape, self._width)
+            begun[self.places] = self._at_points(self._begin, self.width)
             return
         kept = self.values.x.array.reshape(-1, self.size)
         begun[:] = 0.0
         for k, at in enumerate(self._starts[:-1]):
-            begun[:, at : at + SIX], begun[:, at + SIX] = kept[:, SIX * k : SIX * (k + 1)], memory.LEAST
+            begun[:, at : at + SIX] = kept[:, SIX * k : SIX * (k + 1)]
         if self.memory.softening is not None:
             begun[:, -1] = kept[:, -1]
+
+    def _at_points(self, expression: fem.Expression, width: int) -> Array:
+        """Return the values of an expression, shape (cells, points, width)."""
+        found, cells = np.empty((*self.places.shape, width)), self.region.cells
+        for first in range(0, len(cells), AT_ONCE):
+            some = slice(first, first + AT_ONCE)
+            found[some] = expression.eval(self.body.mesh, cells[some]).reshape(-1, *found.shape[1:])
+        return found
 
     def trial(self) -> tuple[float, float]:
         """Look at the end of the step, in the state that the functions hold.
@@ -250,30 +303,33 @@ class History:
         Returns:
             Largest error of the branches' stress in the step, and largest stress, in shear moduli, on all ranks.
         """
-        mesh, comm = self.body.mesh, self.body.mesh.comm
-        values = self._found.eval(mesh, self.region.cells)
-        self._next = values.reshape(len(self.region.cells), -1, self.size + 2)
-        error, size = (largest(comm, float(self._next[..., i].max(initial=0.0))) for i in (-2, -1))
+        comm, self._next = self.body.mesh.comm, np.empty(0)
+        self._next = self._at_points(self._found, self.size + 3)
+        error, size = (largest(comm, float(self._next[..., i].max(initial=0.0))) for i in (-3, -2))
         return error, size
 
     def advance(self) -> None:
         """Make the end of the step that `trial` has looked at the beginning of the next."""
-        self._creep += self._integral(self._spent)
-        self.values.x.array.reshape(-1, self.size)[self._places] = self._next[..., :-2]
+        self._creep += total(self.body.mesh.comm, float((self._next[..., -1] @ self._weights).sum()))
+        self.values.x.array.reshape(-1, self.size)[self.places] = self._next[..., :-3]
+        self._next = np.empty(0)
+
+    @property
+    def step_bytes(self) -> float:
+        """Bytes on this rank that a step takes beside what is there already: its end, a copy of its beginning, and what DOLFINx
+        gathers of ``begun`` for an assembly."""
+        return 8.0 * self.places.size * ((self.size + 3) + self.size + self.width)
 
     @property
     def dissipated(self) -> float:
         """Energy that branches and softening have dissipated until the step began, dimensionless, on all ranks."""
-        return self._creep + self._integral(self._hurt)
-
-    def _integral(self, form: fem.Form) -> float:
         from dolfinx import fem
 
-        return total(self.body.mesh.comm, fem.assemble_scalar(form))
+        return self._creep + total(self.body.mesh.comm, fem.assemble_scalar(self._hurt))
 
     def von_mises(self) -> Array:
         """Return the von Mises stress in the state where the step begins, shape (cells, points), in shear moduli."""
-        return self._stress.eval(self.body.mesh, self.region.cells).reshape(len(self.region.cells), -1)
+        return self._at_points(self._stress, 1)[..., 0]
 
     def copied(self) -> tuple[Array, float]:
         """Return a copy of all that is remembered, for `restore`."""

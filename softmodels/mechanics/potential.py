@@ -102,23 +102,24 @@ class Potential:
         self.regions = (regions.main(self.parameters, self.bulk), *regions.others())
         self.histories = self._histories()
         remembered = {history.region.name: history for history in self.histories}
-        densities, free = (
+        densities, curved, free = (
             [
                 self.density(
                     region.material, region.parameters, region.bulk, getattr(remembered.get(region.name), what, None)
                 )
                 for region in self.regions
             ]
-            for what in ("density", "free")
+            for what in ("density", "curved", "free")
         )
-        self.energies = self.stored(densities)
+        self.energies = self.stored(curved)
         self.per_pascal = fem.Constant(mesh, 1.0)
         setting = FormContext(body, self.w, self.displacement, self.per_pascal, gravity_of(components))
         self.terms = {part.label: part.term(setting) for part in components if isinstance(part, EnergyComponent)}
         added = [energy for term in self.terms.values() for energy in term.energies]
         self.energies += added
         self.free_energies = [*self.stored(free), *added] if self.histories else self.energies
-        self.internal = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
+        sloped = [*self.stored(densities), *added] if self.histories else self.energies
+        self.internal = [ufl.derivative(energy, self.w, self._test) for energy in sloped]
         self.forces = [*self.internal, *([-pressures] if self.volumes else [])]
         # The stress of sheets and fibres predicted from another state, only in Newton's matrix; see `predict_stress`.
         self._known, self._move = (fem.Function(self.space) for _ in range(2))
@@ -159,8 +160,8 @@ class Potential:
         self._looked_at: npt.NDArray[np.float64] | None = (
             None  # the state that `memory_error` has last looked at in this step
         )
-        before = self._vector_part(self._before)
-        return [History(self.body, region, self.displacement, before, self.step) for region in found]
+        before, fixed = (self._vector_part(w) for w in (self._before, fem.Function(self.space, self.w.x)))
+        return [History(self.body, region, self.displacement, before, fixed, self.step) for region in found]
 
     def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr, shape: Expr | None = None) -> Expr:
         """Return a law's energy per reference volume, of anything that carries its parameters by name; or with another energy
@@ -184,7 +185,11 @@ class Potential:
         predicted stress."""
         import ufl
 
-        found = [ufl.derivative(force, self.w, trial) for force in self.forces]
+        forces = self.forces
+        if self.histories:
+            curved = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
+            forces = [*curved, *forces[len(curved) :]]
+        found = [ufl.derivative(force, self.w, trial) for force in forces]
         for number, predicted in self.predicted_tangents(trial).items():
             found[number] = predicted
         return found

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.mechanics.assembly import assemble_into
 from softmodels.mechanics.c_library import library
-from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.compiling import JIT, LABEL
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -31,10 +31,6 @@ if TYPE_CHECKING:
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Second derivatives of energy densities by the unknowns and gradients at a point, in UFL.
-
-
-LABEL = 1_000_000
-"""Number of the first of two labels, above all that UFL gives out."""
 
 
 class NoModuliError(ValueError):
@@ -77,7 +73,6 @@ def second_derivatives(density: Expr, w: fem.Function, on_faces: bool, mixed: bo
     from ufl.classes import Label, Variable
 
     gradient = ufl.grad(w)
-    # Fixed labels, because they are part of a form's signature in the kernel cache.
     H, W = (Variable(of, Label(LABEL + k)) for k, of in enumerate((gradient, w)))
     density = replace(expand_derivatives(density), {gradient: H, w: W})
     _let_go()
@@ -160,31 +155,33 @@ class QuadratureTangent:
     """Second derivative of an energy of a solid.
 
     Args:
+        potential: Of whose unknowns it is, on `known_cells`.
         energy: Its form, with one integral.
-        w: The unknowns in it, on `known_cells`.
         force: Its compiled derivative.
         dofs: `cell_dofs`.
-        mixed: Whether the last component of ``w`` is p.
 
     Raises:
         NoModuliError: The C code has no such integral.
     """
 
-    def __init__(self, energy: ufl.Form, w: fem.Function, force: fem.Form, dofs: Ints, mixed: bool):
+    def __init__(self, potential: Potential, energy: ufl.Form, force: fem.Form, dofs: Ints):
         import basix
         from dolfinx import fem
         from ufl.algorithms import extract_coefficients
         from ufl.algorithms.analysis import extract_constants
 
-        integral = only_integral(energy)
+        integral, w, mixed = only_integral(energy), potential.w, potential.mixed
         on_faces = integral.integral_type() == "exterior_facet"
         second = second_derivatives(integral.integrand(), w, on_faces, mixed)
         cell = basix.CellType.triangle if on_faces else basix.CellType.tetrahedron
         points, weights = basix.make_quadrature(cell, integral.metadata()["quadrature_degree"])
         self._expression = fem.Expression(second, points, jit_options=JIT)
-        self._w, self._others = w, [c for c in extract_coefficients(second) if c != w]
-        self._constants = extract_constants(second)
-        self._mesh, self._known = w.function_space.mesh, np.empty(0)
+        # What histories begin with is large, and known to change only when they say so.
+        begun = [history.begun for history in potential.histories]
+        used = [c for c in extract_coefficients(second) if c not in begun]
+        self._fields = list({id(field.x): field.x for field in (w, *used)}.values())
+        self._histories, self._constants = potential.histories, extract_constants(second)
+        self._mesh, self._known = w.function_space.mesh, list[Array]()
         compiled = force._cpp_object
         entities = np.array(compiled.domains(next(iter(compiled.integral_types)), 0), dtype=np.int32)
         c, rule = library(self._mesh.comm, "moduli"), (points, weights)
@@ -204,13 +201,13 @@ class QuadratureTangent:
 
     def _take(self) -> None:
         """Compute the second derivatives, if the state has changed."""
-        fields = [field.x.array for field in (self._w, *self._others)]
-        constants = [constant.value.ravel() for constant in self._constants]
-        here = np.concatenate([self._mesh.geometry.x.ravel(), *fields, *constants])
-        if not np.array_equal(here, self._known):
+        here = [self._mesh.geometry.x, *(field.array for field in self._fields)]
+        here += [np.asarray(constant.value) for constant in self._constants]
+        here.append(np.array([history.prepared for history in self._histories]))
+        if not (self._known and all(map(np.array_equal, here, self._known))):
             for block in self._blocks:
                 block.take(self._expression)
-            self._known = here
+            self._known = [values.copy() for values in here]
 
 
 class _Block:
@@ -366,9 +363,7 @@ class TangentOperator:
             try:
                 if not known or number in predicted:
                     raise NoModuliError("unsupported cells, or a tangent other than the energy's")
-                self.kept += [
-                    QuadratureTangent(energy, potential.w, force, dofs, potential.mixed) for energy, force in term
-                ]
+                self.kept += [QuadratureTangent(potential, energy, force, dofs) for energy, force in term]
             except NoModuliError:
                 self.by_forms.append(compiled(potential.tangent(potential.direction)[number]))
 

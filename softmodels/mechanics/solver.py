@@ -100,15 +100,16 @@ def select_solver(system: System, method: str) -> SolverMethod:
         return SolverMethod("direct" if method == "auto" else method)
     system.rest()
     system.assemble_tangent()
-    mass = MASS_ENTRY * entries_here(system.K)
-    iterative = needed(system.comm, mass + cycle_of(system).memory(system))
+    remembered = sum(history.step_bytes for history in system.potential.histories)
+    both = MASS_ENTRY * entries_here(system.K) + remembered
+    iterative = needed(system.comm, both + cycle_of(system).memory(system))
     fits = iterative[0] <= room
     if fits and method == "iterative":  # the analysis of a factorisation takes time and memory of its own
         return SolverMethod("iterative", iterative[1])
     from softmodels.mechanics.iterative import PER_UNKNOWN
 
     usual, most = Factorisation.memory(system.K, spread(system.matter))
-    beside = mass + 8 * PER_UNKNOWN * system.n  # GMRES and modes have as many vectors
+    beside = both + 8 * PER_UNKNOWN * system.n  # GMRES and modes have as many vectors
     direct = needed(system.comm, beside + most)
     if direct[0] <= room and method != "iterative":
         return SolverMethod("direct", needed(system.comm, beside + usual)[1])

@@ -72,11 +72,14 @@ def predict(points: Sequence[Foretelling], line: Curve) -> tuple[Array, float]:
     return _sum(points, values, slopes / rates)
 
 
-def predict_direction(points: Sequence[Foretelling], state: State, line: Curve) -> Tangent | None:
+def predict_direction(
+    points: Sequence[Foretelling], state: State, line: Curve, creeping: bool = False
+) -> Tangent | None:
     """Predict the tangent at a state beyond the last points, per unit of a line's left side; None
     if not possible.
 
-    It is that of the polynomial through the points, their tangents and the state itself.
+    It is that of the polynomial through the points, their tangents and the state itself. Where silicone creeps between the
+    states they do not follow their tangents, which alone are then extrapolated.
     """
     if not points:
         return None
@@ -84,6 +87,10 @@ def predict_direction(points: Sequence[Foretelling], state: State, line: Curve) 
     here = line.value(state.V, state.P)
     if not _agree(places, rates, here):
         points, places, rates = points[-1:], places[-1:], rates[-1:]
+    if creeping and rates[-1] > 0.0:
+        beyond = (here - places[-1]) / (places[-1] - places[0]) if len(places) > 1 else 0.0
+        weights = np.array([-beyond, 1.0 + beyond])[-len(places) :]
+        return Tangent(*_sum(points, 0.0 * places, weights / rates), 0.0)
     shortest = MIN_RELATIVE_DISTANCE * abs(places[-1] - places[0])
     if rates[-1] <= 0.0 or here - places[-1] <= shortest:
         return None
@@ -222,7 +229,8 @@ class Corrector:
         line = self.plane.stiffened(last.stiffest).square_to(last.tangent, last.state)
         # If nothing moves, a guess would consist of rounding errors, so solve without one.
         locked = self.plane.locked(last.tangent.compliance)
-        guess = None if locked else predict_direction(self.trail.points, state, line)
+        creeping = bool(self.solver.system.potential.histories)
+        guess = None if locked else predict_direction(self.trail.points, state, line, creeping)
         return self.solver.tangent(state, line, tolerance, guess)
 
     def solve(self, line: Curve, around: Sequence[Point]) -> State:

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.body import Body
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
+    from softmodels.path.schedule import StageEnd
     from softmodels.runs.fields import Fields
 
 
@@ -161,7 +162,7 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
     try:
         potential, rest = model.system.potential, model.system.rest()
         hung = model.preload()
-        best, low, high = relaxed, relaxed.pressure, _search(model).pressure
+        best, low, high = relaxed, relaxed.pressure, _search(model, hung).pressure
         while high > low * (1 + HELD_WITHIN):
             tried = (low * high) ** 0.5
             series = {
@@ -185,12 +186,13 @@ def _held(case: Case, body: Body, material: Material, relaxed: Limit, hold: floa
         model.release()
 
 
-def _search(model: Model) -> Limit:
+def _search(model: Model, hung: StageEnd | None = None) -> Limit:
+    """Return the first limit of a device; ``hung``: its `Model.preload`, where it is known."""
     from softmodels.mechanics.newton import NoConvergence
     from softmodels.path.continuation import trace
     from softmodels.path.points import PathEnd
 
-    path, fields = model.continuation(), model.fields
+    path, fields = model.continuation(hung=hung), model.fields
     kind, why, last = "none", "", None
     try:
         for point in trace(path, [STIFFNESS_RANGE]):

@@ -233,26 +233,29 @@ class Model:
         except NoConvergence as failure:
             raise RunError(f"the path could not be followed ({failure})") from failure
 
-    def continuation(self, quantity: str = "pressure", control: str = "auto") -> Continuation:
-        """The path to pressures or added volumes, not begun yet; its values are dimensionless."""
+    def continuation(
+        self, quantity: str = "pressure", control: str = "auto", hung: StageEnd | None = None
+    ) -> Continuation:
+        """The path to pressures or added volumes, not begun yet; its values are dimensionless. ``hung``: see `hanging`."""
         from softmodels.path.continuation import Continuation
         from softmodels.path.points import DIRECT
 
-        return Continuation(self.solver, DIRECT[quantity], control, start=self.hanging())
+        return Continuation(self.solver, DIRECT[quantity], control, start=self.hanging(hung=hung))
 
     # -- preload ------------------------------------------------------------------------------------------------------
 
-    def hanging(self, report: Callable[[str], None] = lambda text: None) -> State | None:
+    def hanging(self, report: Callable[[str], None] = lambda text: None, hung: StageEnd | None = None) -> State | None:
         """The state in which the device hangs under its preload, from which the path to requested values starts; None without
         dead loads.
 
         Args:
             report: Takes sentences on what is going on.
+            hung: `preload`, where it is known.
 
         Raises:
             RunError: There is none.
         """
-        hung, driven = self.preload(report), self.case.driven
+        hung, driven = self.preload(report) if hung is None else hung, self.case.driven
         if hung is None:
             return None
         from softmodels.path.schedule import inflate_from, load_from

@@ -68,6 +68,21 @@ def test_pressures_and_silicone(decks):
     assert [float(material.find(f"c{i}").text) for i in (1, 2, 3)] == pytest.approx((14e3, 60.0, 0.5), rel=1e-12)
 
 
+def test_a_memory_is_left_out_with_a_sentence(decks, tmp_path):
+    """The deck is that of the relaxed silicone, and says so."""
+    folder, _ = decks
+    creeping = dataclasses.replace(CASE, material=LAW.with_memory(branches=[(0.2, 1.0)]))
+    (tmp_path / "case.toml").write_text(creeping.to_toml())
+    command = [sys.executable, "-m", "softmodels", "export", "case.toml", "-o", "disk.feb"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0 and "silicone: the deck leaves out its memory" in " ".join(done.stdout.split())
+    relaxed, here = (
+        ElementTree.tostring(ElementTree.parse(place / "disk.feb").getroot().find("Material"))
+        for place in (folder, tmp_path)
+    )
+    assert here == relaxed
+
+
 def test_febio_has_the_same_mesh(decks):
     folder, deck = decks
     mesh = ElementTree.parse(folder / "disk.feb").getroot().find("Mesh")

@@ -74,8 +74,8 @@ def in_steps(C, count, end):
     for t0, t1 in itertools.pairwise(np.linspace(0.0, end, count + 1)):
         C0, C1, x = entries(C(t0)), entries(C(t1)), (t1 - t0) / VHB.time
         H, b = memory.step_of(C0, Cv, x * memory.fluidity(C0, Cv, VHB, InNumpy), InNumpy)
-        shift = 3 * memory.growth(C0, memory.crept(C0, H, b)) - memory.step_invariant(C0, 1.0, H, b)
-        g = memory.spring_stiffness(memory.step_invariant(C1, 1.0, H, b) + shift, VHB.spring)
+        shift = 3 * memory.growth(C0, memory.crept(C0, H, b)) - memory.step_invariant(C0, H, b)
+        g = memory.spring_stiffness(memory.step_invariant(C1, H, b) + shift, VHB.spring)
         stresses.append(g * np.linalg.inv(tensor(memory.crept(C1, H, b))))
         Cv = np.array(memory.crept(C1, *memory.corrected_step(C0, C1, Cv, x, VHB, InNumpy)))
     return np.array(stresses), tensor(Cv)
@@ -140,13 +140,33 @@ def test_the_spring_of_a_step_is_a_potential(figure):
     for x in (0.0, 1e-9, 0.5, 50.0):
         H, b = memory.step_of(entries(C0), Cv, x, InNumpy)
         moved = C + 1e-30j * change
-        slope = np.imag(memory.step_invariant(entries(moved), np.linalg.det(moved) ** 0.5, H, b)) / 1e-30
+        slope = np.imag(memory.step_invariant(entries(np.linalg.det(moved) ** (-1 / 3) * moved), H, b)) / 1e-30
         inverse = np.linalg.inv(tensor(memory.crept(entries(C1), H, b)))
         isochoric = J ** (-2 / 3) * (change - np.trace(np.linalg.solve(C, change)) / 3 * C)
         off = (slope - np.sum(inverse * isochoric)) / np.abs(inverse).max()
         figure("Cv^-1", "derivative of a step's invariant", off, 1e-12)
         if not x:
-            assert memory.step_invariant(entries(C1), 1.0, H, b) == pytest.approx(3 * memory.growth(entries(C1), Cv))
+            assert memory.step_invariant(entries(C1), H, b) == pytest.approx(3 * memory.growth(entries(C1), Cv))
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-3, 0.5, 50.0])
+def test_the_stiffness_of_a_spring_is_the_derivative_of_its_stress(x, figure):
+    """By a complex step along a change that keeps the volume."""
+    generator = np.random.default_rng(6)
+    C0, before, C = (unimodular(np.eye(3) + 0.3 * (A @ A.T)) for A in generator.normal(size=(3, 3, 3)))
+    Cv = memory.crept(entries(before), *memory.step_of(list(memory.IDENTITY), list(memory.IDENTITY), 0.7, InNumpy))
+    H, b = memory.step_of(entries(C0), Cv, x, InNumpy)
+    change = np.array([[0.1, 0.2, 0.0], [0.2, -0.05, 0.3], [0.0, 0.3, -0.05]])
+    change -= np.trace(np.linalg.solve(C, change)) / 3 * C
+    spring, shift = ((0.7, 1.4), (0.3, -2.0)), 0.3
+    lower = memory.step_stiffness(entries(C), H, b, spring, shift)
+    whole = np.array([[lower[max(p, q)][min(p, q)] for q in range(6)] for p in range(6)])
+    predicted = [memory.contracted(row, entries(change)) for row in whole]
+    moved = memory.step_stress(entries(C + 1e-30j * change), H, b, spring, shift)
+    size = np.abs(memory.step_stress(entries(C), H, b, spring, shift)).max()
+    figure(
+        "derivative of its stress", "stiffness of a branch's spring", (np.imag(moved) / 1e-30 - predicted) / size, 1e-12
+    )
 
 
 # -- devices ----------------------------------------------------------------------------------------------------------

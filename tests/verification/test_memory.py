@@ -13,11 +13,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
+from scipy.sparse import csr_array
 from scipy.special import erf
 
+from geometries import HollowDisk
 from softmodels.materials import memory
 from softmodels.materials.laws import NeoHookean, Yeoh
 from softmodels.materials.memory import InNumpy, Softening
+from softmodels.mechanics import solver as solver_module
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import System
 from softmodels.path.program import from_tables, time_at
@@ -117,18 +120,30 @@ def _step(x, seed=3):
     return *memory.step_of(entries(C0), Cv, x, InNumpy), C1
 
 
+def energy(C, H, b):
+    """W/G of a branch at the end of a step."""
+    return 1.5 / b * np.linalg.det(tensor(H) + b * C) ** (1 / 3)
+
+
 @pytest.mark.parametrize("x", [0.0, 1e-12, 1e-3, 0.5, 50.0, 1e5])
-def test_the_stress_is_the_derivative_of_one_potential(x, figure):
-    """By a complex step along any change of C, for steps that are short and long against tau."""
-    H, b, Cbar = _step(x)
-    J, change = 1.3, np.array([[0.1, 0.2, 0.0], [0.2, -0.05, 0.3], [0.0, 0.3, -0.05]])
-    C = J ** (2 / 3) * Cbar
+def test_stress_and_stiffness_are_the_derivatives_of_one_potential(x, figure):
+    """By a complex step along any change of Cbar, for steps that are short and long against tau."""
+    H, b, C = _step(x)
+    change = np.array([[0.1, 0.2, 0.0], [0.2, -0.05, 0.3], [0.0, 0.3, -0.05]])
     moved = C + 1e-30j * change
-    slope = np.imag(memory.step_energy(entries(moved), np.linalg.det(moved) ** 0.5, H, b)) / 1e-30
-    inverse = np.linalg.inv(tensor(memory.crept(entries(Cbar), H, b)))
-    isochoric = J ** (-2 / 3) * (change - np.trace(np.linalg.solve(C, change)) / 3 * C)
-    stress = 0.5 * np.sum(inverse * isochoric)
-    figure("half of Cv^-1", "derivative of a step's energy", (slope - stress) / np.abs(0.5 * inverse).max(), 1e-12)
+    stress, lower = memory.step_stress(entries(C), H, b), memory.step_stiffness(entries(C), H, b)
+    slope = np.imag(energy(moved, H, max(b, 1e-30))) / 1e-30
+    size = np.abs(stress).max()
+    figure(
+        "half of Cv^-1",
+        "derivative of a step's energy",
+        (slope - memory.contracted(stress, entries(change))) / size,
+        1e-12,
+    )
+    whole = np.array([[lower[max(p, q)][min(p, q)] for q in range(6)] for p in range(6)])
+    predicted = [memory.contracted(row, entries(change)) for row in whole]
+    curved = np.imag(memory.step_stress(entries(moved), H, b)) / 1e-30
+    figure("derivative of that stress", "second derivative of a step's energy", (curved - predicted) / size, 1e-12)
 
 
 def test_a_branch_does_not_see_a_turn():
@@ -138,10 +153,7 @@ def test_a_branch_does_not_see_a_turn():
     turned = memory.crept(entries(Q @ C @ Q.T), entries(Q @ tensor(H) @ Q.T), b)
     straight = memory.crept(entries(C), H, b)
     assert tensor(turned) == pytest.approx(Q @ tensor(straight) @ Q.T, abs=1e-13)
-    energy = memory.step_energy(entries(C), 1.0, H, b)
-    assert memory.step_energy(entries(Q @ C @ Q.T), 1.0, entries(Q @ tensor(H) @ Q.T), b) == pytest.approx(
-        energy, rel=1e-12
-    )
+    assert energy(Q @ C @ Q.T, entries(Q @ tensor(H) @ Q.T), b) == pytest.approx(energy(C, H, b), rel=1e-12)
 
 
 def test_a_closed_cycle_never_gives_energy_back():
@@ -243,9 +255,13 @@ def wall_pressure(volume, times, corners):
     return np.array([pressure(t) for t in times])
 
 
-@pytest.mark.parametrize(("tolerance", "bound"), [(5e-5, 1.5e-3), (1e-6, 3e-4)], ids=["default", "fine"])
+@pytest.mark.parametrize(("tolerance", "bound"), [(5e-5, 1.5e-3), (1e-6, 1e-4)], ids=["default", "fine"])
 def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figure):
-    """Filled in 3 s to 1.8 times its inner radius, held for 7 s and let out in 1 s to 1.3 times."""
+    """Filled in 3 s to 1.8 times its inner radius, held for 7 s and let out in 1 s to 1.3 times.
+
+    The error that is left is that of the steps in time: 5.0e-4, 5.8e-5 and 9e-6 at tolerances of 5e-5, 1e-6 and 1e-7. That of
+    the mesh is 2.9e-5, and 1.1e-5 on one of half the cell size.
+    """
     large, small = ((stretch**3 - 1) * REST for stretch in (1.8, 1.3))
     law = NeoHookean(MU, 0.5).with_memory(branches=BRANCHES)
     tables = {"cavity1": {"volume_ml": [large * 1e6, large * 1e6, small * 1e6]}, "time_s": [3.0, 10.0, 11.0]}
@@ -257,6 +273,28 @@ def test_a_thick_sphere_filled_held_and_emptied(tolerance, bound, body_of, figur
     figure(
         WALL, f"pressure in time over the largest, tolerance {tolerance:g}", (pressures - exact) / exact.max(), bound
     )
+
+
+def test_the_estimated_memory_counts_the_history(body_of, monkeypatch):
+    """On a small solid: the arrays of a step, and what both solvers are said to take more than for the relaxed silicone."""
+    from dolfinx import fem
+
+    monkeypatch.setattr(solver_module, "AMPLE", np.inf)
+    law = NeoHookean(MU, 0.5).with_memory(branches=[*BRANCHES, (0.1, 30.0)])
+    system, relaxed = (System(body_of(bodies.Octant()), law, creeping=creeping) for creeping in (True, False))
+    (history,), potential = system.potential.histories, system.potential
+    held = history.values.x.array.nbytes + history.begun.x.array.nbytes
+    assert held == 8 * len(system.cells) * len(system.points) * (3 * 6 + 3 * 7)
+    potential.pass_time(0.1)
+    potential.memory_error(system.w.x.array)
+    gathered = sum(a.nbytes for form in system._internal[:1] for a in fem.pack_coefficients(form).values())
+    elastic = sum(a.nbytes for form in relaxed._internal[:1] for a in fem.pack_coefficients(form).values())
+    twin = 8 * 34 * len(system.cells)  # the unknowns once more
+    taken = history.copied()[0].nbytes + history._next.nbytes + gathered - elastic - twin
+    assert history.step_bytes == taken
+    for method in ("direct", "iterative"):
+        more, less = (solver_module.select_solver(one, method).memory for one in (system, relaxed))
+        assert more - less == pytest.approx(taken, rel=1e-6)
 
 
 LOST = {1.01: 25.74, 1.05: 8.856, 1.1: 4.900, 1.2: 2.162, 1.3: 1.006, 1.4: 0.3705}
@@ -301,6 +339,64 @@ def test_the_area_of_the_loop_is_what_the_law_dissipates(law, body_of, figure):
         "work of the air on a cycled sphere", "stored and dissipated energy", (stored + lost - work) / work.max(), 1e-3
     )
     assert (np.diff(lost) > -1e-12 * lost[-1]).all()
+
+
+def test_the_loops_of_a_disk_enclose_what_the_law_dissipates(body_of, figure):
+    """Raised to 25 cm, held and let down, twice: the area of pressure over volume, less what the branches still store."""
+    disk = HollowDisk(section="axisymmetric")
+    law = Yeoh(14e3, 60.0).with_memory(branches=BRANCHES, softening=(1.6, "2 kPa", 0.1))
+    corners = np.linspace(0.0, 40.0, 25)[1:]  # at least twelve steps to each, fine enough for trapezoids
+    heights = 25.0 * np.interp(corners, [0, 5, 15, 20, 25, 35, 40], [0, 1, 1, 0, 1, 1, 0])
+    tables = {"cavity1": {"pressure_cm": heights.tolist()}, "time_s": corners.tolist()}
+    (_, P, V, stored, lost), end = followed(body_of(disk), law, tables, 1e-5)
+    assert end is None
+    area = np.sum((P[1:] + P[:-1]) / 2 * np.diff(V)) - stored[-1]
+    figure(
+        "area of the loops of a disk in the plane of pressure and volume",
+        "energy dissipated",
+        area / lost[-1] - 1,
+        1e-3,
+    )
+
+
+@pytest.mark.parametrize("device", ["section", "solid"])
+def test_the_tangent_of_a_step_is_symmetric_and_that_of_its_forces(device, body_of, figure):
+    """Within a step of silicone that creeps, at any displacement: products against differences of the forces, and K."""
+    body = body_of(SPHERE if device == "section" else bodies.Octant())
+    law = Yeoh(MU / 2, 1e3, 0.0, 0.49).with_memory(branches=BRANCHES)
+    system = System(body, law, creeping=True)
+    generator, n = np.random.default_rng(5), system.dofs
+    first, w, v = (3e-3 * generator.normal(size=n) for _ in range(3))
+    system.potential.keep(first)
+    system.potential.pass_time(0.7)
+
+    def forces(t):
+        system.w.x.array[:] = w + t * v
+        return system.internal_forces().copy()
+
+    forces(0.0)
+    held = np.unique(np.concatenate([bc.dof_indices()[0] for bc in system.bcs]))
+    v[held] = 0.0
+    product = np.empty(n)
+    system.tangent_product(v, product)
+    off = [np.abs((forces(h) - forces(-h)) / (2 * h) - product).max() / np.abs(product).max() for h in (0.04, 0.02)]
+    figure(
+        "differences of the forces",
+        f"order of a tangent's error, {device}, less 2",
+        np.log2(off[0] / off[1]) - 2.0,
+        3e-4,
+    )
+    forces(0.0)
+    system.assemble_tangent()
+    indptr, indices, values = system.K.getValuesCSR()
+    K = csr_array((values, indices, indptr))
+    figure("its transpose", f"tangent of a step, {device}", np.abs(K - K.T).max() / np.abs(K).max(), 1e-14)
+    figure(
+        "assembled tangent",
+        f"product within a step, {device}",
+        np.abs(K @ v - product).max() / np.abs(product).max(),
+        1e-12,
+    )
 
 
 def test_without_a_memory_time_changes_nothing(body_of, equilibrium, solved):
