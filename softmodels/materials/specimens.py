@@ -206,16 +206,38 @@ def respond(
 
 
 def nudged(material: Material, name: str, by: complex) -> Material:
-    """Return an unchecked copy with one parameter changed, possibly to a complex value; only for evaluating its energy."""
+    """Return an unchecked copy with one parameter changed, possibly to a complex value; only for evaluating its energy.
+
+    Parameters of its memory are ``share1``, ``time1`` and so on of the branches, and `SOFTENING`.
+    """
     copy = object.__new__(type(material))
     for field in dataclasses.fields(material):
         value = getattr(material, field.name)
-        if isinstance(value, tuple):
+        if isinstance(value, memory.Memory):
+            value = _nudged_memory(value, name, by)
+        elif isinstance(value, tuple):
             value = tuple(v + by if name == f"{field.name}{i + 1}" else v for i, v in enumerate(value))
         elif name == field.name:
             value = value + by
         object.__setattr__(copy, field.name, value)
     return copy
+
+
+def _nudged_memory(given: memory.Memory, name: str, by: complex) -> memory.Memory:
+    branches = tuple(
+        memory.Branch(one.share + by * (name == f"share{k}"), one.time + by * (name == f"time{k}"))  # type: ignore[arg-type]
+        for k, one in enumerate(given.branches, 1)
+    )
+    soft = given.softening
+    if soft is not None and name in SOFTENING:
+        r, m, beta = SOFTENING
+        soft = Softening(
+            1 / (1 / soft.r + by) if name == r else soft.r,  # type: ignore[arg-type]
+            soft.m + by * (name == m),  # type: ignore[arg-type]
+            soft.beta + by * (name == beta),  # type: ignore[arg-type]
+            soft.recovery,
+        )
+    return memory.Memory(branches, soft)
 
 
 def _incompressible(material: Material, stretch: Array, mode: str, parameters: Sequence[str]) -> Response:

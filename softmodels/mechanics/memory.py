@@ -6,6 +6,7 @@ the softening. With a step of no length the energy is that of the state itself, 
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 import math
@@ -13,6 +14,7 @@ import types
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.materials import memory
@@ -39,21 +41,21 @@ FLOW = ("onset", "exponent", "least", "growth", "growth_exponent")
 
 
 def _constants(mesh: Mesh, branch: Branch) -> types.SimpleNamespace:
-    """Return what `memory.fluidity` takes of a branch, as constants for `_set`."""
+    """Return what `memory.fluidity` takes of a branch, as constants."""
     from dolfinx import fem
 
     spring = [tuple(fem.Constant(mesh, value) for value in term) for term in branch.spring]
-    flow = types.SimpleNamespace(**{name: fem.Constant(mesh, 1.0) for name in FLOW}, spring=spring)
-    _set(flow, branch)
-    return flow
+    return types.SimpleNamespace(
+        **{name: fem.Constant(mesh, float(getattr(branch, name))) for name in FLOW}, spring=spring
+    )
 
 
-def _set(flow: types.SimpleNamespace, branch: Branch) -> None:
-    for name in FLOW:
-        getattr(flow, name).value = getattr(branch, name)
+def _numbers(flow: types.SimpleNamespace, branch: Branch) -> list[tuple[fem.Constant, npt.NDArray[np.inexact]]]:
+    """Return these constants with their values of a branch."""
+    found = [(getattr(flow, name), np.asarray(getattr(branch, name))) for name in FLOW]
     for constants, term in zip(flow.spring, branch.spring, strict=True):
-        for constant, value in zip(constants, term, strict=True):
-            constant.value = value
+        found += zip(constants, map(np.asarray, term), strict=True)
+    return found
 
 
 class History:
@@ -73,6 +75,9 @@ class History:
         begun: What the energy of a step has of its beginning: of each branch H and b, and of a spring of I1 its shift, and
             behind them Wm.
         prepared: How often ``begun`` has changed.
+        beginning: ``begun`` by the state and ``values`` where a step begins, in UFL.
+        ending: ``values`` at its end by the states there and where it begins, ``begun`` and ``values``.
+        points: Integration points of a cell.
         density: Without the change of volume, an energy whose derivative is that of the energy at the end of the step.
         curved: One whose second derivative is too, which takes longer.
         free: Energy stored in the state where the step begins and ends, at no length of it.
@@ -151,10 +156,12 @@ class History:
         self.curved = self.density + stiffness
         self._hurt = fem.form(hurt * self.body.hoop * self.region.dx, jit_options=JIT)
         spent *= self.body.hoop * abs(ufl.JacobianDeterminant(self.body.mesh))
+        self.beginning, self.ending = ufl.as_vector(begin), ufl.as_vector(after)
         found = ufl.as_vector([*after, error, size * ufl.sqrt(memory.contracted(stretch, stretch)), spent])
-        self._points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
-        self._found = fem.Expression(found, self._points, jit_options=JIT)
-        self._begin = fem.Expression(ufl.as_vector(begin), self._points, jit_options=JIT)
+        self.points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
+        self._found, self._begin = (
+            fem.Expression(one, self.points, jit_options=JIT) for one in (found, self.beginning)
+        )
 
     def _branch(self, k: int, C0: Six, C: Six) -> types.SimpleNamespace:
         """Return what the energy of a step takes of a branch's beginning, the branch's Cv at the end, the error of its stress
@@ -245,26 +252,30 @@ class History:
         )  # a fixed label, because it is part of the signature in the kernel cache
         strain = Strain(F)
         stress = ufl.dev(ufl.diff(self._stored(strain), F) * F.T / strain.J)
-        return fem.Expression(ufl.sqrt(1.5 * ufl.inner(stress, stress)), self._points, jit_options=JIT)
+        return fem.Expression(ufl.sqrt(1.5 * ufl.inner(stress, stress)), self.points, jit_options=JIT)
 
     def take(self, material: Material, mu: float) -> None:
         """Set a material's parameters, in units of a shear modulus in Pa; the number of branches stays."""
-        found = material.memory
-        assert found is not None
-        if found.branches:
-            self.times.value = [one.time for one in found.branches]
-            self.moduli.value = [one.share * material.shear_modulus_0 / mu for one in found.branches]
-            for flow, one in zip(self.flows, found.branches, strict=True):
-                if flow:
-                    _set(flow, one)
-        if found.softening is not None:
-            soft = self.softening
-            soft.r.value, soft.m.value, soft.beta.value = (
-                found.softening.r,
-                found.softening.m / mu,
-                found.softening.beta,
-            )
-            soft.recovery.value = found.softening.recovery if math.isfinite(found.softening.recovery) else 1.0
+        for constant, value in self.numbers(material, mu):
+            constant.value = value
+
+    def numbers(self, material: Material, mu: complex) -> list[tuple[fem.Constant, npt.NDArray[np.inexact]]]:
+        """Return the constants with their values of a material, see `take`; complex for a complex material."""
+        own = material.memory
+        found: list[tuple[fem.Constant, npt.NDArray[np.inexact]]] = []
+        assert own is not None
+        if own.branches:
+            found.append((self.times, np.array([one.time for one in own.branches])))
+            shares = np.array([one.share for one in own.branches])
+            found.append((self.moduli, shares * material.shear_modulus_0 / mu))
+            for flow, one in zip(self.flows, own.branches, strict=True):
+                found += _numbers(flow, one) if flow else []
+        if own.softening is not None:
+            r, m, beta, recovery = dataclasses.astuple(own.softening)
+            values = (r, m / mu, beta, recovery if math.isfinite(recovery) else 1.0)
+            constants = (getattr(self.softening, name) for name in ("r", "m", "beta", "recovery"))
+            found += zip(constants, map(np.asarray, values), strict=True)
+        return found
 
     # -- what is remembered -------------------------------------------------------------------------------------------
 
@@ -282,12 +293,16 @@ class History:
         if self.step.value:
             begun[self.places] = self._at_points(self._begin, self.width)
             return
-        kept = self.values.x.array.reshape(-1, self.size)
-        begun[:] = 0.0
-        for k, at in enumerate(self._starts[:-1]):
-            begun[:, at : at + SIX] = kept[:, SIX * k : SIX * (k + 1)]
+        begun[:] = self.at_once(self.values.x.array.reshape(-1, self.size))
+
+    def at_once(self, values: Array) -> Array:
+        """Return ``begun`` of a step of no length, which is ``values``, shape (points, size)."""
+        begun = np.zeros((len(values), self.width))
+        for k, start in enumerate(self._starts[:-1]):
+            begun[:, start : start + SIX] = values[:, SIX * k : SIX * (k + 1)]
         if self.memory.softening is not None:
-            begun[:, -1] = kept[:, -1]
+            begun[:, -1] = values[:, -1]
+        return begun
 
     def _at_points(self, expression: fem.Expression, width: int) -> Array:
         """Return the values of an expression, shape (cells, points, width)."""

@@ -63,6 +63,7 @@ class Potential:
         energies: Terms of the stored energy.
         free_energies: What is stored, where that differs: silicone with a memory loses some on the way.
         histories: Of the regions whose silicone has a memory.
+        step, before: With any, length in s of the step in time, and the dofs where it begins.
         internal: Their derivatives by w; ``forces`` has the pressures' too.
         terms: Those of further parts, by their labels.
     """
@@ -156,11 +157,11 @@ class Potential:
             return []
         from softmodels.mechanics.memory import History
 
-        self.step, self._before = fem.Constant(self.body.mesh, 0.0), fem.Function(self.space)
+        self.step, self.before = fem.Constant(self.body.mesh, 0.0), fem.Function(self.space)
         self._looked_at: npt.NDArray[np.float64] | None = (
             None  # the state that `memory_error` has last looked at in this step
         )
-        before, fixed = (self._vector_part(w) for w in (self._before, fem.Function(self.space, self.w.x)))
+        before, fixed = (self._vector_part(w) for w in (self.before, fem.Function(self.space, self.w.x)))
         return [History(self.body, region, self.displacement, before, fixed, self.step) for region in found]
 
     def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr, shape: Expr | None = None) -> Expr:
@@ -250,7 +251,7 @@ class Potential:
                 history.begin()
             else:
                 history.advance()
-        self._before.x.array[:] = self.w.x.array
+        self.before.x.array[:] = self.w.x.array
         self.pass_time(0.0)
         self.w.x.array[:] = here
 
@@ -258,13 +259,13 @@ class Potential:
         """Return a copy of all that the silicone remembers, for `forget`."""
         if not self.histories:
             return None
-        return self._before.x.array.copy(), [history.copied() for history in self.histories]
+        return self.before.x.array.copy(), [history.copied() for history in self.histories]
 
     def forget(self, since: Remembered | None) -> None:
         """Go back to what `remembered` has copied."""
         if since is None:
             return
-        self._before.x.array[:], self.step.value, self._looked_at = since[0], 0.0, None
+        self.before.x.array[:], self.step.value, self._looked_at = since[0], 0.0, None
         for history, kept in zip(self.histories, since[1], strict=True):
             history.restore(kept)
 
