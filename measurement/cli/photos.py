@@ -98,6 +98,8 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
 
     The list is a CSV file with the columns file and pressure (12.5 cm of the column, or 1.2 kPa), or file, left and right
     (the levels of both tubes), and optionally error. Files are named relative to it, or by their camera's number.
+    The columns hold and rise (10 s, 5 min) say how long the pressure was held before the photograph and how long the change
+    to it took, in the order in which they were taken: softmodels fit --memory then fits relaxation.
     One photograph at zero pressure shows the surface from which heights are counted.
 
     \b

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 from pathlib import Path
 
@@ -48,9 +49,12 @@ class Outline:
         scale_error: Standard error of all lengths of the run together, as a share of them: the pitch's, the magnification's.
         level_error: Standard error in m by which all heights of the run may be off together: a lamp or a body that is not
             level, as far as the photographs do not show it.
+        history: Pressures up to the photograph: pairs of a time in s and a pressure in Pa, linear in between, from rest on;
+            empty if the times are not known.
 
     Raises:
-        OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, or x not sorted.
+        OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, x not sorted, or times
+            that run backwards.
     """
 
     x: Array
@@ -66,6 +70,7 @@ class Outline:
     bridged: npt.NDArray[np.bool_] = dataclasses.field(default_factory=lambda: np.zeros(0, dtype=bool))
     scale_error: float = 0.0
     level_error: float = 0.0
+    history: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("x", "z", "error"):
@@ -91,8 +96,19 @@ class Outline:
             )
         if not all(math.isfinite(value) and value >= 0.0 for value in (self.scale_error, self.level_error)):
             raise OutlineError(f"{self.source}: an error of the scale or the level is not finite, or negative")
+        if not np.isfinite(self.history).all() or any(b[0] < a[0] for a, b in itertools.pairwise(self.history)):
+            raise OutlineError(f"{self.source}: the times of its pressures run backwards, or a number is not finite")
         if self.trusted == bool(self.reasons):
             raise OutlineError(f"{self.source}: an outline must have reasons if and only if it is untrusted")
+
+    @property
+    def reached(self) -> int:
+        """Index in the history of the moment at which the pressure of the photograph was reached."""
+        pressures = [pressure for _, pressure in self.history]
+        last = len(pressures) - 1
+        while last > 0 and pressures[last - 1] == pressures[-1]:
+            last -= 1
+        return last
 
     @property
     def apex(self) -> int:
@@ -148,6 +164,7 @@ class Outline:
             *([f"scale = {self.scale:.7g}"] if math.isfinite(self.scale) else []),
             f"scale_error = {self.scale_error:.4g}",
             f"level_error_m = {self.level_error:.4g}",
+            *([f"history_s_Pa = {'; '.join(f'{time!r} {p!r}' for time, p in self.history)}"] if self.history else []),
             f"trusted = {'yes' if self.trusted else 'no'}",
             *(f"reason = {' '.join(reason.split())}" for reason in self.reasons),
         ]
@@ -186,10 +203,13 @@ class Outline:
             sunk = number(notes.get("sunk_m", "0"))
             scale = number(notes["scale"]) if "scale" in notes else math.nan
             scale_error, level_error = (number(notes.get(name, "0")) for name in ("scale_error", "level_error_m"))
+            history = [tuple(map(number, pair.split())) for pair in notes.get("history_s_Pa", "").split(";") if pair]
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
         except UnitError as error:
-            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa, sunk_m, scale or an error: {error}") from None
+            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa, sunk_m, scale, history or an error: {error}") from None
+        if any(len(pair) != 2 for pair in history):
+            raise OutlineError(f"{path}: history_s_Pa is not pairs of time and pressure, such as 0 0; 2 1500; 12 1500")
         points = np.array(rows, dtype=np.float64).reshape(-1, 4)
         trusted = notes.get("trusted", "no") == "yes"
         if not trusted and not reasons:
@@ -208,6 +228,7 @@ class Outline:
             points[:, 3] > 0.0,
             scale_error,
             level_error,
+            tuple((time, pressure) for time, pressure in history),
         )
 
 

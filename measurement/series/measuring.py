@@ -213,6 +213,7 @@ def _measure_one(
         sample = cut_out(image)
         traced = trace_image(image, setup, tone, zero.tone)
         outcome = outline_of(traced, zero, photo.pressure, photo.pressure_error, photo.file.name)
+        outcome = dataclasses.replace(outcome, history=photo.history)
     except Unmeasurable as error:
         outcome = Refusal(str(error), photo.file)
     except Exception as error:  # one odd photograph must not take the others with it

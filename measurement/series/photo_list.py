@@ -1,7 +1,7 @@
 """The list of photographs, ``photos.csv``: which file was taken at which pressure.
 
-Columns: ``file``; ``pressure`` with its unit, or ``left`` and ``right``, the levels of the two tubes; optionally ``error``.
-A file is named relative to the list, or by the number its camera gave it: 5965 finds IMG_5965.JPG.
+Columns: ``file``; ``pressure`` with its unit, or ``left`` and ``right``, the levels of the two tubes; optionally ``error``;
+optionally ``hold`` and ``rise``, how long the pressure was held before and how long the change to it took. A file is named relative to the list, or by the number its camera gave it: 5965 finds IMG_5965.JPG.
 """
 
 from __future__ import annotations
@@ -149,7 +149,8 @@ def _length_or_pressure(text: str) -> tuple[float, bool]:
             raise ColumnError(f"{brief(text.strip())} is neither a column of water nor a pressure; {FORMS}") from None
 
 
-KNOWN = ("file", "pressure", "left", "right", "error")
+KNOWN = ("file", "pressure", "left", "right", "error", "hold", "rise")
+TIMES = ("hold", "rise")
 PICTURES = (
     *(".jpg", ".jpeg", ".mpo", ".png", ".tif", ".tiff", ".heic", ".heif", ".hif"),
     *(".avif", ".webp", ".jp2", ".bmp", ".ppm", ".pgm", ".gif"),
@@ -168,11 +169,14 @@ class Photograph:
         file: The photograph; it need not exist, that is found out when it is measured.
         pressure: Pressure in Pa.
         pressure_error: Its standard error in Pa.
+        history: Pressures up to the photograph: pairs of a time in s and a pressure in Pa, linear in between, from rest on;
+            empty if the list has no times.
     """
 
     file: Path
     pressure: float
     pressure_error: float
+    history: tuple[tuple[float, float], ...] = ()
 
     @property
     def is_zero(self) -> bool:
@@ -211,10 +215,13 @@ def read_photos(path: Path, column: Column | None = None) -> list[Photograph]:
     _check_header(path, header)
     photographs: list[Photograph] = []
     known: dict[str, str] = {}
+    clock = _Clock() if "hold" in header else None
     for number, line in plain[1:]:
         try:
-            words = _words(line, separator)
-            photo = _photograph(path.parent, header, words, column)
+            row = _row(header, _words(line, separator))
+            photo = _photograph(path.parent, row, column)
+            if clock is not None:
+                photo = dataclasses.replace(photo, history=clock.moved(photo.pressure, row["hold"], row["rise"]))
         except (ColumnError, PhotoListError) as error:
             raise PhotoListError(f"{path}, line {number}: {error}") from None
         same = known.setdefault(os.path.realpath(photo.file), photo.file.name)
@@ -290,23 +297,83 @@ def _check_header(path: Path, header: list[str]) -> None:
         raise PhotoListError(f"{path} has no column 'file' in its first line")
     if ("pressure" in header) == ("left" in header or "right" in header):
         raise PhotoListError(f"{path} needs either a column 'pressure' or the two columns 'left' and 'right'")
+    if ("hold" in header) != ("rise" in header):
+        given, other = TIMES if "hold" in header else TIMES[::-1]
+        raise PhotoListError(
+            f"{path} has a column {given!r} but none {other!r}; give both: how long the pressure was held before the "
+            "photograph, and how long the change to it took, such as 10 s and 2 s"
+        )
     if ("left" in header) != ("right" in header):
         raise PhotoListError(f"{path} has the level of one tube only; it needs both columns 'left' and 'right'")
 
 
-def _photograph(folder: Path, header: list[str], words: list[str], column: Column) -> Photograph:
+def _row(header: list[str], words: list[str]) -> dict[str, str]:
     if len(words) < len(header) or any(words[len(header) :]):
         more = "; commas separate columns here, so write decimals with a point" if len(words) > len(header) else ""
         raise PhotoListError(f"{len(words)} values in the row, {len(header)} columns in the header{more}")
     row = dict(zip(header, words, strict=False))
     if not row["file"]:
         raise PhotoListError("the row has no file name")
+    return row
+
+
+def _photograph(folder: Path, row: dict[str, str], column: Column) -> Photograph:
     error = row.get("error", "")
     if "pressure" in row:
         pressure, pressure_error = column.read(row["pressure"], error)
     else:
         pressure, pressure_error = column.read_tubes(row["left"], row["right"], error)
     return Photograph(_find(folder, row["file"]), pressure, pressure_error)
+
+
+class _Clock:
+    """The history of the pressure, row by row in the order in which the photographs were taken.
+
+    A row of the same pressure as the one before belongs to the same hold.
+    """
+
+    def __init__(self) -> None:
+        self.corners: list[tuple[float, float]] = [(0.0, 0.0)]
+        self.reached, self.hold = 0.0, 0.0
+
+    def moved(self, pressure: float, hold: str, rise: str) -> tuple[tuple[float, float], ...]:
+        """Return the history up to the photograph of the next row.
+
+        Raises:
+            PhotoListError: A time is missing, negative, or not after that of the row before.
+        """
+        time, before = self.corners[-1]
+        if len(self.corners) == 1 and pressure == before:  # still at rest
+            return tuple(self.corners)
+        new = pressure != before
+        if not hold or (new and not rise):
+            what = ("rise", "2 s") if hold else ("hold", "10 s")
+            raise PhotoListError(
+                f"the row has no time of {what[0]}; give one in every row, such as {what[1]}, or leave both columns out"
+            )
+        held = _seconds("hold", hold)
+        if new:
+            self.reached = time + _seconds("rise", rise)
+            self.corners.append((self.reached, pressure))
+        elif not held > self.hold:
+            raise PhotoListError(
+                f"a hold of {held:g} s is not longer than the {self.hold:g} s of the row before, at the same pressure; "
+                "list the photographs in the order in which they were taken"
+            )
+        if held > 0.0:
+            self.corners.append((self.reached + held, pressure))
+        self.hold = held
+        return tuple(self.corners)
+
+
+def _seconds(name: str, text: str) -> float:
+    try:
+        value = quantity(text, "s")
+    except UnitError as error:
+        raise PhotoListError(f"{name}: {error}") from None
+    if value < 0.0:
+        raise PhotoListError(f"a {name} of {value:g} s is negative")
+    return value
 
 
 def _find(folder: Path, name: str) -> Path:

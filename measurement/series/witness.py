@@ -265,6 +265,12 @@ class Run:
         return np.abs(self.pressures) <= 2.0 * self.pressure_errors
 
     @property
+    def later_in_hold(self) -> Flags:
+        """Photographs that are not the first of their hold: the silicone has crept since, at the same pressure."""
+        began = [outline.history[: outline.reached + 1] for outline in self.outlines.values()]
+        return np.array([bool(one) and one in began[:k] for k, one in enumerate(began)], dtype=bool)
+
+    @property
     def course(self) -> Course:
         """The course through these photographs and, if none is at zero, the zero plane."""
         parts = [self.heights, self.pressures, self.height_errors, self.pressure_errors]
@@ -280,7 +286,7 @@ class Run:
         if not run.outlines:
             return {}
         told = {**_risen_zeros(run), **_signs(run)}
-        good = ~np.isin(np.arange(len(run.outlines)), list(told))
+        good = ~np.isin(np.arange(len(run.outlines)), list(told)) & ~run.later_in_hold
         odd = _strangers(run[good])
         told.update({int(k): odd[place] for place, k in enumerate(np.flatnonzero(good)) if place in odd})
         return {number: told[k] for k, number in enumerate(run.outlines) if k in told}
