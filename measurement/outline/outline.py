@@ -20,8 +20,24 @@ COLUMNS = "x_m,z_m,error_m,bridged"
 MEASURED_ONLY = "x_m,z_m,error_m"
 """Header of files in which every point was measured."""
 
+type History = tuple[tuple[float, float], ...]
+"""Pressures through time: pairs of a time in s and a pressure in Pa, linear in between, from rest on."""
+
 SHARED = 10e-6
 """Standard error in m above which it is no longer each point's own."""
+
+
+def reached(history: History) -> int:
+    """Return the index in a history of the moment at which its last pressure was reached."""
+    last = len(history) - 1
+    while last > 0 and history[last - 1][1] == history[-1][1]:
+        last -= 1
+    return last
+
+
+def hold_of(history: History) -> float:
+    """Return how long in s the last pressure of a history was held; nan for none."""
+    return history[-1][0] - history[reached(history)][0] if history else math.nan
 
 
 class OutlineError(ValueError):
@@ -49,8 +65,7 @@ class Outline:
         scale_error: Standard error of all lengths of the run together, as a share of them: the pitch's, the magnification's.
         level_error: Standard error in m by which all heights of the run may be off together: a lamp or a body that is not
             level, as far as the photographs do not show it.
-        history: Pressures up to the photograph: pairs of a time in s and a pressure in Pa, linear in between, from rest on;
-            empty if the times are not known.
+        history: Pressures up to the photograph; empty if the times are not known.
 
     Raises:
         OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, x not sorted, or times
@@ -70,7 +85,7 @@ class Outline:
     bridged: npt.NDArray[np.bool_] = dataclasses.field(default_factory=lambda: np.zeros(0, dtype=bool))
     scale_error: float = 0.0
     level_error: float = 0.0
-    history: tuple[tuple[float, float], ...] = ()
+    history: History = ()
 
     def __post_init__(self) -> None:
         for name in ("x", "z", "error"):
@@ -100,15 +115,6 @@ class Outline:
             raise OutlineError(f"{self.source}: the times of its pressures run backwards, or a number is not finite")
         if self.trusted == bool(self.reasons):
             raise OutlineError(f"{self.source}: an outline must have reasons if and only if it is untrusted")
-
-    @property
-    def reached(self) -> int:
-        """Index in the history of the moment at which the pressure of the photograph was reached."""
-        pressures = [pressure for _, pressure in self.history]
-        last = len(pressures) - 1
-        while last > 0 and pressures[last - 1] == pressures[-1]:
-            last -= 1
-        return last
 
     @property
     def apex(self) -> int:

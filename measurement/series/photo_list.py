@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from measurement.outline.outline import Outline
+from measurement.outline.outline import History, Outline
 from measurement.pictures import Pixels
 from measurement.robust import deviation
 from softmodels.common.errors import reason
@@ -169,14 +169,13 @@ class Photograph:
         file: The photograph; it need not exist, that is found out when it is measured.
         pressure: Pressure in Pa.
         pressure_error: Its standard error in Pa.
-        history: Pressures up to the photograph: pairs of a time in s and a pressure in Pa, linear in between, from rest on;
-            empty if the list has no times.
+        history: Pressures up to the photograph; empty if the list has no times.
     """
 
     file: Path
     pressure: float
     pressure_error: float
-    history: tuple[tuple[float, float], ...] = ()
+    history: History = ()
 
     @property
     def is_zero(self) -> bool:
@@ -336,7 +335,7 @@ class _Clock:
         self.corners: list[tuple[float, float]] = [(0.0, 0.0)]
         self.reached, self.hold = 0.0, 0.0
 
-    def moved(self, pressure: float, hold: str, rise: str) -> tuple[tuple[float, float], ...]:
+    def moved(self, pressure: float, hold: str, rise: str) -> History:
         """Return the history up to the photograph of the next row.
 
         Raises:

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.stats import norm
 
-from measurement.outline.outline import Outline
+from measurement.outline.outline import Outline, reached
 from measurement.outline.zero import ON_SURFACE
 from measurement.pictures import Pixels
 from measurement.series.photo_list import Photograph, copies, same_pictures
@@ -267,7 +267,7 @@ class Run:
     @property
     def later_in_hold(self) -> Flags:
         """Photographs that are not the first of their hold: the silicone has crept since, at the same pressure."""
-        began = [outline.history[: outline.reached + 1] for outline in self.outlines.values()]
+        began = [outline.history[: reached(outline.history) + 1] for outline in self.outlines.values()]
         return np.array([bool(one) and one in began[:k] for k, one in enumerate(began)], dtype=bool)
 
     @property

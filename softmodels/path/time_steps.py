@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from softmodels.path.continuation import Continuation
 
 FEWEST_STEPS = 12
-"""Minimum number of steps of a stage, for smooth curves."""
+"""Usual minimum number of steps of a stage, for smooth curves."""
 SAFETY, SHORTER, LONGER = 0.8, 0.2, 2.5
 """Share of the step that would just meet the tolerance, and the least and the most by which a step changes."""
 LOCATED = 1e-3
@@ -62,10 +62,12 @@ class Drive(Protocol):
 
     Attributes:
         duration: Of the stage in s, above 0.
+        fewest: Minimum number of steps.
         recovers: Whether steps may grow again after one that failed.
     """
 
     duration: float
+    fewest: int
     recovers: bool
 
     def begin(self, path: Continuation, first: Point) -> float:
@@ -97,16 +99,17 @@ class Ramp:
     Args:
         rise: By how much it rises, dimensionless; 0 holds it.
         duration: In s, above 0.
+        fewest: Minimum number of steps.
     """
 
     recovers = False
 
-    def __init__(self, rise: float, duration: float):
-        self.rise, self.duration = rise, duration
+    def __init__(self, rise: float, duration: float, fewest: int = FEWEST_STEPS):
+        self.rise, self.duration, self.fewest = rise, duration, fewest
 
     def begin(self, path: Continuation, first: Point) -> float:
         self.start, self.by_pressure = path.value(first.state), isinstance(path.requested, Pressure)
-        return self.duration / FEWEST_STEPS
+        return self.duration / self.fewest
 
     def _value(self, time: float) -> float:
         return self.start + self.rise * time / self.duration
@@ -151,7 +154,7 @@ class Filling:
             rigid cavity, or over what has come so far, if that is more.
     """
 
-    recovers = True
+    recovers, fewest = True, FEWEST_STEPS
 
     def __init__(self, gas: Gas, sources: tuple[Source, Source], duration: float, rest: float, largest: float):
         self.gas, self.sources, self.duration, self.rest, self.largest = gas, sources, duration, rest, largest
@@ -227,7 +230,7 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
     earlier: Earlier | None = None
     while time < duration:
         left = duration - time
-        step = min(step, duration / FEWEST_STEPS)
+        step = min(step, duration / drive.fewest)
         step = left if step > 0.99 * left else min(step, left / 2) if step > left / 2 else step
         share = 1.0 if step == left else (time + step) / duration
         last = path.last

@@ -13,7 +13,7 @@ from softmodels.fitting.comparison import compare
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import StressError, residuals_of
 from softmodels.fitting.least_squares import profile
-from softmodels.fitting.outlines.fit import fit_law_to_outlines, volume_parameters
+from softmodels.fitting.outlines.fit import fit_law_to_outlines
 from softmodels.fitting.outlines.residuals import (
     LEAK_ERROR,
     SCALE_ERROR,
@@ -83,7 +83,7 @@ def test_derivatives_are_exact(components, height_datum, inflation):
     parameters = [
         *device.choice.parameters(begin[0]),
         *nuisances(source, Bench(free)),
-        *volume_parameters(source, plain.volumes),
+        *source.hidden_parameters(plain.volumes),
     ]
     values = {p.name: p.start for p in parameters} | {
         "scale": 0.001,

@@ -49,6 +49,8 @@ DECISIVE = 10.0
 """Lead in AICc from which on a memory softens: no support for the other (Burnham & Anderson 2002, section 2.6)."""
 MOST_DURATIONS = 1.6
 """Longest relaxation time over the longest test's duration, in which such a branch loses nearly half of its stress."""
+SEVERAL_HOLDS = 2.0
+"""Ratio of hold times from which on they differ."""
 SEVERAL_RATES = 2.0
 """Ratio of rates that tell a law from its branches."""
 AMPLITUDES = 1.2
@@ -78,6 +80,10 @@ class Spectrum:
         """Names of the weights."""
         return tuple(f"share_{time:g}s" for time in self.times)
 
+    def parameters(self, start: Mapping[str, float]) -> list[Parameter]:
+        """Return the weights with their starting values."""
+        return [Parameter(name, "", start[name], 0.0, answers=(0.0,)) for name in self.names]
+
     @property
     def sentence(self) -> str:
         """What the data show, and what not."""
@@ -89,15 +95,43 @@ class Spectrum:
         )
 
 
-def spectrum(curves: Sequence[TensileCurve]) -> Spectrum:
-    """Return a relaxation time per decade, from the sampling interval to about the duration, that the stresses can show.
+def spectrum(curves: Sequence[TensileCurve], holds: Sequence[float] = ()) -> Spectrum:
+    """Return the relaxation times that the data can show, one per decade.
+
+    Of curves: from the sampling interval to about the duration, as far as the stresses show them. Of a device's photographs:
+    between two hold times one, which relaxes most between them.
+
+    Args:
+        curves: Curves, those without times at equilibrium.
+        holds: Hold times in s of photographs.
 
     Raises:
-        TensileError: No curve has times.
+        TensileError: No curve has times, and there are not two hold times.
     """
     timed = [curve for curve in curves if curve.time is not None and np.ptp(curve.time) > 0.0]
-    if not timed:
+    found = [_spectrum_of_curves(timed)] if timed else []
+    if len(told := _distinct(holds)) > 1:
+        between = [(b - a) / math.log(b / a) for a, b in itertools.pairwise(told)]
+        times = tuple(sorted({float(f"1e{round(math.log10(time))}") for time in between}))
+        why = "the shortest hold of a photograph", "the longest hold of a photograph"
+        found.append(Spectrum(times, (told[0], told[-1]), why))
+    if not found:
         raise TensileError("a fit of the memory needs a test with times; all curves are at equilibrium")
+    low, high = min(found, key=lambda one: one.sees[0]), max(found, key=lambda one: one.sees[1])
+    times = tuple(sorted({time for one in found for time in one.times}))
+    return Spectrum(times, (low.sees[0], high.sees[1]), (low.why[0], high.why[1]))
+
+
+def _distinct(holds: Sequence[float]) -> list[float]:
+    """Return the hold times in s that differ clearly, rising."""
+    found: list[float] = []
+    for hold in sorted(hold for hold in holds if hold > 0.0):
+        if not found or hold >= SEVERAL_HOLDS * found[-1]:
+            found.append(hold)
+    return found
+
+
+def _spectrum_of_curves(timed: Sequence[TensileCurve]) -> Spectrum:
     intervals = []
     for curve in timed:
         assert curve.time is not None
@@ -308,7 +342,7 @@ def fit_memory(
     trouble: FitError | None = None
     for starts in by_bounds(choice, _starts(choice, sources, modulus)[:STARTS]):
         own = [*choice.parameters(starts[0])]
-        own += [Parameter(name, "", starts[0][name], 0.0, answers=(0.0,)) for name in sources[0].spectrum.names]
+        own += sources[0].spectrum.parameters(starts[0])
         own += [one for one in _further_parameters(energy) if one.name in further]
         parameters = [p.changed(changes.get(p.name, {})) for p in (*own, *extra.parameters)]
         try:
@@ -317,7 +351,7 @@ def fit_memory(
             trouble = error
     if not fits:
         raise FitError(f"{choice.name}: {trouble}")
-    return _settled(min(fits, key=lambda one: (not one.converged, one.deviance)))
+    return settled(min(fits, key=lambda one: (not one.converged, one.deviance)))
 
 
 def _further_parameters(energy: float) -> list[Parameter]:
@@ -371,7 +405,7 @@ def _starts(choice: LawChoice, sources: Sequence[MemoryResiduals], modulus: floa
     return [start for _, start in sorted(made, key=lambda one: one[0])]
 
 
-def _settled(fit: LeastSquaresFit) -> LeastSquaresFit:
+def settled(fit: LeastSquaresFit) -> LeastSquaresFit:
     """Return a fit whose weights that ended at zero are zero, not a rounding away from it."""
     ends = {name: bound for name, bound in fit.at_bounds.items() if bound == 0.0}
     return dataclasses.replace(fit, values={**fit.values, **ends}) if ends else fit

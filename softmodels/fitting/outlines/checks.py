@@ -623,8 +623,8 @@ def within_chance(sources: Sequence[OutlineResiduals], fit: LeastSquaresFit) -> 
 def _photographs(sources: Sequence[OutlineResiduals], k: int, fit: LeastSquaresFit) -> list[str]:
     """Return the name of the photograph of each measured residual of the k-th source; that of a reading is its photograph's."""
     source, before = sources[k], sum(one.count for one in sources[:k])
-    outlines = source.groups.tolist()[: source.count - len(source.shapes)]
-    names = [*[""] * before, *outlines, *(shape.source for shape in source.shapes)]
+    outlines = source.groups.tolist()[: source.count - len(source.read)]
+    names = [*[""] * before, *outlines, *(source.shapes[i].source for i in source.read)]
     return [*names, *[""] * (fit.count - len(names))]
 
 

@@ -7,6 +7,7 @@ preloaded state, and heights count from there.
 from __future__ import annotations
 
 import dataclasses
+import math
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -24,6 +25,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.names import checked, one_of
 from softmodels.common.schema import about
 from softmodels.components.loads import STANDARD_GRAVITY, DirectedLoad, FaceLoad, weighed
+from softmodels.fitting.curves.memory import Spectrum, remembering
 from softmodels.fitting.outlines.shapes import OutlineFitError
 from softmodels.fitting.outlines.silhouette import Silhouette, crest, edge_heights
 from softmodels.fitting.problem import CannotEvaluate, FitError, LawChoice
@@ -295,13 +297,22 @@ class DeviceModel:
         choice: The law.
         height_datum: What heights count from, see `Hanging`.
         modulus: Shear modulus in Pa near to that of the device; matters only under dead loads.
+        spectrum: Relaxing branches of the silicone, whose weights are parameters; paths without times leave them relaxed.
 
     Attributes:
         paths: How many paths have been followed.
         hanging: The device at zero pressure.
+        common: Names of the silicone's parameters, which several devices share.
     """
 
-    def __init__(self, solver: Solver, choice: LawChoice, height_datum: str = "", modulus: float = MODULUS):
+    def __init__(
+        self,
+        solver: Solver,
+        choice: LawChoice,
+        height_datum: str = "",
+        modulus: float = MODULUS,
+        spectrum: Spectrum | None = None,
+    ):
         self.solver, self.system, self.choice = solver, solver.system, choice
         self.silhouette = Silhouette(solver.system)
         actuator = self.system.body.actuator
@@ -313,7 +324,9 @@ class DeviceModel:
         self.motion = MeshMotion(self.system.body) if self.lengths else None
         self.sensitivity = Sensitivity(solver, self.motion)
         self.hanging, self.modulus = Hanging(self.silhouette, self.sensitivity, height_datum), modulus
-        self.names = (*choice.names, "poisson", *self.lengths)
+        self.spectrum = spectrum
+        self.common = (*choice.names, *(spectrum.names if spectrum else ()), "poisson")
+        self.names = (*self.common, *self.lengths)
         self.rest_volume = solver.system.rest().V
         self.paths = 0
         self._present: dict[str, float] = {}
@@ -323,7 +336,10 @@ class DeviceModel:
     def material(self, values: Mapping[str, float]) -> Material:
         """Return the material of parameter values; Poisson's ratio is the law's unless given."""
         poisson = values.get("poisson", self.choice.poisson)
-        return dataclasses.replace(self.choice, poisson=poisson).material(values)
+        material = dataclasses.replace(self.choice, poisson=poisson).material(values)
+        if self.spectrum is None:
+            return material
+        return remembering(material, self.spectrum, dict.fromkeys(self.spectrum.names, 0.0) | dict(values), -math.inf)
 
     @property
     def loaded(self) -> bool:
@@ -573,8 +589,8 @@ class MeasuredDevice:
         """Return the device with another zero of heights; see `height_datum`; empty to keep it."""
         return dataclasses.replace(self, height_datum=height_datum or self.height_datum)
 
-    def model(self, choice: LawChoice, comm: MPI.Comm) -> DeviceModel:
-        """Return the device under a law, meshed and compiled.
+    def model(self, choice: LawChoice, comm: MPI.Comm, spectrum: Spectrum | None = None) -> DeviceModel:
+        """Return the device under a law, perhaps with relaxing branches, meshed and compiled.
 
         Raises:
             FitError: It cannot be meshed or compiled; or ``height_datum`` makes no difference to it.
@@ -591,10 +607,11 @@ class MeasuredDevice:
             with compiling():
                 body = Body.from_file(self.actuator, mesh, comm)
                 material = choice.material(choice.from_modulus(30e3))
-                around = (self.components,)
-                system = System(body, material, self.formulation, *around)
+                if spectrum is not None:
+                    material = remembering(material, spectrum, dict.fromkeys(spectrum.names, 0.0), -math.inf)
+                system = System(body, material, self.formulation, self.components, spectrum is not None)
                 modulus = self.material.shear_modulus_0 if self.material and system.dead.loads else MODULUS
-                return DeviceModel(Solver(system, self.solver), choice, self.height_datum, modulus)
+                return DeviceModel(Solver(system, self.solver), choice, self.height_datum, modulus, spectrum)
         except (BodyError, CompilingError, ComponentError, MeshingError, GeometryError, OSError) as error:
             raise FitError(str(error)) from error
         finally:

@@ -31,6 +31,7 @@ from softmodels.fitting.comparison import (
 )
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.fit import Curves, prepared
+from softmodels.fitting.curves.memory import settled
 from softmodels.fitting.curves.residuals import StressError, residuals_of, stretches_of
 from softmodels.fitting.least_squares import fit_parameters, profile
 from softmodels.fitting.outlines.checks import (
@@ -87,19 +88,8 @@ if TYPE_CHECKING:
 
 UNHEARD = 1e6
 """Factor on the error of an ignored pressure."""
-
-
-def volume_parameters(
-    source: OutlineResiduals, volumes: Sequence[float] | Array, hangs: float = 0.0
-) -> list[Parameter]:
-    """Return the hidden added volumes with a start for each, m3; ``hangs`` is that of the device at zero pressure."""
-    return [
-        Parameter(
-            name, "m^3", start, hangs + 0.05 * (start - hangs), hangs + 4.0 * (start - hangs), hidden=True,
-            title=f"the added volume at {shape.name}", device=source.device,
-        )
-        for name, start, shape in zip(source.volumes, volumes, source.shapes, strict=True)
-    ]  # fmt: skip
+STARTING_SHARE = 0.1
+"""Of each branch."""
 
 
 def fit_law_to_outlines(
@@ -124,15 +114,16 @@ def fit_law_to_outlines(
         FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
         OutlineFitError: The device cannot be the one in the photographs.
     """
-    choice = sources[0].model.choice
+    choice, spectrum = sources[0].model.choice, sources[0].model.spectrum
+    weights = dict.fromkeys(spectrum.names, STARTING_SHARE) if spectrum else {}
     known = all_nuisances(sources, bench)
-    names = {*choice.names, *(name for p in (*known, *extra.parameters) for name in (p.name, p.own_name))}
+    names = {*choice.names, *weights, *(name for p in (*known, *extra.parameters) for name in (p.name, p.own_name))}
     for name in changes:
         if name not in names:
             raise FitError(f"there is no parameter {name!r}; {known_are(name, sorted(names))}")
     held = {name: change["start"] for name, change in changes.items() if _held(change) and name in choice.names}
     begins: list[dict[str, float]] = []
-    volumes: list[Parameter] = []
+    hidden: list[Parameter] = []
     for source in sources:
         measured = [
             (shape.height, shape.pressure, shape.pressure_error * (UNHEARD if shape.source in doubted else 1.0))
@@ -141,17 +132,20 @@ def fit_law_to_outlines(
         heights, pressures, errors = np.array(measured).T
         more, plain = starts(source.model, heights, pressures, errors, held)
         begins += more
-        volumes += volume_parameters(source, plain.volumes, plain.hangs)
+        hidden += source.hidden_parameters(plain.volumes, plain.hangs)
     troubles = []
+    stiffer = 1.0 + sum(weights.values()) / 2  # the photographs show what has not relaxed too
     for begin in begins:
+        law = {n: v / stiffer if choice.unit(n) == "Pa" and n not in held else v for n, v in begin.items()}
+        silicone = [*choice.parameters(law), *(spectrum.parameters(weights) if spectrum else ())]
         parameters = [
             p.changed({**changes.get(p.own_name, {}), **changes.get(p.name, {})})
-            for p in (*choice.parameters(begin), *known, *extra.parameters)
-        ] + volumes
+            for p in (*silicone, *known, *extra.parameters)
+        ] + hidden
         for source in sources:
             source.fixed = frozenset(p.name for p in parameters if p.fixed)
         try:
-            return fit_parameters([*sources, *extra.sources], parameters, loss=loss, label=choice.name)
+            return settled(fit_parameters([*sources, *extra.sources], parameters, loss=loss, label=choice.name))
         except FitError as error:
             troubles.append(str(error))
     raise FitError(f"{choice.name}: {troubles[0]}")

@@ -58,21 +58,35 @@ class OutlineResiduals:
 
     Attributes:
         fixed: Parameters whose derivatives nobody needs: their columns stay zero.
+        read: Numbers of the photographs whose readings count.
     """
 
     def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines", device: str = ""):
         _check_flat(model)
         self.model, self.shapes, self.label, self.device = model, tuple(shapes), label, device
-        self._own_volumes = tuple(f"volume{i + 1}" for i in range(len(shapes)))
-        self._own_names = (*model.names, *BENCH, *self._own_volumes)
-        self.volumes = tuple(map(self.named, self._own_volumes))
+        self.read, self._own_hidden = self._hidden()
+        self._own_names = (*model.names, *BENCH, *self._own_hidden)
         self.parameters = tuple(map(self.named, self._own_names))
         self.readings = f"{device}/{READINGS}" if device else READINGS
         self.most = max(shape.pressure for shape in shapes)
         labels = [shape.source for shape in shapes for _ in shape.weight]
-        self.groups = np.array([*labels, *[self.readings] * len(shapes)])
+        self.groups = np.array([*labels, *[self.readings] * len(self.read)])
         self.fixed: frozenset[str] = frozenset()
         self._known: tuple[tuple[float, ...], list[MatchedPhotograph]] | None = None
+
+    def _hidden(self) -> tuple[list[int], tuple[str, ...]]:
+        """Return `read`, and the names of the hidden parameters."""
+        return [*range(len(self.shapes))], tuple(f"volume{i + 1}" for i in range(len(self.shapes)))
+
+    def hidden_parameters(self, volumes: Sequence[float] | Array, hangs: float = 0.0) -> list[Parameter]:
+        """Return the hidden added volumes with a start for each, m3; ``hangs`` is that of the device at zero pressure."""
+        return [
+            Parameter(
+                self.named(name), "m^3", start, hangs + 0.05 * (start - hangs), hangs + 4.0 * (start - hangs), hidden=True,
+                title=f"the added volume at {shape.name}", device=self.device,
+            )
+            for name, start, shape in zip(self._own_hidden, volumes, self.shapes, strict=True)
+        ]  # fmt: skip
 
     @property
     def count(self) -> int:
@@ -80,7 +94,7 @@ class OutlineResiduals:
 
     def named(self, name: str) -> str:
         """Return a parameter's name in the fit: the material's are common to all devices, the others its own."""
-        return name if not self.device or name in (*self.model.choice.names, "poisson") else f"{self.device}.{name}"
+        return name if not self.device or name in self.model.common else f"{self.device}.{name}"
 
     def own(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the fit's values by their names in this device."""
@@ -90,7 +104,7 @@ class OutlineResiduals:
     def in_words(self) -> str:
         """The amount of measurements, in words."""
         top = max(shape.height for shape in self.shapes)
-        values = f"{self.count - len(self.shapes)} independent values"
+        values = f"{self.count - len(self.read)} independent values"
         return f"{len(self.shapes)} outlines to {top * 1e3:.4g} mm at {self.most / 1e3:.4g} kPa, {values}"
 
     def largest_state(self, values: Mapping[str, float]) -> State:
@@ -106,7 +120,7 @@ class OutlineResiduals:
             CannotEvaluate: There is no state at one of the volumes.
         """
         matches = self.matches(values)
-        residuals = np.concatenate([*(f.residuals for f in matches), [f.reading for f in matches]])
+        residuals = np.concatenate([*(f.residuals for f in matches), [matches[i].reading for i in self.read]])
         if not np.isfinite(residuals).all():
             raise CannotEvaluate("a residual is not finite")
         return residuals, self._jacobian(values, matches) if derivatives else None, self.groups
@@ -116,7 +130,7 @@ class OutlineResiduals:
         key = tuple(float(values[name]) for name in self.parameters)
         if self._known is None or self._known[0] != key:
             own = self.own(values)
-            states = self.model.states(own, [own[name] for name in self._own_volumes])
+            states = self._states(own)
             self.model.set_parameters(own)
             made = [
                 MatchedPhotograph(
@@ -132,24 +146,35 @@ class OutlineResiduals:
             self._known = key, made
         return self._known[1]
 
+    def _states(self, own: Mapping[str, float]) -> list[State]:
+        """Return the state of each photograph at values by their names in this device."""
+        return self.model.states(own, [own[name] for name in self._own_hidden])
+
+    def _slopes(self, number: int, state: State, names: Sequence[str]) -> tuple[dict[str, float], dict[str, Array]]:
+        """Return the derivatives of a photograph's pressure (Pa) and of its curve's nodes (m), by name; hidden ones too."""
+        slopes, volume = self.model.slopes(state, names), self._own_hidden[number]
+        return {**slopes.pressure, volume: slopes.along_pressure}, {**slopes.nodes, volume: slopes.along_nodes}
+
     def _jacobian(self, values: Mapping[str, float], matches: Sequence[MatchedPhotograph]) -> Array:
         J = np.zeros((self.count, len(self.parameters)))
         column = {name: i for i, name in enumerate(self._own_names)}
         self.model.set_parameters(self.own(values))
-        first, reading = 0, self.count - len(matches)
-        for fitting, volume in zip(matches, self._own_volumes, strict=True):
+        names = [name for name in self.model.names if self.named(name) not in self.fixed]
+        first = 0
+        for number, fitting in enumerate(matches):
             rows = slice(first, first + len(fitting.shape.weight))
-            names = [name for name in self.model.names if self.named(name) not in self.fixed]
-            slopes = self.model.slopes(fitting.state, names)
-            for name in names:
-                J[rows, column[name]] = fitting.moved(slopes.nodes[name])
-                J[reading, column[name]] = slopes.pressure[name] / fitting.shape.pressure_error
-            J[rows, column[volume]] = fitting.moved(slopes.along_nodes)
-            J[reading, column[volume]] = slopes.along_pressure / fitting.shape.pressure_error
-            for name, (on_points, on_reading) in fitting.bench().items():
+            pressures, nodes = self._slopes(number, fitting.state, names)
+            for name, rate in nodes.items():
+                J[rows, column[name]] = fitting.moved(rate)
+            for name, (on_points, _) in fitting.bench().items():
                 J[rows, column[name]] = on_points
-                J[reading, column[name]] = on_reading
-            first, reading = rows.stop, reading + 1
+            if number in self.read:
+                reading = self.count - len(self.read) + self.read.index(number)
+                for name, slope in pressures.items():
+                    J[reading, column[name]] = slope / fitting.shape.pressure_error
+                for name, (_, on_reading) in fitting.bench().items():
+                    J[reading, column[name]] = on_reading
+            first = rows.stop
         return J
 
 

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from geometries import Actuator
 from measurement.outline.edge import SPAN
-from measurement.outline.outline import Outline, OutlineError
+from measurement.outline.outline import History, Outline, OutlineError, hold_of
 from softmodels.common.arrays import Array
 from softmodels.common.names import keep_arrays
 from softmodels.common.units import pascal_per_cm
@@ -143,6 +143,7 @@ class Shape:
         centre: Where along x the middle of its area is, in m.
         scale_error: Standard error of all lengths together, as a share of them; 0 where none is stated.
         level_error: Standard error in m of all heights together.
+        history: Pressures up to the photograph; empty if the times are not known.
     """
 
     source: str
@@ -156,14 +157,21 @@ class Shape:
     centre: float
     scale_error: float = 0.0
     level_error: float = 0.0
+    history: History = ()
 
     def __post_init__(self) -> None:
         keep_arrays(self)
 
     @property
+    def hold(self) -> float:
+        """How long in s the pressure was held before the photograph; nan if that is not known."""
+        return hold_of(self.history)
+
+    @property
     def name(self) -> str:
         """Name of the photograph in messages."""
-        return f"{self.pressure / pascal_per_cm():.4g} cm of water ({self.source})"
+        held = f", held {self.hold:.4g} s" if self.history else ""
+        return f"{self.pressure / pascal_per_cm():.4g} cm of water{held} ({self.source})"
 
     def mean(self, values: Array) -> Array:
         """Return the means over the bins of values (k, ...) divided by the points' errors, as residuals of variance 1."""
@@ -269,7 +277,7 @@ def _shape(outline: Outline, part: slice, run: float) -> Shape:
     centre = float(np.trapezoid(x * np.maximum(z, 0.0), x) / np.trapezoid(np.maximum(z, 0.0), x))
     return Shape(
         outline.source, np.column_stack([x, z])[pick], error[pick], bins, weight, outline.pressure,
-        outline.pressure_error, outline.height, centre, outline.scale_error, outline.level_error,
+        outline.pressure_error, outline.height, centre, outline.scale_error, outline.level_error, outline.history,
     )  # fmt: skip
 
 
@@ -288,7 +296,7 @@ def _check_pressures(outlines: Sequence[Outline]) -> None:
             )
     for one, two in itertools.pairwise(outlines):
         same = two.pressure - one.pressure <= CLOSE * abs(two.pressure)
-        if same and abs(two.height - one.height) <= ALIKE * max(abs(two.height), abs(one.height), FLOOR):
+        if same and one.history == two.history and abs(two.height - one.height) <= ALIKE * max(abs(two.height), abs(one.height), FLOOR):
             raise OutlineFitError(
                 f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa, and the same height: the "
                 "measurement would count twice, so give only one of them"
