@@ -213,7 +213,9 @@ class Outline:
         except KeyError as error:
             raise OutlineError(f"{path} has no comment line '# {error.args[0]} = …'") from None
         except UnitError as error:
-            raise OutlineError(f"{path}: pressure_Pa, pressure_error_Pa, sunk_m, scale, history or an error: {error}") from None
+            raise OutlineError(
+                f"{path}: pressure_Pa, pressure_error_Pa, sunk_m, scale, history or an error: {error}"
+            ) from None
         if any(len(pair) != 2 for pair in history):
             raise OutlineError(f"{path}: history_s_Pa is not pairs of time and pressure, such as 0 0; 2 1500; 12 1500")
         points = np.array(rows, dtype=np.float64).reshape(-1, 4)

@@ -1,7 +1,8 @@
 """The list of photographs, ``photos.csv``: which file was taken at which pressure.
 
 Columns: ``file``; ``pressure`` with its unit, or ``left`` and ``right``, the levels of the two tubes; optionally ``error``;
-optionally ``hold`` and ``rise``, how long the pressure was held before and how long the change to it took. A file is named relative to the list, or by the number its camera gave it: 5965 finds IMG_5965.JPG.
+optionally ``hold`` and ``rise``, how long the pressure was held before and how long the change to it took. A file is named
+relative to the list, or by the number its camera gave it: 5965 finds IMG_5965.JPG.
 """
 
 from __future__ import annotations

@@ -391,8 +391,8 @@ class FitOptions:
         height_datum: With a device that hangs under loads or whose top is not flat: what its heights count from, one of
             `HEIGHTS_FROM`; empty for the shadow, or the apex where the undeformed top is not flat. Outlines of
             such a top (balloon, bellows) have to state it.
-        memory: Whether relaxing branches and softening are fitted too, to curves with times; the law is then that of
-            equilibrium.
+        memory: Whether relaxing branches are fitted too, to outlines and curves with times, and to curves softening; the law
+            is then that of equilibrium.
     """
 
     poisson: float = 0.5

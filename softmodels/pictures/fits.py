@@ -12,6 +12,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from measurement.outline.outline import reached
 from softmodels.common.arrays import Array
 from softmodels.common.files import data_uri, render
 from softmodels.common.processes import plain
@@ -20,6 +21,7 @@ from softmodels.fitting.comparison import FitReport, FittedLaw
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import predicted
 from softmodels.fitting.outlines.residuals import MatchedPhotograph
+from softmodels.fitting.outlines.shapes import Shape
 from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.fitting.result import unseen
 from softmodels.fitting.tables import correlation_rows, parameter_rows, residual_rows
@@ -50,7 +52,7 @@ def draw_outlines(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
         measured = 1e3 * (fitting.points * np.column_stack([fitting.side, np.ones_like(fitting.side)]))[::stride]
         axes.plot(measured[:, 0], measured[:, 1], ".", ms=2.5, color=INK, alpha=0.5)
         half = 1e3 * half_outline(fitting.shadow.curve, 2e-5)[0]
-        label = f"{fitting.shape.pressure / 1e3:.3g} kPa"
+        label = _name(fitting.shape)
         axes.plot(
             np.r_[-half[:0:-1, 0], half[:, 0]], np.r_[half[:0:-1, 1], half[:, 1]], color=colour, lw=1.4, label=label
         )
@@ -88,6 +90,35 @@ def draw_photographs(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     return figure
 
 
+def _name(shape: Shape) -> str:
+    held = f", {shape.hold:.3g} s" if shape.history else ""
+    return f"{shape.pressure / 1e3:.3g} kPa{held}"
+
+
+def draw_creep(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
+    """Plot the heights of photographs with times over their hold times, a colour per level of the pressure."""
+    figure = Figure((0.75 * WIDTH, 0.5 * WIDTH), dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    levels: dict[tuple[float, ...], list[MatchedPhotograph]] = {}
+    for one in matches:
+        history = one.shape.history
+        levels.setdefault(tuple(time for time, _ in history[: reached(history) + 1]), []).append(one)
+    for part, colour in zip(levels.values(), _colours(len(levels)), strict=True):
+        part = sorted(part, key=lambda one: one.shape.hold)
+        holds = [one.shape.hold for one in part]
+        measured = [1e3 * float(one.points[:, 1].max()) for one in part]
+        computed = [1e3 * float(one.shadow.curve.nodes[:, :, 1].max()) for one in part]
+        axes.plot(holds, measured, "o", mfc="none", mec=INK, ms=5)
+        axes.plot(holds, computed, "-", color=colour, lw=1.4, label=f"{part[0].shape.pressure / 1e3:.3g} kPa")
+    axes.set_xscale("log")
+    axes.set_xlabel("time held (s)")
+    axes.set_ylabel("height (mm)")
+    axes.set_title(f"{law}: measured (circles) and simulated (lines) heights")
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(handles[::-1], labels[::-1], loc="center left", bbox_to_anchor=(1.0, 0.5), title="read")
+    return figure
+
+
 def _panel(axes: Axes, fitting: MatchedPhotograph) -> None:
     shape = fitting.shape
     count = np.bincount(shape.bins)
@@ -98,7 +129,7 @@ def _panel(axes: Axes, fitting: MatchedPhotograph) -> None:
     axes.plot(place, fitting.residuals * error, ".-", ms=4, lw=0.8, color=INK)
     chi2 = float((fitting.residuals**2).sum())
     axes.set_title(
-        f"{shape.pressure / 1e3:.3g} kPa ({fitting.reading * shape.pressure_error:+.0f} Pa): "
+        f"{_name(shape)} ({fitting.reading * shape.pressure_error:+.0f} Pa): "
         f"$\\chi^2$ {chi2:.0f} of {len(fitting.residuals)}",
         fontsize=9,
     )
@@ -249,6 +280,8 @@ def pictures(report: FitReport) -> dict[str, bytes]:
         for law, states in report.photographs.items():
             figures[f"outlines-{law}.png"] = draw_outlines(states, law)
             figures[f"photographs-{law}.png"] = draw_photographs(states, law)
+            if all(one.shape.history for one in states):
+                figures[f"creep-{law}.png"] = draw_creep(states, law)
         for one in report.laws:
             if one.profiles:
                 figures[f"profiles-{one.choice.name}.png"] = draw_profiles(one)

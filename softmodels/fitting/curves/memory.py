@@ -282,6 +282,7 @@ def memory_residuals(
     error: StressError,
     gauge_error: float,
     spectrum: Spectrum,
+    level: bool = True,
 ) -> tuple[list[MemoryResiduals], Extra]:
     """Return the sources for histories, as `residuals_of` does for ramps, without softening.
 
@@ -292,8 +293,9 @@ def memory_residuals(
         error: Standard errors.
         gauge_error: See `residuals_of`.
         spectrum: The branches.
+        level: See `residuals_of`.
     """
-    plain, extra = residuals_of(curves, choice, error, gauge_error, level=True)
+    plain, extra = residuals_of(curves, choice, error, gauge_error, level)
     pairs = zip(plain, stresses, strict=True)
     return [MemoryResiduals(one.curve, choice, one.errors, one.gauge, spectrum, by) for one, by in pairs], extra
 

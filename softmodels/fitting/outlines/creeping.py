@@ -146,7 +146,9 @@ class Creep:
         self._steps: list[list[tuple[int, float]]] = []  # of each test: the leg and which share of it is done
         self._walks: list[_Walk] = []
 
-    def photographs(self, values: Mapping[str, float], names: Sequence[str]) -> dict[int, tuple[State, dict[str, Rate]]]:
+    def photographs(
+        self, values: Mapping[str, float], names: Sequence[str]
+    ) -> dict[int, tuple[State, dict[str, Rate]]]:
         """Return the state of each photograph, and its derivatives.
 
         Args:
@@ -168,7 +170,7 @@ class Creep:
         for test, steps, walk in zip(self.timetable.tests, self._steps, walks, strict=True):
             for (leg, share), state, rates in zip(steps, walk.states, walk.rates, strict=True):
                 if share == 1.0:
-                    found |= {i: (state, rates) for i in test[leg].photographs}
+                    found |= dict.fromkeys(test[leg].photographs, (state, rates))
         return found
 
     def _chosen(self, test: Sequence[Leg], values: Mapping[str, float]) -> list[tuple[int, float]]:
@@ -230,7 +232,8 @@ class Creep:
             w = state.w if along is None else state.w + (line.target - state.P) * along.w
             if base is not None:
                 moves = [
-                    (rate, values.get(name, 0.0) - base.values.get(name, 0.0)) for name, rate in base.rates[number].items()
+                    (rate, values.get(name, 0.0) - base.values.get(name, 0.0))
+                    for name, rate in base.rates[number].items()
                 ]
                 w = base.states[number].w + sum(by * rate.w for rate, by in moves)
             try:

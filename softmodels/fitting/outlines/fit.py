@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometries import Actuator
-from measurement.outline.outline import Outline
+from measurement.outline.outline import Outline, hold_of
 from softmodels.case.case import Case
-from softmodels.common.arrays import Array
 from softmodels.common.errors import known_are, spoken
 from softmodels.common.names import checked, one_of, several, wrong
 from softmodels.common.processes import one_at_a_time
@@ -29,10 +28,18 @@ from softmodels.fitting.comparison import (
     hold_against,
     stretch_of,
 )
-from softmodels.fitting.curves.curve import TensileCurve
+from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, prepared
-from softmodels.fitting.curves.memory import settled
-from softmodels.fitting.curves.residuals import StressError, residuals_of, stretches_of
+from softmodels.fitting.curves.memory import (
+    SEVERAL_HOLDS,
+    Spectrum,
+    branch_stresses,
+    memory_residuals,
+    remembering,
+    settled,
+    spectrum,
+)
+from softmodels.fitting.curves.residuals import StressError, TensileResiduals, residuals_of, stretches_of
 from softmodels.fitting.least_squares import fit_parameters, profile
 from softmodels.fitting.outlines.checks import (
     HeightRow,
@@ -43,6 +50,7 @@ from softmodels.fitting.outlines.checks import (
     series_of_shapes,
     within_chance,
 )
+from softmodels.fitting.outlines.creeping import CreepingResiduals
 from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
 from softmodels.fitting.outlines.residuals import (
     DEFAULT_BENCH,
@@ -200,6 +208,8 @@ def try_outlines(
     """
     all_nuisances(sources, bench)  # unknown names, before anything is solved
     series = tuple(tuple(one) for one in rows or [series_of_shapes(one.model, one.shapes) for one in sources])
+    if sources[0].model.spectrum is not None:  # at one pressure the heights differ with the time
+        series = ((),) * len(sources)
     wrong = [found for found in map(by_course, series) if found]
     doubted = [name for found in wrong for name in found.names]
     said = "; ".join(found.whole for found in wrong)
@@ -211,7 +221,7 @@ def try_outlines(
         for source in sources:
             shapes = [shape for shape in source.shapes if shape.source not in without]
             if shapes:
-                chosen.append(OutlineResiduals(source.model, shapes, device=source.device))
+                chosen.append(type(source)(source.model, shapes, device=source.device))
         fit = fit_law_to_outlines(*chosen, bench=bench, extra=extra, changes=changes, loss=loss, doubted=doubted)
         return chosen, fit
 
@@ -280,6 +290,8 @@ def fit(
 ) -> FitReport:
     """Fit laws to outlines of one device or of several of one cast at all pressures, optionally with tensile curves.
 
+    With ``options.memory`` the outlines carry times, and relaxing branches are fitted too; the law is then that of equilibrium.
+
     Several devices have the material in common; errors of the bench and lengths are fitted per device: parameters called
     ``leak``, ``zero`` ... of one device are ``NAME.leak``, ``NAME.zero`` ... of several. ``options.free`` and
     ``options.changes`` are about all of them, or by such a name about one; ``options.exclude`` takes ``NAME/4.jpg``. NAME is
@@ -309,7 +321,7 @@ def fit(
         tuple(dataclasses.replace(one, name=name) for one, name in zip(measured, names, strict=True)),
         law_choices(material, options.poisson),
         options,
-        tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"))),
+        tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"), history=options.memory)),
     )
     if len(pairs) == 1:
         found = [_outlines_of(pairs[0][1], options.untrusted, options.exclude)]
@@ -405,6 +417,8 @@ def fit_heights(
         UnsoundError: The measurements contradict each other.
     """
     _check_how(options, comm)
+    if options.memory:
+        raise FitError("heights carry no times, so they show no memory; fit outlines or curves, or leave out --memory")
     if isinstance(heights, Path | str):
         heights = read_heights(Path(heights), options.untrusted, options.exclude)
     heights = several("heights", heights, Height, "a height, or the table heights.csv")
@@ -420,8 +434,6 @@ def fit_heights(
 def _check_how(options: object, comm: object) -> None:
     """Raise `ArgumentError` for invalid options or communicator."""
     one_of("options", options, FitOptions, "how to fit, such as sm.FitOptions(poisson=0.49)")
-    if isinstance(options, FitOptions) and options.memory:
-        raise FitError("a memory is fitted to curves of test machines only; leave out the device, or --memory")
     if comm is not None and not callable(getattr(comm, "allreduce", None)):
         raise wrong("comm", comm, "a communicator of MPI, or None for all processes")
 
@@ -458,23 +470,27 @@ class _Task:
     def with_outlines(self, outlines: Sequence[Sequence[Outline]], comm: MPI.Comm) -> FitReport:
         notes, rows = self.notes(), tuple[tuple[HeightRow, ...], ...]()
         error, bench = StressError.from_text(self.options.stress_error), Bench(self.options.free)
+        holds = [hold_of(one.history) for own in outlines for one in own if one.history and one.pressure > 0.0]
+        branches = self._spectrum(holds)
+        notes += hold_notes(holds) if branches is None else [branches.sentence]
         trials: dict[str, LawTrial[OutlineResiduals]] = {}
         for choice in self.choices:
             devices = []
             for device, own in zip(self.devices, outlines, strict=True):
-                model = device.model(choice, comm)
+                model = device.model(choice, comm, branches)
                 shapes, more = prepare(own, device.actuator, model.silhouette.width)
                 notes += [note for note in more if note not in notes]
-                devices.append(OutlineResiduals(model, shapes, device=device.name if len(self.devices) > 1 else ""))
-            sources, extra = residuals_of(self.curves, choice, error, self.options.gauge_error)
-            extra = dataclasses.replace(extra, sources=sources)
+                kind = OutlineResiduals if branches is None else CreepingResiduals
+                devices.append(kind(model, shapes, device=device.name if len(self.devices) > 1 else ""))
+            extra = self._tests(choice, error, branches)
             trial = try_outlines(devices, bench, extra, self.changes(choice), self.options.loss, rows)
             trials[choice.name], rows = trial, trial.rows
         notes += [pair.sentence for pair in contradictions(self.curves, self.options.gauge_error)]
         robust = ", outliers counted by their size" if self.options.robust else ""
         free = ", ".join(self.options.free) or "nothing"
+        law = "the law" if branches is None else "the law and its memory"
         tests = f"; curves with {self.options.gauge_words.removeprefix(', ')}" if self.curves else ""
-        how = f"outlines and readings, weighted by their stated errors{robust}; free besides the law: {free}{tests}"
+        how = f"outlines and readings, weighted by their stated errors{robust}; free besides {law}: {free}{tests}"
         report = self._report(trials, notes, how)
         # Solve again on all ranks if a profile was evaluated last.
         states = {
@@ -484,6 +500,31 @@ class _Task:
             for law in report.laws
         }
         return dataclasses.replace(report, photographs=states)
+
+    def _spectrum(self, holds: Sequence[float]) -> Spectrum | None:
+        """Return the branches to fit to photographs with these hold times in s; None without a memory."""
+        if not self.options.memory:
+            return None
+        try:
+            return spectrum(self.curves, holds)
+        except TensileError:
+            shown = ", ".join(f"{hold:g} s" for hold in sorted(set(holds))) or "none"
+            raise OutlineFitError(
+                f"photographs show a memory only at two hold times or more, one at least {SEVERAL_HOLDS:g} times the other; "
+                f"here there are {shown} (columns hold and rise of the list of photographs)"
+            ) from None
+
+    def _tests(self, choice: LawChoice, error: StressError, branches: Spectrum | None) -> Extra:
+        """Return the curves as further data, with factors on their stress."""
+        if branches is None:
+            sources: Sequence[TensileResiduals]
+            sources, extra = residuals_of(self.curves, choice, error, self.options.gauge_error)
+        else:
+            stresses = branch_stresses(self.curves, branches)
+            sources, extra = memory_residuals(
+                self.curves, stresses, choice, error, self.options.gauge_error, branches, level=False
+            )
+        return dataclasses.replace(extra, sources=sources)
 
     def with_heights(self, heights: Sequence[Height], comm: MPI.Comm) -> FitReport:
         trials: dict[str, LawTrial[HeightResiduals]] = {}
@@ -523,12 +564,16 @@ class _Task:
         strain = 2 * stretch**2 + stretch**-4 - 3  # assuming equibiaxial tension, the upper bound for this stretch
         low, high = stretches_of(self.curves) or (1.0, stretch)
         over = (min(low, 1.0), max(high, stretch))
-        material = dataclasses.replace(first.material(fit.values), fitted_stretch=over)
+        material = dataclasses.replace(choice.material(fit.values), poisson=fit.values["poisson"], fitted_stretch=over)
+        if first.spectrum is not None:
+            material = remembering(material, first.spectrum, fit.values)
         judgement = hold_against(material, stretch_of(strain), self.known, trial.judgement)
         law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement, self._misfits(trial, fit))
-        if not (law.sound and self.options.profiles):
+        wanted = [p.name for p in fit.free if p.name in first.common and self.options.profiles]
+        if first.spectrum is not None:  # many states in time: only where the covariance gives no interval
+            wanted = [name for name in first.spectrum.names if fit.at_bounds.get(name) == 0.0]
+        if not law.sound:
             return law
-        wanted = [p.name for p in fit.free if p.name in (*choice.names, "poisson")]
         return dataclasses.replace(law, profiles={name: profile(fit, name, PROFILE_POINTS) for name in wanted})
 
     def _misfits[Source: (OutlineResiduals, HeightResiduals)](
@@ -544,6 +589,20 @@ class _Task:
             DeviceMisfit(source.device or self.devices[0].name, float((part**2).sum()), len(part))
             for source, part in zip(sources, parts, strict=False)
         )
+
+
+def hold_notes(holds: Sequence[float]) -> list[str]:
+    """Return for which times a law without a memory holds, by the hold times in s of its photographs."""
+    if not holds:
+        return []
+    low, high = min(holds), max(holds)
+    if high < SEVERAL_HOLDS * max(low, 1e-300):
+        times = f"{low:.3g} s" if high <= 1.01 * low else f"{low:.3g} to {high:.3g} s"
+        return [f"the photographs were taken after holds of {times}: the law is that of such times"]
+    return [
+        f"the holds before the photographs differ, from {low:.3g} to {high:.3g} s, and a law without a memory mixes them: "
+        "--memory fits how the silicone creeps"
+    ]
 
 
 def _largest_stretch(source: OutlineResiduals | HeightResiduals, fit: LeastSquaresFit) -> float:

@@ -161,15 +161,15 @@ class OutlineResiduals:
         self.model.set_parameters(self.own(values))
         names = [name for name in self.model.names if self.named(name) not in self.fixed]
         first = 0
-        for number, fitting in enumerate(matches):
+        for place, fitting in enumerate(matches):
             rows = slice(first, first + len(fitting.shape.weight))
-            pressures, nodes = self._slopes(number, fitting.state, names)
+            pressures, nodes = self._slopes(place, fitting.state, names)
             for name, rate in nodes.items():
                 J[rows, column[name]] = fitting.moved(rate)
             for name, (on_points, _) in fitting.bench().items():
                 J[rows, column[name]] = on_points
-            if number in self.read:
-                reading = self.count - len(self.read) + self.read.index(number)
+            if place in self.read:
+                reading = self.count - len(self.read) + self.read.index(place)
                 for name, slope in pressures.items():
                     J[reading, column[name]] = slope / fitting.shape.pressure_error
                 for name, (_, on_reading) in fitting.bench().items():

@@ -296,7 +296,11 @@ def _check_pressures(outlines: Sequence[Outline]) -> None:
             )
     for one, two in itertools.pairwise(outlines):
         same = two.pressure - one.pressure <= CLOSE * abs(two.pressure)
-        if same and one.history == two.history and abs(two.height - one.height) <= ALIKE * max(abs(two.height), abs(one.height), FLOOR):
+        if (
+            same
+            and one.history == two.history
+            and abs(two.height - one.height) <= ALIKE * max(abs(two.height), abs(one.height), FLOOR)
+        ):
             raise OutlineFitError(
                 f"{one.source} and {two.source} have the same pressure, {two.pressure:.5g} Pa, and the same height: the "
                 "measurement would count twice, so give only one of them"
