@@ -99,17 +99,17 @@ def draw_creep(matches: Sequence[MatchedPhotograph], law: str) -> Figure:
     """Plot the heights of photographs with times over their hold times, a colour per level of the pressure."""
     figure = Figure((0.75 * WIDTH, 0.5 * WIDTH), dpi=DPI, layout="constrained")
     axes = figure.subplots()
-    levels: dict[tuple[float, ...], list[MatchedPhotograph]] = {}
+    levels: dict[tuple[object, ...], list[MatchedPhotograph]] = {}
     for one in matches:
-        history = one.shape.history
-        levels.setdefault(tuple(time for time, _ in history[: reached(history) + 1]), []).append(one)
+        history, device = one.shape.history, one.shape.source.rpartition("/")[0]
+        levels.setdefault((device, *history[: reached(history) + 1]), []).append(one)
     for part, colour in zip(levels.values(), _colours(len(levels)), strict=True):
         part = sorted(part, key=lambda one: one.shape.hold)
         holds = [one.shape.hold for one in part]
-        measured = [1e3 * float(one.points[:, 1].max()) for one in part]
+        measured = [1e3 * (one.shape.height - one.values["zero"]) / one.factor for one in part]
         computed = [1e3 * float(one.shadow.curve.nodes[:, :, 1].max()) for one in part]
-        axes.plot(holds, measured, "o", mfc="none", mec=INK, ms=5)
-        axes.plot(holds, computed, "-", color=colour, lw=1.4, label=f"{part[0].shape.pressure / 1e3:.3g} kPa")
+        axes.plot(holds, measured, "o", mfc="none", mec=INK, ms=6)
+        axes.plot(holds, computed, ".-", color=colour, lw=1.4, label=f"{part[0].shape.pressure / 1e3:.3g} kPa")
     axes.set_xscale("log")
     axes.set_xlabel("time held (s)")
     axes.set_ylabel("height (mm)")
