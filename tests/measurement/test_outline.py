@@ -118,3 +118,17 @@ def test_files_without_that_column_were_measured_everywhere(tmp_path):
     text = (tmp_path / "a.csv").read_text().replace(",bridged", "").replace("2e-06,0", "2e-06")
     (tmp_path / "a.csv").write_text(text)
     assert not Outline.from_csv(tmp_path / "a.csv").bridged.any()
+
+
+def test_the_history_of_the_pressure_stays_in_the_file(tmp_path):
+    history = ((0.0, 0.0), (2.0, 1e3 / 3.0), (12.0, 1e3 / 3.0))
+    before = made(history=history)
+    before.to_csv(tmp_path / "a.csv")
+    assert Outline.from_csv(tmp_path / "a.csv").history == history
+    assert Outline.from_csv(tmp_path / "a.csv").pressure == before.pressure
+    text = (tmp_path / "a.csv").read_text().replace("; 2.0 ", "; 2.0; ")
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(OutlineError, match="is not pairs of time and pressure"):
+        Outline.from_csv(tmp_path / "a.csv")
+    with pytest.raises(OutlineError, match="run backwards"):
+        made(history=((0.0, 0.0), (2.0, 1e3), (1.0, 1e3)))

@@ -159,3 +159,33 @@ def test_bad_options_are_bad_input(tmp_path, words, reason):
     done = CliRunner().invoke(main, ["photos", str(tmp_path / "photos.csv"), *words])
     assert done.exit_code == 2
     assert reason in done.stderr
+
+
+TIMED = "file,pressure,hold,rise\nrest.jpg,0,,\na.jpg,1 kPa,10 s,2 s\nb.jpg,1 kPa,2 min,\nc.jpg,2 kPa,10 s,4 s\n"
+
+
+def test_times_become_the_history_of_the_pressure(tmp_path):
+    photos = listed(tmp_path, TIMED)
+    first = ((0.0, 0.0), (2.0, 1000.0), (12.0, 1000.0))
+    assert [photo.history for photo in photos[:3]] == [((0.0, 0.0),), first, (*first, (122.0, 1000.0))]
+    assert photos[3].history[4:] == ((126.0, 2000.0), (136.0, 2000.0))
+    assert all(photo.history == () for photo in listed(tmp_path, "file,pressure\na.jpg,1 kPa\n"))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("file,pressure,hold\na.jpg,1 kPa,10 s\n", "has a column 'hold' but none 'rise'"),
+        ("file,pressure,rise\na.jpg,1 kPa,10 s\n", "has a column 'rise' but none 'hold'"),
+        ("file,pressure,hold,rise\na.jpg,1 kPa,10 s,2 s\nb.jpg,2 kPa,,2 s\n", "line 3: the row has no time of hold"),
+        ("file,pressure,hold,rise\na.jpg,1 kPa,10 s,\n", "line 2: the row has no time of rise"),
+        ("file,pressure,hold,rise\na.jpg,1 kPa,-10 s,2 s\n", "a hold of -10 s is negative"),
+        ("file,pressure,hold,rise\na.jpg,1 kPa,10 s,-2 s\n", "a rise of -2 s is negative"),
+        ("file,pressure,hold,rise\na.jpg,1 kPa,10,2 s\n", "hold: '10' has no unit"),
+        ("file,pressure,hold,rise\na.jpg,1 kPa,10 s,2 s\nb.jpg,1 kPa,5 s,\n", "line 3: a hold of 5 s is not longer"),
+    ],
+)  # fmt: skip
+def test_times_that_cannot_be_meant(text, said, tmp_path):
+    with pytest.raises(PhotoListError, match=r"photos\.csv") as told:
+        listed(tmp_path, text)
+    assert said in str(told.value)

@@ -10,9 +10,14 @@ import numpy as np
 
 from measurement.outline.outline import Outline
 from softmodels.common.arrays import Array
+from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.outlines.device import DeviceModel
-from softmodels.fitting.outlines.silhouette import shadow_of
+from softmodels.fitting.outlines.silhouette import Silhouette, shadow_of
 from softmodels.fitting.outlines.simulated import half_outline, readings_of
+from softmodels.mechanics.solver import Solver
+from softmodels.path.program import from_tables
+from softmodels.path.schedule import Settings, follow
+from softmodels.runs.grid import QuadraticCurve
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,22 +64,88 @@ def simulated_outlines(
     model.set_parameters(values)
     pressures = np.array([model.pressure(state) for state in states])
     readings = readings_of(pressures, camera.bench)
-    scale, zero, centre = (camera.bench.get(name, 0.0) for name in ("scale", "zero", "centre"))
     outlines = []
     for number, (state, reading) in enumerate(zip(states, readings, strict=True), 1):
-        places, normals = half_outline(shadow_of(model.curve(state)).curve, camera.spacing)
-        places, normals = (np.vstack([half[:0:-1] * [-1.0, 1.0], half]) for half in (places, normals))
+        made = photographed(model.curve(state), float(reading), camera, f"simulated {number}", rng)
         if rng is not None:
-            noise = camera.error * correlated(len(places), camera.run, rng)
-            places = places + noise[:, None] * normals
-            reading += camera.pressure_error * float(rng.standard_normal())
-        x, z = (1 + scale) * places[:, 0] + centre, (1 + scale) * places[:, 1] + zero
-        order = np.argsort(x, kind="stable")
-        error = np.full(len(x), camera.error)
-        outlines.append(
-            Outline(x[order], z[order], error, float(reading), camera.pressure_error, f"simulated {number}")
-        )
+            made = dataclasses.replace(made, pressure=read(float(reading), camera, rng))
+        outlines.append(made)
     return outlines
+
+
+def read(pressure: float, camera: SimulatedCamera, rng: np.random.Generator) -> float:
+    """Return the reading of a column that stands at a pressure in Pa."""
+    return pressure + camera.pressure_error * float(rng.standard_normal())
+
+
+def photographed(
+    curve: QuadraticCurve, reading: float, camera: SimulatedCamera, source: str, rng: np.random.Generator | None
+) -> Outline:
+    """Return the outline of a device with an outer curve in m, at a reading in Pa; without noise if there is no ``rng``."""
+    scale, zero, centre = (camera.bench.get(name, 0.0) for name in ("scale", "zero", "centre"))
+    places, normals = half_outline(shadow_of(curve).curve, camera.spacing)
+    places, normals = (np.vstack([half[:0:-1] * [-1.0, 1.0], half]) for half in (places, normals))
+    if rng is not None:
+        noise = camera.error * correlated(len(places), camera.run, rng)
+        places = places + noise[:, None] * normals
+    x, z = (1 + scale) * places[:, 0] + centre, (1 + scale) * places[:, 1] + zero
+    order = np.argsort(x, kind="stable")
+    return Outline(x[order], z[order], np.full(len(x), camera.error), reading, camera.pressure_error, source)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Creeping:
+    """A device that creeps, photographed at times: each level is reached from the one before and held.
+
+    Attributes:
+        levels: True pressures in Pa.
+        rise: Time in s that the change to each takes.
+        holds: Hold times in s of the photographs of each level.
+        curves: The device's outer curves, level by level.
+    """
+
+    levels: tuple[float, ...]
+    rise: float
+    holds: tuple[float, ...]
+    curves: tuple[QuadraticCurve, ...]
+
+    @classmethod
+    def simulated(
+        cls, solver: Solver, levels: Sequence[float], rise: float, holds: Sequence[float], tolerance: float = 2e-6
+    ) -> Creeping:
+        """Return the device, followed as a program with steps chosen by their error, see `march`."""
+        corners, looks = _corners(levels, rise, holds)
+        times, pressures = np.array(corners).T
+        tables = {"cavity1": {"pressure_cm": (pressures[1:] / pascal_per_cm()).tolist()}, "time_s": times[1:].tolist()}
+        silhouette, curves = Silhouette(solver.system), []
+        for come, point in follow(solver, from_tables(tables), Settings(pascal_per_cm(), tolerance=tolerance)):
+            if point.requested and round(come) in looks:
+                curves.append(silhouette.curve(point.state))
+        return cls(tuple(levels), rise, tuple(holds), tuple(curves))
+
+    def outlines(self, camera: SimulatedCamera, rng: np.random.Generator | None = None) -> list[Outline]:
+        """Return the outlines with their histories of readings; each level is read once."""
+        readings = readings_of(np.array(self.levels), camera.bench).tolist()
+        if rng is not None:
+            readings = [read(one, camera, rng) for one in readings]
+        corners, looks = _corners(readings, self.rise, self.holds)
+        found = []
+        for number, (at, curve) in enumerate(zip(looks, self.curves, strict=True), 1):
+            made = photographed(curve, corners[at][1], camera, f"simulated {number}", rng)
+            found.append(dataclasses.replace(made, history=tuple(corners[: at + 1])))
+        return found
+
+
+def _corners(
+    levels: Sequence[float], rise: float, holds: Sequence[float]
+) -> tuple[list[tuple[float, float]], list[int]]:
+    """Return the corners of the pressure's history, and which of them are photographs."""
+    corners, looks = [(0.0, 0.0)], []
+    for level in levels:
+        reached = corners[-1][0] + rise
+        corners += [(reached, level), *((reached + hold, level) for hold in holds)]
+        looks += range(len(corners) - len(holds), len(corners))
+    return corners, looks
 
 
 def correlated(count: int, run: float, rng: np.random.Generator) -> Array:

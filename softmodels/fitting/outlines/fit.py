@@ -505,6 +505,11 @@ class _Task:
         """Return the branches to fit to photographs with these hold times in s; None without a memory."""
         if not self.options.memory:
             return None
+        for name in self.options.free:
+            if any(name.rpartition(".")[2] in device.actuator.variable for device in self.devices):
+                raise OutlineFitError(
+                    f"{name} cannot be fitted together with a memory; measure it, or fit without --memory"
+                )
         try:
             return spectrum(self.curves, holds)
         except TensileError:
