@@ -221,7 +221,7 @@ def read_photos(path: Path, column: Column | None = None) -> list[Photograph]:
             row = _row(header, _words(line, separator))
             photo = _photograph(path.parent, row, column)
             if clock is not None:
-                photo = dataclasses.replace(photo, history=clock.moved(photo.pressure, row["hold"], row["rise"]))
+                photo = dataclasses.replace(photo, history=clock.moved(photo, row["hold"], row["rise"]))
         except (ColumnError, PhotoListError) as error:
             raise PhotoListError(f"{path}, line {number}: {error}") from None
         same = known.setdefault(os.path.realpath(photo.file), photo.file.name)
@@ -336,14 +336,14 @@ class _Clock:
         self.corners: list[tuple[float, float]] = [(0.0, 0.0)]
         self.reached, self.hold = 0.0, 0.0
 
-    def moved(self, pressure: float, hold: str, rise: str) -> History:
-        """Return the history up to the photograph of the next row.
+    def moved(self, photo: Photograph, hold: str, rise: str) -> History:
+        """Return the history up to the photograph of the next row; one at zero pressure before any rise is at rest.
 
         Raises:
             PhotoListError: A time is missing, negative, or not after that of the row before.
         """
-        time, before = self.corners[-1]
-        if len(self.corners) == 1 and pressure == before:  # still at rest
+        (time, before), pressure = self.corners[-1], photo.pressure
+        if len(self.corners) == 1 and photo.is_zero:
             return tuple(self.corners)
         new = pressure != before
         if not hold or (new and not rise):

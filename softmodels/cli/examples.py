@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
@@ -27,6 +28,7 @@ from softmodels.common.commands import FolderType, open_folder, open_place, stat
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.processes import say
 from softmodels.common.units import pascal_per_cm
+from softmodels.fitting.curves.memory import spectrum
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.simulated import half_outline, readings_of
 from softmodels.fitting.problem import LawChoice
@@ -112,23 +114,38 @@ def take_photographs(
     halves: Sequence[Array],
     scene: Scene,
     tell: Callable[[str], None] = lambda text: None,
+    times: Sequence[str] = (),
+    first: int = 100,
 ) -> None:
     """Write the grid's photograph, one at rest, one per pressure, and ``photos.csv`` with the column's levels.
 
-    Levels are read to a millimetre with the error the measurement takes them to have; the leak makes them too high.
+    Levels are read to a millimetre with the error the measurement takes them to have; the leak makes them too high. One that
+    stays the same is read once.
+
+    Args:
+        folder: Where to.
+        truth: The device and its pressures.
+        halves: Right half of its outline at each, in m.
+        scene: The bench.
+        tell: Gets a sentence now and then.
+        times: Of each, the columns hold and rise.
+        first: Number of the grid's photograph, which the others follow.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(2013)
-    save(folder / "IMG_0100.JPG", photograph(scene, None, seed=100)[0])
+    save(folder / f"IMG_{first:04d}.JPG", photograph(scene, None, seed=first)[0])
     rest = np.array([[0.0, 0.0], [truth.actuator.outer_radius, 0.0]])
     readings = [0.0, *readings_of(np.array(truth.pressures), {"leak": LEAK})]
-    rows = ["file,left,right"]
-    for number, (half, reading) in enumerate(zip([rest, *halves], readings, strict=True), 101):
-        tell(f"photograph {number - 100} of {len(readings)}")
+    rows, before, levels = ["file,left,right" + (",hold,rise" if times else "")], math.nan, ""
+    columns = ["", *times] if times else [""] * len(readings)
+    for number, (half, reading, column) in enumerate(zip([rest, *halves], readings, columns, strict=True), first + 1):
+        tell(f"photograph {number - first} of {len(readings)}")
         save(folder / f"IMG_{number:04d}.JPG", photograph(scene, polygon(half), seed=number)[0])
         half_column = reading / pascal_per_cm() / 2.0
-        left, right = (100.0 + sign * half_column + 0.05 * rng.standard_normal() for sign in (1.0, -1.0))
-        rows.append(f"IMG_{number:04d}.JPG,{left:.2f} cm,{right:.2f} cm")
+        if reading != before:
+            left, right = (100.0 + sign * half_column + 0.05 * rng.standard_normal() for sign in (1.0, -1.0))
+            before, levels = reading, f"{left:.2f} cm,{right:.2f} cm"
+        rows.append(f"IMG_{number:04d}.JPG,{levels}{column or (',,' if times else '')}")
     (folder / "photos.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
@@ -232,12 +249,18 @@ CYCLES = ((0, 1), (10, 2), (20, 1), (30, 2), (40, 1), (60, 3), (80, 1), (100, 3)
 HOLD = ((0, 1), (1, 2), (300, 2))
 FAST = ((0, 1), (3, 2.5), (6, 1))
 """Corners of three tests: times in s and stretches."""
+HELD = {"share_10s": 0.15, "share_100s": 0.1}
+"""Branches of the disk whose pressures are held."""
+LEVELS, RISE, HOLDS = (80.0, 170.0), 3.0, (5.0, 60.0, 600.0)
+"""These pressures in cm of the column; time in s that each takes to reach, and when it is photographed."""
 
 README = """Made by `softmodels examples` from fixed seeds: nothing here was measured.
 
 boards/*.jpg       a chessboard of 10 x 7 squares of 25 mm (9 x 6 inner corners), through the bench's lens
 photographs/       grid.jpg: only the screen's grid of 9 mm; 4 to 13: a disk at rest and at nine pressures; photos.csv: the
                    levels of the water column's two tubes, which loses 1 % of its largest pressure by a leak
+held/              the same disk of a silicone that creeps: at rest, and two pressures, each photographed after 5 s, 1 min and
+                   10 min (columns hold and rise of photos.csv)
 disk.toml          the disk of the photographs, silicone unknown
 pull.csv           a tensile test of its silicone
 cycles.csv         two cycles each to stretch 2 and 3 of a silicone with a memory; hold.csv: it is pulled and held for 5 min;
@@ -399,7 +422,8 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
     folder.add("cycles.csv", lambda file: file.write_text(memory_curve(CYCLES, 31), encoding="utf-8"))
     folder.add("hold.csv", lambda file: file.write_text(memory_curve(HOLD, 32), encoding="utf-8"))
     folder.add("fast.csv", lambda file: file.write_text(memory_curve(FAST, 33), encoding="utf-8"))
-    truth = f"{told_truth()}, a leak of 1 %\ncycles.csv, hold.csv, fast.csv: {told_memory()}\n"
+    branches = ", ".join(f"{name} = {value:g}" for name, value in HELD.items())
+    truth = f"{told_truth()}, a leak of 1 %; held: {branches} too\ncycles.csv, hold.csv, fast.csv: {told_memory()}\n"
     folder.add("truth.txt", lambda file: file.write_text(truth, encoding="utf-8"))
     from geometries.meshing import apart
 
@@ -410,6 +434,7 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
         folder.add(f"boards/board{number:02d}.jpg",
                    lambda file, scene=scene, n=number: save(file, chessboard(scene, side=SIDE, seed=n)))  # type: ignore[misc]  # fmt: skip
     folder.add("photographs", lambda file: photographs(file, tell))
+    folder.add("held", lambda file: held(file, tell))
     return folder
 
 
@@ -423,12 +448,38 @@ def photographs(folder: Path, tell: Callable[[str], None]) -> None:
     (folder / "IMG_0100.JPG").rename(folder / "grid.jpg")
 
 
+def held(folder: Path, tell: Callable[[str], None]) -> None:
+    """Make photographs of the disk while pressures are held and its silicone creeps, with their times."""
+    from softmodels.fitting.outlines.creeping import Creep, Timetable
+    from softmodels.fitting.outlines.device import MeasuredDevice
+    from softmodels.mechanics.mpi import start
+
+    tell("simulating the disk whose pressures are held")
+    choice = LawChoice.from_text(TRUTH.law, TRUTH.poisson)
+    model = MeasuredDevice.of(TRUTH.actuator).model(choice, start(), spectrum([], HOLDS))
+    corners, histories = [(0.0, 0.0)], []
+    for level in LEVELS:
+        reached, pressure = corners[-1][0] + RISE, level * pascal_per_cm()
+        corners.append((reached, pressure))
+        for hold in HOLDS:
+            corners.append((reached + hold, pressure))
+            histories.append(tuple(corners))
+    timetable = Timetable.of(histories)
+    values = TRUTH.values | HELD | {name: histories[i][-1][1] for name, i in timetable.levels.items()}
+    states = Creep(model, timetable).photographs(values, ())
+    halves = [half_outline(model.curve(states[i][0]), 2e-5, 0.0)[0] for i in range(len(histories))]
+    truth = dataclasses.replace(TRUTH, pressures=tuple(one[-1][1] for one in histories))
+    times = [f",{hold:g} s,{RISE:g} s" for _ in LEVELS for hold in HOLDS]
+    take_photographs(folder, truth, halves, bench(), tell, times, 200)
+    (folder / "IMG_0200.JPG").unlink()
+
+
 @click.command("examples")
 @click.option("-o", "--output", default=Path("examples"), show_default=True, type=click.Path(path_type=Path))
 def examples(output: Path) -> None:
     """Write small files to try every command with: photographs, boards, a tensile curve, a STEP part, cases.
 
-    Takes about a minute. Existing files are kept.
+    Takes about two minutes. Existing files are kept.
     Exit status: 0 written, 1 failed, 2 the folder cannot be written.
     """
     from softmodels.cli.options import fail
