@@ -8,12 +8,16 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
+from measurement.synthetic.photographer import chessboard, photograph, save
 from softmodels.case.materials import material_from
 from softmodels.cli import examples
+from softmodels.cli.demo import TRUTH
+from softmodels.cli.example_cases import CASES
 
 PAGE = Path(__file__).parents[2] / "docs" / "pages" / "howto" / "fit-memory.md"
 
@@ -25,12 +29,23 @@ def done(tmp_path_factory):
     (folder / "examples").mkdir()
     for seed, name in enumerate(("cycles", "hold", "fast"), 31):
         (folder / "examples" / f"{name}.csv").write_text(examples.memory_curve(getattr(examples, name.upper()), seed))
+    (folder / "examples" / "disk.toml").write_text(CASES["disk.toml"])
+    for number, scene in enumerate(examples.board_scenes(), 1):
+        board = folder / "examples" / "boards" / f"board{number:02d}.jpg"
+        board.parent.mkdir(exist_ok=True)
+        save(board, chessboard(scene, side=examples.SIDE, seed=number))
+    (folder / "examples" / "photographs").mkdir()
+    save(folder / "examples" / "photographs" / "grid.jpg", photograph(examples.bench(), None, seed=100)[0])
+    examples.held(folder / "examples" / "held", lambda text: None)
     blocks = re.findall(r"^```sh\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
     lines = dict.fromkeys(line for block in blocks for line in block.splitlines())
     for line in lines:
         words = shlex.split(line)
         assert words[:2] == ["uv", "run"]
         if words[2:] != ["softmodels", "examples"]:
+            words = [
+                name for word in words for name in (sorted(map(str, folder.glob(word))) if "*" in word else [word])
+            ]
             command = [sys.executable, *(words[3:] if words[2] == "python" else ["-m", *words[2:]])]
             ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
             assert ended.returncode == 0, ended.stderr
@@ -43,6 +58,17 @@ def test_the_fit_finds_the_silicone_of_the_examples(done):
     assert [branch.share for branch in memory.branches] == pytest.approx([s for s, _ in examples.BRANCHES], abs=5e-3)
     soft = memory.softening
     assert (soft.r, soft.m, soft.beta) == pytest.approx(examples.SOFTENED, rel=0.05)
+
+
+def test_photographs_show_how_the_disk_creeps(done):
+    memory = material_from(str(done / "results" / "held" / "fitted.toml"), {}).memory
+    assert [branch.time for branch in memory.branches] == [10.0, 100.0]
+    assert [branch.share for branch in memory.branches] == pytest.approx(list(examples.HELD.values()), abs=2e-3)
+    fitted = tomllib.loads((done / "results" / "held" / "fitted.toml").read_text())["fit"]
+    for name, value in (TRUTH.values | examples.HELD).items():
+        low, high = fitted["intervals_95"].get(name, (value, value))
+        assert low <= value <= high, name
+    assert (done / "results" / "held" / "creep-yeoh.png").stat().st_size > 10_000
 
 
 def test_the_second_loop_of_the_device_is_smaller(done):
