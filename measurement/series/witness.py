@@ -265,7 +265,7 @@ class Run:
         return np.abs(self.pressures) <= 2.0 * self.pressure_errors
 
     @property
-    def later_in_hold(self) -> Flags:
+    def later_in_hold(self) -> Mask:
         """Photographs that are not the first of their hold: the silicone has crept since, at the same pressure."""
         began = [outline.history[: reached(outline.history) + 1] for outline in self.outlines.values()]
         return np.array([bool(one) and one in began[:k] for k, one in enumerate(began)], dtype=bool)

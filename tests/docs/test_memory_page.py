@@ -13,11 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from measurement.synthetic.photographer import chessboard, photograph, save
+from measurement.photographer import chessboard, photograph, save
 from softmodels.case.materials import material_from
 from softmodels.cli import examples
-from softmodels.cli.demo import TRUTH
-from softmodels.cli.example_cases import CASES
 
 PAGE = Path(__file__).parents[2] / "docs" / "pages" / "howto" / "fit-memory.md"
 
@@ -29,7 +27,7 @@ def done(tmp_path_factory):
     (folder / "examples").mkdir()
     for seed, name in enumerate(("cycles", "hold", "fast"), 31):
         (folder / "examples" / f"{name}.csv").write_text(examples.memory_curve(getattr(examples, name.upper()), seed))
-    (folder / "examples" / "disk.toml").write_text(CASES["disk.toml"])
+    (folder / "examples" / "disk.toml").write_text(examples.CASES["disk.toml"])
     for number, scene in enumerate(examples.board_scenes(), 1):
         board = folder / "examples" / "boards" / f"board{number:02d}.jpg"
         board.parent.mkdir(exist_ok=True)
@@ -65,7 +63,7 @@ def test_photographs_show_how_the_disk_creeps(done):
     assert [branch.time for branch in memory.branches] == [10.0, 100.0]
     assert [branch.share for branch in memory.branches] == pytest.approx(list(examples.HELD.values()), abs=2e-3)
     fitted = tomllib.loads((done / "results" / "held" / "fitted.toml").read_text())["fit"]
-    for name, value in (TRUTH.values | examples.HELD).items():
+    for name, value in (examples.TRUTH.values | examples.HELD).items():
         low, high = fitted["intervals_95"].get(name, (value, value))
         assert low <= value <= high, name
     assert (done / "results" / "held" / "creep-yeoh.png").stat().st_size > 10_000

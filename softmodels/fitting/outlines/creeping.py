@@ -160,13 +160,13 @@ class Creep:
         """
         self._steps = self._steps or [self._chosen(test, values) for test in self.timetable.tests]
         self.model.set_parameters(values)
-        before = self._walks or [None] * len(self._steps)
+        before: Sequence[_Walk | None] = self._walks or [None] * len(self._steps)
         walks = [
             self._walked(test, steps, values, names, base)
             for test, steps, base in zip(self.timetable.tests, self._steps, before, strict=True)
         ]
         self._walks = walks
-        found = {}
+        found: dict[int, tuple[State, dict[str, Rate]]] = {}
         for test, steps, walk in zip(self.timetable.tests, self._steps, walks, strict=True):
             for (leg, share), state, rates in zip(steps, walk.states, walk.rates, strict=True):
                 if share == 1.0:

@@ -333,13 +333,18 @@ class DeviceModel:
         self._asked: _Solved | None = None
         self._base: _Solved | None = None
 
-    def material(self, values: Mapping[str, float]) -> Material:
-        """Return the material of parameter values; Poisson's ratio is the law's unless given."""
+    def law(self, values: Mapping[str, float]) -> Material:
+        """Return the material of parameter values at equilibrium; Poisson's ratio is the law's unless given."""
         poisson = values.get("poisson", self.choice.poisson)
-        material = dataclasses.replace(self.choice, poisson=poisson).material(values)
+        return dataclasses.replace(self.choice, poisson=poisson).material(values)
+
+    def material(self, values: Mapping[str, float]) -> Material:
+        """Return the material of parameter values, with its branches; missing weights are 0."""
         if self.spectrum is None:
-            return material
-        return remembering(material, self.spectrum, dict.fromkeys(self.spectrum.names, 0.0) | dict(values), -math.inf)
+            return self.law(values)
+        return remembering(
+            self.law(values), self.spectrum, dict.fromkeys(self.spectrum.names, 0.0) | dict(values), -math.inf
+        )
 
     @property
     def loaded(self) -> bool:

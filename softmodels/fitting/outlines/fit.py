@@ -569,7 +569,7 @@ class _Task:
         strain = 2 * stretch**2 + stretch**-4 - 3  # assuming equibiaxial tension, the upper bound for this stretch
         low, high = stretches_of(self.curves) or (1.0, stretch)
         over = (min(low, 1.0), max(high, stretch))
-        material = dataclasses.replace(choice.material(fit.values), poisson=fit.values["poisson"], fitted_stretch=over)
+        material = dataclasses.replace(first.law(fit.values), fitted_stretch=over)
         if first.spectrum is not None:
             material = remembering(material, first.spectrum, fit.values)
         judgement = hold_against(material, stretch_of(strain), self.known, trial.judgement)
