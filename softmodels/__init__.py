@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from softmodels.design.trials import DesignError as DesignError
     from softmodels.fitting.curves.curve import TensileCurve as TensileCurve, TensileError as TensileError
     from softmodels.fitting.curves.fit import fit_curves as fit_curves
+    from softmodels.fitting.leak import Leak as Leak, fit_leak as fit_leak
     from softmodels.fitting.outlines.fit import fit as fit, fit_heights as fit_heights
     from softmodels.fitting.problem import FitError as FitError, FitOptions as FitOptions
     from softmodels.fitting.scoring import Score as Score, score as score
@@ -129,6 +130,7 @@ _PLACES = {
     "softmodels.fitting.outlines.fit": ("fit", "fit_heights"),
     "softmodels.fitting.curves.curve": ("TensileCurve", "TensileError"),
     "softmodels.fitting.curves.fit": ("fit_curves",),
+    "softmodels.fitting.leak": ("Leak", "fit_leak"),
     "softmodels.fitting.scoring": ("score", "Score"),
     "softmodels.runs.analyses": ("Limit", "NaturalFrequencies"),
     "softmodels.runs.model": ("Model", "Equilibrium", "Mode"),

@@ -1,0 +1,148 @@
+"""Leak of a device whose valve is closed, from pressures that fall: its size with a 95 % interval.
+
+Tubes, fittings and cavity hold an amount of gas X, counted as its volume at ambient pressure. It flows out at the rate s q(P):
+q is a leak of a known kind (`softmodels.path.air_flow`), s its size. With G' = X'(P) / q(P) the pressure at a time t is
+
+    G(P) = G(P0) - s t,        dP/ds = -t / G'(P),        dP/dP0 = G'(P0) / G'(P)
+
+so that neither steps in time nor differences are needed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from softmodels.common.arrays import Array
+from softmodels.common.names import checked
+from softmodels.fitting.curves.memory import settled
+from softmodels.fitting.least_squares import fit_parameters, profile
+from softmodels.fitting.problem import FitError, Parameter
+from softmodels.fitting.result import LeastSquaresFit
+from softmodels.path.air_flow import Reservoir
+from softmodels.path.supply import GASES
+
+SIZE, START = "leak_conductance", "pressure"
+"""Names of the parameters: sonic conductance of the leak in m3/(s Pa), and pressure in Pa at the first reading."""
+GRID = 4001
+"""Number of pressures at which the integral G is known."""
+REACH = (0.2, 1.2)
+"""They go from this share of the lowest reading to this multiple of the highest."""
+
+
+class LeakResiduals:
+    """Residuals of the pressures of a leaking device; see `softmodels.fitting.problem.Residuals`.
+
+    Args:
+        times: In s, rising, shape (n,).
+        pressures: Gauge pressures in Pa, shape (n,).
+        errors: Their standard errors in Pa, shape (n,).
+        supply: Tubes, fittings, gas and kind of leak; its size does not matter.
+        cavity: Pairs of a pressure in Pa and the cavity's volume in m3, rising; one for a constant volume.
+    """
+
+    label, unit, parameters = "pressures", "Pa", (SIZE, START)
+
+    def __init__(self, times: Array, pressures: Array, errors: Array, supply: Reservoir, cavity: Array):
+        from scipy.interpolate import CubicSpline, PchipInterpolator
+
+        self.times, self.pressures, self.errors = times - times[0], pressures, errors
+        P = np.geomspace(REACH[0] * pressures.min(), REACH[1] * pressures.max(), GRID)
+        V, slope = np.full(GRID, cavity[0, 1]), np.zeros(GRID)
+        if len(cavity) > 1:
+            course = PchipInterpolator(*cavity.T)
+            V, slope = course(P), course.derivative()(P)
+        power = 1.0 / GASES[supply.gas]
+        held = (1.0 + P / supply.ambient) ** power * (slope + power / (supply.ambient + P) * (V + supply.dead))  # X'(P)
+        leak = dataclasses.replace(supply, leak_conductance=1.0, leak_length=0.0)
+        flows = np.array([leak.lost(pressure)[0] for pressure in P.tolist()]) / supply.ambient
+        self._log, self._slope = np.log(P), CubicSpline(np.log(P), held / flows * P)  # dG over d log P
+        self._integral = self._slope.antiderivative()(self._log)
+
+    def fallen(self, pressure: float) -> float:
+        """Return G at a pressure in Pa."""
+        return float(np.interp(np.log(pressure), self._log, self._integral))
+
+    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
+        """See `softmodels.fitting.problem.Residuals`; pressures far below the readings stay at the lowest known one."""
+        start = values[START]
+        logs = np.interp(self.fallen(start) - values[SIZE] * self.times, self._integral, self._log)
+        P, labels = np.exp(logs), [self.label] * len(logs)
+        if not derivatives:
+            return (P - self.pressures) / self.errors, None, labels
+        slopes = self._slope(logs) / P
+        J = np.column_stack([-self.times / slopes, self._slope(np.log(start)) / start / slopes])
+        return (P - self.pressures) / self.errors, J / self.errors[:, None], labels
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Leak:
+    """A fitted leak.
+
+    Attributes:
+        conductance: Sonic conductance in m3/(s Pa), the ``leak_conductance`` of `Reservoir`.
+        interval: Its 95 % interval, from a profile likelihood; from 0 where the readings show no leak.
+        flow: What leaks at the first reading, in m3/s at ambient pressure, with its 95 % interval.
+        fit: The fit.
+    """
+
+    conductance: float
+    interval: tuple[float, float]
+    flow: tuple[float, float, float]
+    fit: LeastSquaresFit
+
+
+@checked
+def fit_leak(
+    times: Sequence[float] | Array,
+    pressures: Sequence[float] | Array,
+    cavity: float | Sequence[tuple[float, float]] | Array,
+    supply: Reservoir,
+    error: float | None = None,
+) -> Leak:
+    """Fit the leak of a device whose valve is closed to pressures that fall.
+
+    Args:
+        times: In s, rising, shape (n,).
+        pressures: Gauge pressures in Pa, shape (n,).
+        cavity: Volume of the cavity in m3, constant; or pairs of a pressure in Pa and a volume in m3, as of a run.
+        supply: Tubes and fittings behind the valve, gas, and the critical ratio of the leak.
+        error: Standard error of a reading in Pa; None for that of the scatter.
+
+    Raises:
+        FitError: Fewer than three readings, times that do not rise, pressures that are not above 0, or no volume.
+    """
+    t, P = (np.asarray(values, dtype=float) for values in (times, pressures))
+    known = np.asarray(cavity, dtype=float)
+    known = known if known.ndim else np.array([[0.0, float(known)]])
+    if t.ndim != 1 or t.shape != P.shape or len(t) < 3:
+        raise FitError("a leak needs three readings or more, each with its time and its pressure")
+    if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
+        raise FitError("the times of a leak must rise from reading to reading")
+    if not (np.isfinite(P).all() and P.min() > 0.0):
+        raise FitError(f"the pressures of a leak must be above 0, but one is {P.min():g} Pa; leave out what follows")
+    if known.ndim != 2 or known.shape[1] != 2 or not (np.diff(known[:, 0]) > 0.0).all() or not known.min() >= 0.0:
+        raise FitError("the cavity of a leak is a volume in m3, or pairs of a rising pressure in Pa and a volume in m3")
+    if len(known) > 1 and not known[0, 0] <= P.min() <= P.max() <= known[-1, 0]:
+        raise FitError(
+            f"the volumes of the cavity go from {known[0, 0]:g} to {known[-1, 0]:g} Pa, the readings from {P.min():g} to "
+            f"{P.max():g} Pa; give volumes over the whole range"
+        )
+    if error is not None and not error > 0.0:
+        raise FitError(f"the error of a reading is {error:g} Pa; it must be above 0, or None for that of the scatter")
+    source = LeakResiduals(t, P, np.full(len(t), error or 1.0), supply, known)
+    fallen = source.fallen(P[0]) - source.fallen(P[-1])
+    least = 1e-3 * (source.fallen(P[0]) - source.fallen(0.99 * P[0]))
+    parameters = [
+        Parameter(SIZE, "m^3/(s*Pa)", max(fallen, least) / (t[-1] - t[0]), 0.0, answers=(0.0,)),
+        Parameter(START, "Pa", float(P[0]), float(0.9 * P.min()), float(1.1 * P.max())),
+    ]
+    fit = settled(fit_parameters([source], parameters, errors="unknown" if error is None else "stated", label="leak"))
+    low, high = profile(fit, SIZE).interval
+    flow = (
+        dataclasses.replace(supply, leak_conductance=1.0, leak_length=0.0).lost(fit.values[START])[0] / supply.ambient
+    )
+    size = fit.values[SIZE]
+    return Leak(size, (low, high), (size * flow, low * flow, high * flow), fit)
