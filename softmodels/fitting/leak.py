@@ -134,7 +134,7 @@ def fit_leak(
         raise FitError(f"the error of a reading is {error:g} Pa; it must be above 0, or None for that of the scatter")
     source = LeakResiduals(t, P, np.full(len(t), error or 1.0), supply, known)
     fallen = source.fallen(P[0]) - source.fallen(P[-1])
-    least = 1e-3 * (source.fallen(P[0]) - source.fallen(0.99 * P[0]))
+    least = source.fallen(P[0]) - source.fallen(0.999 * P[0])
     parameters = [
         Parameter(SIZE, "m^3/(s*Pa)", max(fallen, least) / (t[-1] - t[0]), 0.0, answers=(0.0,)),
         Parameter(START, "Pa", float(P[0]), float(0.9 * P.min()), float(1.1 * P.max())),
