@@ -575,8 +575,8 @@ class _Task:
         judgement = hold_against(material, stretch_of(strain), self.known, trial.judgement)
         law = FittedLaw(choice, fit, material, judge(material, strain), {}, judgement, self._misfits(trial, fit))
         wanted = [p.name for p in fit.free if p.name in first.common and self.options.profiles]
-        if first.spectrum is not None:  # many states in time: only where the covariance gives no interval
-            wanted = [name for name in first.spectrum.names if fit.at_bounds.get(name) == 0.0]
+        if first.spectrum is not None:  # many states in time: only where the covariance's interval is not above 0
+            wanted = [p.name for p in fit.free if p.name in first.spectrum.names and not fit.interval(p.name)[0] > 0.0]
         if not law.sound:
             return law
         return dataclasses.replace(law, profiles={name: profile(fit, name, PROFILE_POINTS) for name in wanted})
