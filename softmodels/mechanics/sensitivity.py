@@ -214,6 +214,26 @@ class InTime:
         self._values = {name: [np.zeros_like(one.values.x.array) for one in histories] for name in names}
         self._before = {name: np.zeros_like(sensitivity.solver.system.w.x.array) for name in names}
 
+    def begin(self, state: State, rates: Mapping[str, Rate]) -> None:
+        """Begin in a state that has lasted: the potential has begun a step there that is long beside the relaxation times.
+
+        Args:
+            state: The state, with which the step ends too.
+            rates: Its derivatives; 0 by other parameters.
+        """
+        known, eq = self.sensitivity, self.sensitivity.solver.system
+        eq.load(state)
+        for name, own in self._own.items():
+            before, histories = self._before[name], zip(known.histories, self._values[name], strict=True)
+            if name in rates:
+                before[:] = rates[name].w[: len(before)]
+            known.turn(own)
+            for one, values in histories:
+                one.begin(before, values)
+                values[:] = one.end(before)
+        for one in known.histories:
+            one.rest()
+
     def step(
         self, state: State, control: Control, rises: Mapping[str, float] = MappingProxyType({})
     ) -> tuple[Tangent, dict[str, Rate]]:

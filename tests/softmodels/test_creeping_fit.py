@@ -15,6 +15,7 @@ from geometries import HollowDisk
 from measurement.outline.outline import Outline, hold_of
 from softmodels.case.case import Case
 from softmodels.cli.fit_command import fit_material
+from softmodels.components.loads import Gravity, Mass
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.memory import branch_stresses, memory_residuals, spectrum
 from softmodels.fitting.curves.residuals import StressError
@@ -65,8 +66,12 @@ def source_of(model, outlines):
     return CreepingResiduals(model, shapes)
 
 
-def test_derivatives_are_exact(model, creeping):
+@pytest.mark.parametrize("loads", [(), (Gravity("-z", density=1070.0), Mass("top", 0.03, name="brass"))])
+def test_derivatives_are_exact(loads, model, creeping, comm):
     """Through all levels and holds, by everything that is fitted: a random direction against central differences."""
+    if loads:
+        device = MeasuredDevice.of(MeasuredDevice(DISK, components=loads))
+        model = device.model(LawChoice.from_text("yeoh"), comm, spectrum([], HOLDS))
     source = source_of(model, creeping.outlines(SimulatedCamera()))
     weights = model.spectrum.parameters({"share_10s": 0.12, "share_100s": 0.08})
     parameters = [
@@ -115,6 +120,27 @@ def test_error_bars_are_honest(model, creeping):
         assert not any(fits_badly(*pair) for pair in misfits(source, found.residuals).values())
     assert np.mean(np.abs(misses) < 1.96) >= 0.85
     assert np.sqrt(np.mean(np.square(misses))) > 0.3
+
+
+def test_a_device_that_hangs_under_its_weight(comm, tmp_path, figure):
+    """It has relaxed under its weight and a brass plate before the test; heights count from where its apex is then."""
+    loads = (Gravity("-z", density=1070.0), Mass("top", 0.03, name="brass"))
+    body = Body.from_file(FINER, FINER.write(tmp_path / "disk.msh"), comm)
+    simulated = Creeping.simulated(
+        Solver(System(body, LAW, components=loads, creeping=True)), LEVELS.tolist(), 2.0, HOLDS
+    )
+    outlines = simulated.outlines(SimulatedCamera())
+    for components, bound in ((loads, 0.03), ((), None)):
+        datum = "apex" if components else ""
+        device = MeasuredDevice(DISK, components=components, height_datum=datum)
+        model = MeasuredDevice.of(device).model(LawChoice.from_text("yeoh"), comm, spectrum([], HOLDS))
+        found = fit_law_to_outlines(source_of(model, outlines), changes=PLAIN)
+        for name in ("share_10s", "share_100s", "c1"):
+            off = found.values[name] / TRUTH[name] - 1
+            if bound:
+                figure("the same disk under its weight and a brass plate", f"{name}, no noise", off, bound)
+        if not components:
+            assert abs(found.values["c1"] / TRUTH["c1"] - 1) > 0.03  # without its weight it seems stiffer
 
 
 def test_a_curve_joins_in(model, creeping):

@@ -16,7 +16,7 @@ from softmodels.fitting.outlines.silhouette import Silhouette, shadow_of
 from softmodels.fitting.outlines.simulated import half_outline, readings_of
 from softmodels.mechanics.solver import Solver
 from softmodels.path.program import from_tables
-from softmodels.path.schedule import Settings, follow
+from softmodels.path.schedule import Settings, follow, hang
 from softmodels.runs.grid import QuadraticCurve
 
 
@@ -93,6 +93,9 @@ def photographed(
     return Outline(x[order], z[order], np.full(len(x), camera.error), reading, camera.pressure_error, source)
 
 
+DAY = 86400.0
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Creeping:
     """A device that creeps, photographed at times: each level is reached from the one before and held.
@@ -113,15 +116,27 @@ class Creeping:
     def simulated(
         cls, solver: Solver, levels: Sequence[float], rise: float, holds: Sequence[float], tolerance: float = 2e-6
     ) -> Creeping:
-        """Return the device, followed as a program with steps chosen by their error, see `march`."""
+        """Return the device, followed as a program with steps chosen by their error, see `march`.
+
+        Under dead loads it first hangs for a day; heights count from its apex then.
+        """
         corners, looks = _corners(levels, rise, holds)
+        dead, silhouette, curves, apex, hung = solver.system.dead, Silhouette(solver.system), [], 0.0, None
+        if dead.loads:
+            hung = hang(solver, [("its loads", np.concatenate([[0.0], dead.amounts / dead.units]))])
+            corners, looks = [(0.0, 0.0), *((DAY + time, P) for time, P in corners)], [1, *(at + 1 for at in looks)]
         times, pressures = np.array(corners).T
-        tables = {"cavity1": {"pressure_cm": (pressures[1:] / pascal_per_cm()).tolist()}, "time_s": times[1:].tolist()}
-        silhouette, curves = Silhouette(solver.system), []
-        for come, point in follow(solver, from_tables(tables), Settings(pascal_per_cm(), tolerance=tolerance)):
+        begin = 0 if hung else 1
+        cm, times = (pressures[begin:] / pascal_per_cm()).tolist(), times[begin:].tolist()
+        program = from_tables({"cavity1": {"pressure_cm": cm}, "time_s": times})
+        for come, point in follow(solver, program, Settings(pascal_per_cm(), tolerance=tolerance), hung=hung):
             if point.requested and round(come) in looks:
                 curves.append(silhouette.curve(point.state))
-        return cls(tuple(levels), rise, tuple(holds), tuple(curves))
+        if hung:
+            apex = float(curves.pop(0).nodes[0, 0, 1])
+        return cls(
+            tuple(levels), rise, tuple(holds), tuple(QuadraticCurve(curve.nodes - [0.0, apex]) for curve in curves)
+        )
 
     def outlines(self, camera: SimulatedCamera, rng: np.random.Generator | None = None) -> list[Outline]:
         """Return the outlines with their histories of readings; each level is read once."""

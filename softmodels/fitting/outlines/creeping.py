@@ -31,6 +31,8 @@ from softmodels.path.time_steps import Ramp, march
 STEP_TOLERANCE = 1e-4
 """Error of the stress by one step in time, over the largest stress, for branches of `USUAL_SHARE` each."""
 USUAL_SHARE = 0.2
+FOREVER = 1e6
+"""Time that a device has hung before its test, over its longest relaxation time."""
 FEWEST_STEPS = 4
 """Minimum number of steps between two times of a history."""
 REACH = 0.5
@@ -145,6 +147,8 @@ class Creep:
         self.model, self.timetable = model, timetable
         self._steps: list[list[tuple[int, float]]] = []  # of each test: the leg and which share of it is done
         self._walks: list[_Walk] = []
+        self._hung, self._hung_rates = model.system.rest(), dict[str, Rate]()
+        self.levels: dict[str, float] = {}  # derivatives of the height in m from which heights count, by parameter
 
     def photographs(
         self, values: Mapping[str, float], names: Sequence[str]
@@ -158,6 +162,10 @@ class Creep:
         Raises:
             CannotEvaluate: There is no such state.
         """
+        assert self.model.spectrum is not None
+        weightless = dict.fromkeys(self.model.spectrum.names, 0.0)
+        self.model.set_parameters({**values, **weightless})
+        self._hung, self._hung_rates, self.levels = self.model.hang(names)
         self._steps = self._steps or [self._chosen(test, values) for test in self.timetable.tests]
         self.model.set_parameters(values)
         before: Sequence[_Walk | None] = self._walks or [None] * len(self._steps)
@@ -178,7 +186,7 @@ class Creep:
         model, found = self.model, list[tuple[int, float]]()
         assert model.spectrum is not None
         model.set_parameters({**values, **dict.fromkeys(model.spectrum.names, USUAL_SHARE)})
-        unit, start = model.system.stress_unit, None
+        unit, start = model.system.stress_unit, self._begun()
         for number, leg in enumerate(test):
             rise = (leg.pressure(1.0, values) - leg.pressure(0.0, values)) / unit
             if not leg.duration:
@@ -194,15 +202,24 @@ class Creep:
                 raise CannotEvaluate(f"the device cannot follow the pressures of its photographs: {end}") from None
         return found
 
-    def _jumped(self, start: State | None, rise: float) -> State:
-        model = self.model
-        if start is None:
-            start = model.system.rest()
-            model.system.potential.keep(start.w, anew=True)
+    def _begun(self, in_time: InTime | None = None) -> State:
+        """Return the state at rest, where the device has hung for ever, and let its silicone remember only that."""
+        model, state = self.model, self._hung
+        model.system.potential.keep(state.w, anew=True)
+        if model.loaded:
+            assert model.spectrum is not None
+            model.system.potential.pass_time(FOREVER * model.spectrum.times[-1])
+            if in_time is not None:
+                in_time.begin(state, self._hung_rates)
+            model.system.potential.keep(state.w)
+        return state
+
+    def _jumped(self, start: State, rise: float) -> State:
+        model, state = self.model, start
         try:
             for share in np.linspace(0.0, 1.0, FEWEST_STEPS + 1)[1:].tolist():
                 P = start.P + share * rise
-                state = model.solver.solve(pressure_control(P), start.w, P)
+                state = model.solver.solve(pressure_control(P), state.w, P)
         except NoConvergence as failure:
             raise CannotEvaluate(f"the device cannot follow a jump of the pressure: {failure}") from None
         model.system.potential.keep(state.w)
@@ -222,8 +239,7 @@ class Creep:
         levels = [level for level in self.timetable.levels if any(level in leg.levels for leg in test)]
         in_time = InTime(model.sensitivity, [self._own(name) for name in names], levels)
         back = {self._own(name): name for name in names}
-        state, along, done, walk = model.system.rest(), None, 0.0, _Walk(dict(values), [], [])
-        potential.keep(state.w, anew=True)
+        state, along, done, walk = self._begun(in_time), None, 0.0, _Walk(dict(values), [], [])
         leg_before = 0
         for number, (leg, share) in enumerate(steps):
             done, leg_before = (0.0, leg) if leg != leg_before else (done, leg)
@@ -260,7 +276,7 @@ class CreepingResiduals(OutlineResiduals):
     """Residuals of a device that creeps against outlines that carry times; the hidden parameters are the levels' pressures.
 
     Raises:
-        OutlineFitError: Dead loads, variable lengths, or an outline without times.
+        OutlineFitError: An outline without times.
     """
 
     def __init__(self, model: DeviceModel, shapes: Sequence[Shape], label: str = "outlines", device: str = ""):
@@ -268,11 +284,6 @@ class CreepingResiduals(OutlineResiduals):
             raise OutlineFitError(
                 f"{without[0]} has no times, which a fit of the memory needs: measure again with the columns hold and rise in "
                 "the list of photographs, or leave it out"
-            )
-        if model.loaded:
-            raise OutlineFitError(
-                "a memory is not fitted to a device that hangs under gravity, masses or forces; leave them out of the case if "
-                "they are small, or fit the memory to curves of test machines"
             )
         super().__init__(model, shapes, label, device)
 
@@ -299,5 +310,6 @@ class CreepingResiduals(OutlineResiduals):
 
     def _slopes(self, number: int, state: State, names: Sequence[str]) -> tuple[dict[str, float], dict[str, Array]]:
         rates = self._found[number][1]
-        nodes = {name: self.model.silhouette.moved(rate.w) for name, rate in rates.items()}
+        levels, moved = self.creep.levels, self.model.silhouette.moved
+        nodes = {name: moved(rate.w) - [0.0, levels.get(name, 0.0)] for name, rate in rates.items()}
         return {name: rate.P for name, rate in rates.items()}, nodes

@@ -165,18 +165,27 @@ class Hanging:
         """
         if not self.loaded:
             return dict.fromkeys(names, 0.0)
+        rates, hung = self.rates(values, names), self._found(values)
+        if self.height_datum == "undeformed":
+            return dict.fromkeys(names, 0.0)
+        # The highest place moves along the curve without a first-order change of height.
+        piece, weights = self._place(hung.curve)
+        moved = {name: self.silhouette.moved(rates[name].w, rates[name].X) for name in names}
+        return {name: float(weights @ rate[piece, :, 1]) for name, rate in moved.items()}
+
+    def rates(self, values: Mapping[str, float], names: Sequence[str]) -> dict[str, Rate]:
+        """Return the derivatives of the state by parameters, at least these; see `state`.
+
+        Raises:
+            CannotEvaluate: The linear solver failed.
+        """
         hung = self._found(values)
         if left := [name for name in names if name not in hung.rates]:
             try:
                 hung.rates.update(self.sensitivity.rates(hung.state, pressure_control(0.0), left)[1])
             except NoConvergence as failure:
                 raise CannotEvaluate(f"the state at zero pressure has no derivatives: {failure}") from None
-        if self.height_datum == "undeformed":
-            return dict.fromkeys(names, 0.0)
-        # The highest place moves along the curve without a first-order change of height.
-        piece, weights = self._place(hung.curve)
-        moved = {name: self.silhouette.moved(hung.rates[name].w, hung.rates[name].X) for name in names}
-        return {name: float(weights @ rate[piece, :, 1]) for name, rate in moved.items()}
+        return hung.rates
 
     def check(self, values: Mapping[str, float]) -> None:
         """Reject heights from a shadow that is not straight at zero pressure, because the zero plane is then undefined.
@@ -358,9 +367,10 @@ class DeviceModel:
             CannotEvaluate: There is no such material or device.
         """
         try:
-            self.system.set_material(self.material(values))
+            material = self.material(values)
         except MaterialError as error:
             raise CannotEvaluate(str(error)) from None
+        self.system.set_material(material)
         self.hanging.couple()
         lengths = {name: values.get(name, nominal) for name, nominal in self.lengths.items()}
         if self.motion is not None:
@@ -372,6 +382,23 @@ class DeviceModel:
                 raise CannotEvaluate(f"these lengths give an invalid device: {error}") from None
         own = {"poisson": self.system.material.poisson, **{name: values[name] for name in self.choice.names}}
         self._present = {**own, **lengths}
+        if self.spectrum is not None and self.loaded:  # it has hung so long that nothing is left in the branches
+            self.system.set_material(self.material({**values, **dict.fromkeys(self.spectrum.names, 0.0)}))
+            self.hanging.state(self._present)
+            self.system.set_material(material)
+
+    def hang(self, names: Sequence[str]) -> tuple[State, dict[str, Rate], dict[str, float]]:
+        """Return where the device of the present parameters hangs, with the derivatives of state and zero of heights by
+        parameters of its law; its branches have to be without weight.
+
+        Raises:
+            CannotEvaluate: The linear solver failed.
+        """
+        names = [name for name in names if self.spectrum is None or name not in self.spectrum.names]
+        hanging, levels = self.hanging, self.hanging.level_rates(self._present, names)
+        if not self.loaded:
+            return self.system.rest(), {}, levels
+        return hanging.state(self._present), hanging.rates(self._present, names), levels
 
     def path(self, quantity: str) -> Continuation:
         """Return the path of the current parameters from the preloaded state, not started yet.
