@@ -16,7 +16,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from softmodels.common.arrays import Array
-from softmodels.common.names import checked
+from softmodels.common.names import checked, one_of
+from softmodels.common.units import brief
 from softmodels.fitting.curves.memory import settled
 from softmodels.fitting.least_squares import fit_parameters, profile
 from softmodels.fitting.problem import FitError, Parameter
@@ -28,6 +29,8 @@ SIZE, START = "leak_conductance", "pressure"
 """Names of the parameters: sonic conductance of the leak in m3/(s Pa), and pressure in Pa at the first reading."""
 GRID = 4001
 """Number of pressures at which the integral G is known."""
+LARGEST_CAVITY = 1.0
+"""In m3."""
 REACH = (0.2, 1.2)
 """They go from this share of the lowest reading to this multiple of the highest."""
 
@@ -114,24 +117,14 @@ def fit_leak(
     Raises:
         FitError: Fewer than three readings, times that do not rise, pressures that are not above 0, or no volume.
     """
-    t, P = (np.asarray(values, dtype=float) for values in (times, pressures))
-    known = np.asarray(cavity, dtype=float)
+    one_of("supply", supply, Reservoir, "the supply behind the valve, such as sm.Reservoir(tube_length='1 m')")
+    t, P, known = _numbers("times", times), _numbers("pressures", pressures), _numbers("cavity", cavity)
     known = known if known.ndim else np.array([[0.0, float(known)]])
-    if t.ndim != 1 or t.shape != P.shape or len(t) < 3:
-        raise FitError("a leak needs three readings or more, each with its time and its pressure")
-    if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
-        raise FitError("the times of a leak must rise from reading to reading")
-    if not (np.isfinite(P).all() and P.min() > 0.0):
-        raise FitError(f"the pressures of a leak must be above 0, but one is {P.min():g} Pa; leave out what follows")
-    if known.ndim != 2 or known.shape[1] != 2 or not (np.diff(known[:, 0]) > 0.0).all() or not known.min() >= 0.0:
-        raise FitError("the cavity of a leak is a volume in m3, or pairs of a rising pressure in Pa and a volume in m3")
-    if len(known) > 1 and not known[0, 0] <= P.min() <= P.max() <= known[-1, 0]:
+    _check(t, P, known)
+    if error is not None and not (_numbers("error", error).ndim == 0 and error > 0.0):
         raise FitError(
-            f"the volumes of the cavity go from {known[0, 0]:g} to {known[-1, 0]:g} Pa, the readings from {P.min():g} to "
-            f"{P.max():g} Pa; give volumes over the whole range"
+            f"the error of a reading is {brief(error)}, in Pa; it must be above 0, or None for that of the scatter"
         )
-    if error is not None and not error > 0.0:
-        raise FitError(f"the error of a reading is {error:g} Pa; it must be above 0, or None for that of the scatter")
     source = LeakResiduals(t, P, np.full(len(t), error or 1.0), supply, known)
     fallen = source.fallen(P[0]) - source.fallen(P[-1])
     least = source.fallen(P[0]) - source.fallen(0.999 * P[0])
@@ -146,3 +139,32 @@ def fit_leak(
     )
     size = fit.values[SIZE]
     return Leak(size, (low, high), (size * flow, low * flow, high * flow), fit)
+
+
+def _numbers(name: str, given: object) -> Array:
+    try:
+        found = np.asarray(given, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        found = np.array(np.nan)
+    if isinstance(given, bool | str | bytes) or not found.size or not np.isfinite(found).all():
+        raise FitError(f"{name} {brief(given)} must be numbers in SI units")
+    return found
+
+
+def _check(t: Array, P: Array, cavity: Array) -> None:
+    """Raise `FitError` for readings or volumes that no leak can be fitted to."""
+    if t.ndim != 1 or t.shape != P.shape or len(t) < 3:
+        raise FitError("a leak needs three readings or more, each with its time and its pressure")
+    if not (np.diff(t) > 0.0).all():
+        raise FitError("the times of a leak must rise from reading to reading")
+    if not P.min() > 0.0:
+        raise FitError(f"the pressures of a leak must be above 0, but one is {P.min():g} Pa; leave out what follows")
+    if cavity.ndim != 2 or cavity.shape[1] != 2 or not (np.diff(cavity[:, 0]) > 0.0).all() or not cavity.min() >= 0.0:
+        raise FitError("the cavity of a leak is a volume in m3, or pairs of a rising pressure in Pa and a volume in m3")
+    if cavity[:, 1].max() > LARGEST_CAVITY:
+        raise FitError(f"a cavity of {cavity[:, 1].max():g} m3 is too large for a soft device; volumes are in m3")
+    if len(cavity) > 1 and not cavity[0, 0] <= P.min() <= P.max() <= cavity[-1, 0]:
+        raise FitError(
+            f"the volumes of the cavity go from {cavity[0, 0]:g} to {cavity[-1, 0]:g} Pa, the readings from {P.min():g} to "
+            f"{P.max():g} Pa; give volumes over the whole range"
+        )

@@ -236,6 +236,11 @@ def calls(loaded):
                {"device": "device", "outlines": "curves", "curves": "thing", "comm": "thing", **FIT})  # fmt: skip
     yield Call(sm.fit_heights, {"device": DISK, "heights": "no-such.csv"},
                {"device": "device", "heights": "curves", "comm": "thing", **FIT})  # fmt: skip
+    readings = {"times": [0.0, 10.0, 20.0], "pressures": [2e3, 1.5e3, 1.2e3], "cavity": 2e-5, "supply": sm.Reservoir()}
+    yield Call(
+        sm.fit_leak, readings,
+        {"times": "numbers", "pressures": "numbers", "cavity": "thing", "supply": "thing", "error": "number"},
+    )  # fmt: skip
     yield Call(sm.score, {"materials": LAW, "curves": CURVE},
                {"materials": "materials", "curves": "curves", "stretch": "span", "stress_error": "text", "untrusted": "flag",
                 "device": "thing", "outlines": "curves"})  # fmt: skip
@@ -412,7 +417,7 @@ def test_every_public_name_is_called_wrongly(loaded):
     errors = {
         name for name in public if isinstance(getattr(sm, name), type) and issubclass(getattr(sm, name), Exception)
     }
-    results = {"Run", "SolvedState", "Score", "Limit", "NaturalFrequencies", "Equilibrium", "Mode"}
+    results = {"Leak", "Run", "SolvedState", "Score", "Limit", "NaturalFrequencies", "Equilibrium", "Mode"}
     below = {
         "Material",
         "ImportedActuator",
