@@ -225,7 +225,11 @@ def nudged(material: Material, name: str, by: complex) -> Material:
 
 def _nudged_memory(given: memory.Memory, name: str, by: complex) -> memory.Memory:
     branches = tuple(
-        memory.Branch(one.share + by * (name == f"share{k}"), one.time + by * (name == f"time{k}"))  # type: ignore[arg-type]
+        dataclasses.replace(
+            one,
+            share=one.share + by * (name == f"share{k}"),  # type: ignore[arg-type]
+            time=one.time + by * (name == f"time{k}"),  # type: ignore[arg-type]
+        )
         for k, one in enumerate(given.branches, 1)
     )
     soft = given.softening

@@ -256,11 +256,13 @@ class History:
 
     def take(self, material: Material, mu: float) -> None:
         """Set a material's parameters, in units of a shear modulus in Pa; the number of branches stays."""
-        for constant, value in self.numbers(material, mu):
+        assert material.memory is not None
+        flows = [_numbers(flow, one) for flow, one in zip(self.flows, material.memory.branches, strict=True) if flow]
+        for constant, value in (*self.numbers(material, mu), *itertools.chain(*flows)):
             constant.value = value
 
     def numbers(self, material: Material, mu: complex) -> list[tuple[fem.Constant, npt.NDArray[np.inexact]]]:
-        """Return the constants with their values of a material, see `take`; complex for a complex material."""
+        """Return the constants to differentiate by, with their values of a material, see `take`; complex for a complex one."""
         own = material.memory
         found: list[tuple[fem.Constant, npt.NDArray[np.inexact]]] = []
         assert own is not None
@@ -268,8 +270,6 @@ class History:
             found.append((self.times, np.array([one.time for one in own.branches])))
             shares = np.array([one.share for one in own.branches])
             found.append((self.moduli, shares * material.shear_modulus_0 / mu))
-            for flow, one in zip(self.flows, own.branches, strict=True):
-                found += _numbers(flow, one) if flow else []
         if own.softening is not None:
             r, m, beta, recovery = dataclasses.astuple(own.softening)
             values = (r, m / mu, beta, recovery if math.isfinite(recovery) else 1.0)

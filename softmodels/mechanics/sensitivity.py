@@ -201,6 +201,8 @@ class Sensitivity:
 class InTime:
     """Derivatives of a device's states through its steps in time, from rest on.
 
+    Viscosity that depends on stress has none at rest where its exponent is below 1.
+
     Args:
         sensitivity: Of the device, whose silicone has a memory.
         names: Of `known_parameters` or `memory_parameters`.
@@ -381,12 +383,13 @@ class _HistoryDirection:
         self._before, self._w = fem.Function(eq.space), fem.Function(eq.space)
         self._values = fem.Function(self.history.values.function_space)
         begin, end = self.history.beginning, self.history.ending
-        slopes = (
-            ufl.derivative(begin, before, self._before)
-            + ufl.derivative(begin, self.history.values, self._values)
-            + law.along(begin),
-            ufl.derivative(end, eq.w, self._w) + ufl.derivative(end, self.history.begun, self._begun) + law.along(end),
-        )
+        slopes = [
+            ufl.derivative(one, before, self._before)
+            + ufl.derivative(one, self.history.values, self._values)
+            + law.along(one)
+            for one in (begin, end)
+        ]
+        slopes[1] += ufl.derivative(end, eq.w, self._w) + ufl.derivative(end, self.history.begun, self._begun)
         self._begin, self._end = (fem.Expression(one, self.history.points, jit_options=JIT) for one in slopes)
 
     def _at_points(self, expression: fem.Expression, width: int) -> Array:
@@ -402,10 +405,10 @@ class _HistoryDirection:
             values: Derivative of what is remembered there, as `History.values`.
         """
         history, begun = self.history, self._begun.x.array.reshape(-1, self.history.width)
+        self._before.x.array[:], self._values.x.array[:] = before, values
         if history.step.value == 0.0:
             begun[:] = history.at_once(values.reshape(-1, history.size))
             return
-        self._before.x.array[:], self._values.x.array[:] = before, values
         begun[history.places] = self._at_points(self._begin, history.width)
 
     def end(self, w: Array) -> Array:

@@ -23,6 +23,9 @@ BRANCHES = [(0.2, 1.0), (0.1, 30.0)]
 LAWS = {
     "branches": Yeoh(14e3, 600.0, 50.0, 0.49).with_memory(branches=BRANCHES),
     "softening": NeoHookean(28e3, 0.5).with_memory(softening=(1.6, "2 kPa", 0.1)),
+    "viscosity by stress": NeoHookean(28e3, 0.5).with_memory(
+        branches=[{"share": 0.3, "time": 2.0, "onset": 0.1, "exponent": 1.0, "growth": 0.5, "spring": [(1.0, 1.2)]}]
+    ),
     "both": Yeoh(14e3, 600.0, 50.0, 0.5).with_memory(branches=BRANCHES, softening=(1.6, "2 kPa", 0.1, "20 s")),
 }
 CORNERS = np.array([0.0, 2.5, 12.5, 15.0, 40.0])
@@ -97,7 +100,14 @@ def orders(solver, law, name, states, kind, figure):
 
 
 @pytest.mark.parametrize(
-    ("law", "kind"), [("branches", "volume"), ("softening", "pressure"), ("both", "pressure"), ("both", "volume")]
+    ("law", "kind"),
+    [
+        ("branches", "volume"),
+        ("viscosity by stress", "pressure"),
+        ("softening", "pressure"),
+        ("both", "pressure"),
+        ("both", "volume"),
+    ],
 )
 def test_rates_through_a_hundred_steps(law, kind, body_of, figure):
     law = LAWS[law]
