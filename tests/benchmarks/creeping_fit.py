@@ -34,7 +34,7 @@ from tests.support.simulated import Creeping, SimulatedCamera
 TRUTH = {"c1": 14e3, "c2": 600.0, "share_10s": 0.15, "share_100s": 0.1}
 LAW = Yeoh(14e3, 600.0, 0.0, 0.5).with_memory(branches=[(0.15, 10.0), (0.1, 100.0)])
 LEVELS, RISE, HOLDS = (np.array([40.0, 90.0, 140.0]) * 95.1).tolist(), 2.0, (5.0, 50.0, 500.0)
-DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fillet=0.0)
+DISK = HollowDisk(section="axisymmetric", cell_size=0.003, fillet=0.0, base_fillet=0.0)
 SIZES = {
     "leak": LEAK_ERROR, "scale": SCALE_ERROR, "zero": ZERO_ERROR, "pressure_offset": 10.0,
     "pressure_scale": PRESSURE_SCALE_ERROR, "centre": 1e-3,
@@ -46,7 +46,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=100)
     repeats, comm = parser.parse_args().repeats, start()
     with tempfile.TemporaryDirectory() as folder:
-        finer = dataclasses.replace(DISK, cell_size=0.004)
+        finer = dataclasses.replace(DISK, cell_size=0.002)
         body = Body.from_file(finer, finer.write(Path(folder) / "disk.msh"), comm)
     creeping = Creeping.simulated(Solver(System(body, LAW, creeping=True)), LEVELS, RISE, HOLDS)
     model = MeasuredDevice.of(DISK).model(LawChoice.from_text("yeoh"), comm, spectrum([], HOLDS))
