@@ -25,6 +25,7 @@ from softmodels.decks.deck import WRITTEN, Deck, check, deck_of, needs_equations
 from softmodels.decks.programs import calculix, check_without_springs, febio
 from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component
+from softmodels.mechanics.inertia import RADIUS
 from softmodels.mechanics.mpi import is_root, start
 from softmodels.path.program import TOLERANCE, Program
 from softmodels.path.supply import AirSupply
@@ -154,6 +155,8 @@ def inflate(
     hold: float | str = 0.0,
     cycles: int = 0,
     time_tolerance: float = TOLERANCE,
+    inertia: bool = False,
+    spectral_radius: float = RADIUS,
     strokes: Values | None = None,
     driven: LoadRequest | None = None,
     supply: AirSupply | None = None,
@@ -185,7 +188,9 @@ def inflate(
             that repeats is a hold.
         rate, hold, cycles: Instead of times how fast the values change (``"1 kPa/s"``, ``"2 ml/s"``; at once if empty), how
             long the last one is held (in s, or a text), and how often all is gone through and back to 0.
-        time_tolerance: Error of the stress by one step in time, over the largest stress.
+        time_tolerance: Error of the stress by one step in time, over the largest stress; with inertia of the displacement too.
+        inertia: Let mass count in time: the device swings, and is followed through jumps.
+        spectral_radius: With inertia, what one step leaves of a vibration that it is far too long for, 0 to 1.
         strokes: The same for strokes of the supply: ``"0:20 ml"``, or numbers in m3.
         driven: Requested forces, travels or shares of a dead load among the parts, instead of pressures.
         supply: Air supply driven by strokes, such as a `Syringe`; or a `Reservoir`: the pressures are those of its source then.
@@ -218,6 +223,7 @@ def inflate(
     """
     case = case_of(
         device, material, pressures, volumes, times, rate=rate, hold=hold, cycles=cycles, time_tolerance=time_tolerance,
+        inertia=inertia, spectral_radius=spectral_radius,
         strokes=strokes, driven=driven, supply=supply, valve=valve, control=control,
         formulation=formulation, solver=solver, components=components, gauges=gauges, band=band,
         load_unload=load_unload, program=program, water_density=water_density, name=name,

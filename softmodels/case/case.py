@@ -61,11 +61,13 @@ from softmodels.common.units import (
     pascal_per_cm,
     quantity,
 )
+from softmodels.components.loads import Gravity
 from softmodels.materials.laws import SOFTEST, Material
 from softmodels.materials.silicones import material_of
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.dead_loads import requestable
+from softmodels.mechanics.inertia import RADIUS
 from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.solver import METHODS
 from softmodels.mechanics.system import FORMULATIONS
@@ -299,7 +301,9 @@ class Case:
         solver: How linear equations are solved; no number depends on it.
         rate, hold, cycles: Pressures or volumes in time, which become a program: how fast they change, such as ``"1 kPa/s"``
             (empty for at once), how long the last one is held (a text, or seconds), and how often all is gone through.
-        time_tolerance: Error of the stress by one step in time, over the largest stress.
+        time_tolerance: Error of the stress by one step in time, over the largest stress; with inertia of the displacement too.
+        inertia: Whether mass counts in time: the device swings, and goes through jumps.
+        spectral_radius: What one step in time leaves of a vibration that it is far too long for, 0 to 1.
 
     Raises:
         CaseError: From the constructor, if the case is invalid.
@@ -362,8 +366,17 @@ class Case:
         hidden=True,
     )  # fmt: skip
     time_tolerance: float = _value(
-        "solver", "time_tolerance", Quantity(), "error of the stress by one step in time, over the largest stress", TOLERANCE,
-        hidden=True,
+        "solver", "time_tolerance", Quantity(), "error of the stress by one step in time, over the largest stress, and with "
+        "--inertia of the displacement", TOLERANCE, hidden=True,
+    )  # fmt: skip
+    inertia: bool = _value(
+        "load", "inertia", Flag(),
+        "let mass count in time (--rate, --hold): the device swings, and is followed through jumps", False, hidden=True,
+    )  # fmt: skip
+    spectral_radius: float = _value(
+        "solver", "spectral_radius", Quantity(),
+        "with --inertia, what one step leaves of a vibration that it is far too long for: 1 nothing is damped, 0 at once",
+        RADIUS, hidden=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -375,6 +388,7 @@ class Case:
             self._settle()
             self._take_times()
             self._check_load()
+            self._check_inertia()
             self.gauges.check(self.actuator)
             object.__setattr__(self, "components", with_walls(self.components, self.actuator))
             check_parts(self.components, self.actuator)
@@ -422,6 +436,31 @@ class Case:
         gone = {"pressures_cm": (), "volumes_ml": (), "rate": "", "hold": 0.0, "cycles": 0.0}
         for name, value in {"program": made, **gone}.items():
             object.__setattr__(self, name, value)
+
+    def _check_inertia(self) -> None:
+        """Reject inertia without times or mass, or with volumes or travels in time."""
+        if not 0.0 <= self.spectral_radius <= 1.0:
+            raise CaseError(f"spectral_radius is {self.spectral_radius:g}; it must be from 0 to 1, such as {RADIUS:g}")
+        if not self.inertia:
+            return
+        if not self.timed:
+            raise CaseError("--inertia needs a load in time; add --rate or --hold, or a program with time_s")
+        held = next((series for series in programs.drivers(self.program) if series.is_volume), None)
+        if held is not None:
+            raise CaseError(
+                f"--inertia needs pressures, forces or an air supply in time: {held.key} that starts at a rate would need an "
+                "infinite pressure; use --supply reservoir, or leave out --inertia"
+            )
+        weighing = next((part.density for part in self.components if isinstance(part, Gravity)), None)
+        if weighing == 0.0:
+            raise CaseError(
+                "--inertia needs a mass, but the silicone's density is 0; leave out --gravity-density, or raise it"
+            )
+        if resting := next((part.where for part in self.components if part.lifted and part.weighs), ""):
+            raise CaseError(
+                f"{resting} rests on the device, and --inertia knows no mass that may leave it; leave out the mass, or bond it "
+                "([mass], [rigid])"
+            )
 
     # -- the load -----------------------------------------------------------------------------------------------------
 
@@ -724,6 +763,8 @@ class RequestOptions(TypedDict, total=False):
     hold: float | str
     cycles: int
     time_tolerance: float
+    inertia: bool
+    spectral_radius: float
 
 
 def case_of(

@@ -407,7 +407,7 @@ def _as_asked(
         around = case or Case("limit", device, material, pressures_cm=(1.0,))
         made = dataclasses.replace(
             around, name="limit", actuator=device, material=material, load_unload=False,
-            pressures_cm=(1.0,), volumes_ml=(), strokes_ml=(), program=(), supply=None,
+            pressures_cm=(1.0,), volumes_ml=(), strokes_ml=(), program=(), supply=None, inertia=False,
             water_density=around.water_density if water_density is None else water_density,
         )  # fmt: skip
     return made

@@ -569,6 +569,38 @@ rate = "2 cm/s"
 hold = "60 s"
 cycles = 3
 """,
+    "jump.toml": """# a balloon with mass that jumps on the air of a large reservoir, and swings
+name = "jump"
+
+[geometry]
+device = "Balloon"
+neck_radius = "0 mm"
+cell_size = "4 mm"
+through = 1
+
+[material]
+law = "gent"
+shear_modulus = "30 kPa"
+limit = 25
+poisson = 0.5
+
+[material.memory]
+branches = [[0.5, "5 ms"]]
+
+[supply]
+kind = "reservoir"
+tube_length = "10 cm"
+tube_bore = "8 mm"
+dead_volume = "2 l"
+
+[load]
+source_pressure_cm = [0, 30, 30]
+time_s = [0, 0.01, 0.1]
+inertia = true
+
+[solver]
+time_tolerance = 5e-4
+""",
     "contact.toml": f"""# below a rigid plate 1 mm above the disk
 name = "contact"
 

@@ -6,7 +6,7 @@ equations, acceptance) and `solver` (which calls it), with the linear solve in `
 - `body`: mesh and roles, dimensionless, with slip planes. `regions`: several materials. `holds`: what holds it.
 - `component`: what can be added to a device. `dead_loads`: loads as drivers. `rigid`: unknowns of rigid parts.
 - `controls`: lines in the pressure-volume plane; coupled cavities. `assembly`: matrices, terms that UFL does not have.
-- `memory`: what silicone remembers at the integration points, and its energy over one step in time.
+- `memory`: what silicone remembers at the integration points, and its energy over one step in time. `inertia`: mass and motion.
 - `products`: tangent times vector from second derivatives at quadrature points. `c_library`: C code of these, of multigrid.
 - `motion`: the mesh moved to other lengths of its device. `sensitivity`: derivatives of states by parameters.
 - `compiling`: the cache of compiled forms. `mpi`: ranks.

@@ -467,7 +467,7 @@ class Newton:
 
         self.system, self.bordered, self.kept = system, bordered, kept
         self._first = self._before = math.inf
-        self._of_stress, self._round = 0.0, rounding_of_stress(system)
+        self._of_stress, self._of_motion, self._round = 0.0, 0.0, rounding_of_stress(system)
         self._iterate = np.empty(0)
         self._most = bordered.inverse.most_newton
         self._smallest: float | None = None  # volume ratio of the iterate, where it was a trial
@@ -546,6 +546,9 @@ class Newton:
         self.bordered.join(f, inner - system.pressures @ loads, gaps)
         norms = np.sqrt([total(system.comm, float(load @ load)) for load in loads])
         self._load_size = float(np.abs(system.pressures) @ norms)
+        if motion := system.assembled.motion:
+            self._load_size += motion.force
+            self._of_motion = motion.rounding
         self._of_stress = float(norms[: len(norms) - len(system.dead.forms)].max(initial=0.0))
 
     def _along(self) -> float:
@@ -617,7 +620,8 @@ class Newton:
         # Forces in a thin wall cancel to 1e-9 of themselves; Newton cannot reduce their rounding error,
         # nor that of a stiff region, which may exceed a small weight.
         rounding = max(
-            ROUNDING * max(tolerance, TOLERANCE * FLOOR * self._of_stress), SAFE * self._round * self._of_stress
+            ROUNDING * max(tolerance, TOLERANCE * FLOOR * self._of_stress),
+            SAFE * (self._round * self._of_stress + self._of_motion),
         )
         tolerance *= 1.0 if self.bordered.inverse.exact else CLOSER
         settled = iteration >= 2 and residual > 0.5 * self._before and residual <= rounding

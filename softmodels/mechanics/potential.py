@@ -31,11 +31,12 @@ if TYPE_CHECKING:
     from dolfinx import fem
     from ufl.core.expr import Expr
 
+    from softmodels.mechanics.inertia import Motion
     from softmodels.mechanics.memory import History
 
 
-type Remembered = tuple[npt.NDArray[np.float64], list[tuple[npt.NDArray[np.float64], float]]]
-"""A state's dofs, and what each history remembers there and has dissipated."""
+type Remembered = tuple[npt.NDArray[np.float64] | None, list[tuple[npt.NDArray[np.float64], float]], dict[str, object]]
+"""A state's dofs, what each history remembers there and has dissipated, and what its motion was."""
 
 
 class Potential:
@@ -66,7 +67,10 @@ class Potential:
         step, before: With any, length in s of the step in time, and the dofs where it begins.
         internal: Their derivatives by w; ``forces`` has the pressures' too.
         terms: Those of further parts, by their labels.
+        motion: Inertia; None where the device is followed through equilibria.
     """
+
+    motion: Motion | None = None
 
     def __init__(
         self,
@@ -216,16 +220,20 @@ class Potential:
         """Accept a converged state's w; see `softmodels.mechanics.component.EnergyTerm.keep`."""
         for term in self.terms.values():
             term.keep(w, anew)
+        if self.motion:
+            self.motion.keep(w, anew)
         if self.histories:
             self._remember(w, anew)
 
     @property
     def remembers(self) -> bool:
         """Whether its forces depend on earlier states."""
-        return bool(self.histories) or any(term.remembers for term in self.terms.values())
+        return bool(self.histories) or self.motion is not None or any(term.remembers for term in self.terms.values())
 
     def pass_time(self, step: float) -> None:
         """Begin a step of this length in s from the last accepted state; 0 where nothing remembers."""
+        if self.motion:
+            self.motion.begin(step)
         if not self.histories:
             return
         self.step.value, self._looked_at = step, None
@@ -256,18 +264,27 @@ class Potential:
         self.w.x.array[:] = here
 
     def remembered(self) -> Remembered | None:
-        """Return a copy of all that the silicone remembers, for `forget`."""
-        if not self.histories:
+        """Return a copy of all that the silicone remembers and of its motion, for `forget`."""
+        if not self.histories and not self.motion:
             return None
-        return self.before.x.array.copy(), [history.copied() for history in self.histories]
+        before = self.before.x.array.copy() if self.histories else None
+        return before, [history.copied() for history in self.histories], self.motion.copied() if self.motion else {}
 
     def forget(self, since: Remembered | None) -> None:
         """Go back to what `remembered` has copied."""
         if since is None:
             return
-        self.before.x.array[:], self.step.value, self._looked_at = since[0], 0.0, None
+        if self.motion:
+            self.motion.restore(since[2])
+        if since[0] is not None:
+            self.before.x.array[:], self.step.value, self._looked_at = since[0], 0.0, None
         for history, kept in zip(self.histories, since[1], strict=True):
             history.restore(kept)
+
+    @property
+    def kinetic(self) -> float:
+        """Kinetic energy, dimensionless."""
+        return self.motion.kinetic if self.motion else 0.0
 
     @property
     def dissipated(self) -> float:

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
 
+    from softmodels.mechanics.inertia import Motion
+
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The reduced unknowns of Newton's method: w = T(q).
@@ -658,6 +660,10 @@ class System(Assembly):
     def vectors(self) -> fem.FunctionSpace:
         """The displacement's part of the function space."""
         return self.space.sub(0) if self.mixed else self.space
+
+    def set_in_motion(self, motion: Motion) -> None:
+        """Let inertia act in the steps in time that follow."""
+        self.potential.motion = self.assembled.motion = motion
 
     def set_material(self, material: Material) -> None:
         """Set other parameters of the same law, without recompiling."""

@@ -203,6 +203,11 @@ NULL_TOLERANCE = 1e-10
 """Tolerance of the tangent at a limit point, which is K's null vector: the limit pressure's derivatives come from it."""
 
 
+def at_once(state: State) -> Tangent:
+    """Return the direction of a device with mass at a state: in no time the air's pressure changes, but no volume."""
+    return Tangent(np.zeros_like(state.w), 1.0, 0.0)
+
+
 class Emptied(NoConvergence):
     """A cavity has negative volume: its walls have passed through each other."""
 
@@ -250,6 +255,8 @@ class Corrector:
 
     def solve_from(self, line: Curve, w: Array, P: float, last: State) -> State:
         """Return the state on a line from a guess, and from the last state too where stiff sheets or fibres prevent that."""
+        motion = self.solver.system.potential.motion
+        w = motion.predicted(w) if motion else w
         try:
             return self.solver.solve(line, w, P)
         except NoConvergence:
@@ -267,6 +274,8 @@ class Corrector:
             step: Length of the next step; the last point's if None.
         """
         solver, last = self.solver, self.trail.last
+        if solver.system.potential.motion:
+            return dataclasses.replace(last, state=state, tangent=at_once(state), requested=requested)
         stale = solver.stale
         # At a limit point K is singular: no usable preconditioner, and a signature of rounding errors.
         stale = (stale or self.stability.wants(state)) and not (limit and solver.bordered.factorisations)
@@ -922,8 +931,12 @@ class Continuation:
         start = rest if self.start is None else self.start
         solver.system.potential.keep(start.w, anew=self.start is None)
         self.trail = PathHistory(solver)  # before factorising, because making the mass matrix takes memory
-        solver.factorise(start)
-        tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
+        moves = solver.system.potential.motion is not None
+        if moves:
+            tangent = at_once(start)
+        else:
+            solver.factorise(start)
+            tangent = solver.tangent(start, Control(1 / V_scale, 1.0, 0.0))
         self.V0, self.plane = start.V, ArcLengthMetric.of(V_scale, tangent.compliance)
         self.requested = self.requested.counted(self.V0, rest.V)
         known = (Pressure(), AddedVolume(rest.V), ArcLength(self.plane), self.requested)
@@ -933,7 +946,7 @@ class Continuation:
         if not self.requested.starts_forward(start, tangent):  # the path starts at an unstable state
             tangent = -tangent
         self.trail.stability.start()
-        signature = self.trail.stability.signature(exact=True)
+        signature = Signature() if moves else self.trail.stability.signature(exact=True)
         step, stiffest = self.first_step, self.plane.felt(tangent.compliance)
         first = Point(start, tangent, False, False, step, self.trail.line, stiffest, signature)
         return self.keep(first)

@@ -160,6 +160,13 @@ class Stage:
         start = solver.couple(self.coupling, self.start.state, self.start.drives)
         largest = self.goal / POINTS_PER_STAGE
         path = Continuation(solver, self.requested, control, largest, start=start, report=report)
+        if (motion := solver.system.potential.motion) and not self.duration:
+            motion.jump()
+            first = path.begin()
+            yield 0.0, first
+            state = self.requested.exactly(start, self.goal)
+            yield 1.0, dataclasses.replace(first, state=state, requested=True)
+            return
         if self.duration:
             from softmodels.path.time_steps import Ramp, march
 

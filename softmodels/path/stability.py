@@ -27,11 +27,11 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.mechanics.assembly import entries_of, sparse_matrix
-from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.assembly import entries_of
+from softmodels.mechanics.inertia import Inertia, mass_matrix
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.solver import Solver
-from softmodels.mechanics.system import State, System
+from softmodels.mechanics.system import State
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -538,50 +538,6 @@ class Iterated(Spectrum):
             most = max(MOST_SOLVES, SOLVES_PER_MODE * count)
             found = nearest(pencil, [self._lifted(pencil, seed) for seed in self.seeds], natural(count), most)
         return list(zip(map(float, found.values), found.vectors, strict=True))
-
-
-@dataclasses.dataclass(frozen=True)
-class Inertia:
-    """What a device weighs, in densities of its main material and sizes of the device.
-
-    Attributes:
-        densities: Of each of its materials, as in `System.matter`.
-        faces: Faces with masses spread evenly over them, and these, of the slice.
-    """
-
-    densities: tuple[float, ...]
-    faces: tuple[tuple[str, float], ...] = ()
-
-    @property
-    def plain(self) -> bool:
-        """Whether it is that of unit density."""
-        return not self.faces and set(self.densities) == {1.0}
-
-
-def mass_matrix(system: System, inertia: Inertia | None = None) -> PETSc.Mat:
-    """Return the displacement's mass matrix by all dofs, of unit density if no inertia is given."""
-    import ufl
-    from dolfinx import fem
-
-    test, trial = ufl.TestFunction(system.space), ufl.TrialFunction(system.space)
-    u, v = (system.body.displacement(ufl.split(f)[0] if system.mixed else f) for f in (trial, test))
-    work, mesh = ufl.inner(u, v) * system.body.hoop, system.body.mesh
-    form = work * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
-    if inertia is not None and set(inertia.densities) != {1.0}:
-        density = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-        for region, value in zip(system.matter, inertia.densities, strict=True):
-            density.x.array[region.cells] = value
-        density.x.scatter_forward()
-        form = density * work * ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4})
-    matrix = sparse_matrix(fem.form(form, jit_options=JIT), system.bcs, 0.0)
-    for face, mass in inertia.faces if inertia else ():
-        measure, one = system.body.sheet_face(face)[0], fem.Constant(mesh, 1.0)
-        area = system.integral(fem.form(one * system.body.hoop * measure, jit_options=JIT))
-        spread = fem.form(fem.Constant(mesh, mass / area) * work * measure, jit_options=JIT)
-        plate = sparse_matrix(spread, system.bcs, 0.0)
-        matrix.axpy(1.0, plate, matrix.Structure.DIFFERENT)  # type: ignore[arg-type]
-        plate.destroy()
-    return matrix
 
 
 ALWAYS = 6000

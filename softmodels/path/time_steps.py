@@ -3,14 +3,14 @@ air that comes through a tube.
 
 Each step ends at its own time, on a curve in the plane of volume and pressure: the value that is prescribed then, or the gas
 that has come. Its length follows from the errors of the silicone's memory and of that gas. What the memory remembers moves on
-with every accepted state.
+with every accepted state. With inertia (`softmodels.mechanics.inertia`) a lost equilibrium is no end.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Protocol
 
 from softmodels.mechanics.controls import volume_control
@@ -36,6 +36,12 @@ SHORTEST = 1e-9
 """Shortest step with gas that comes, over the stage."""
 SNAPPING = 0.05
 """Rate of the gas along the path, over its parts, below which a snap-through with that gas is what ends it."""
+SHAKEN = 1.25
+"""Change of the step from which on K with the mass needs a new factorisation."""
+KEPT = 1.6
+"""With inertia, the change of the step that is not worth it: vibrations keep their energy best in equal steps."""
+LARGEST_GROWTH = 500.0
+"""Cavity volumes at which a moving device has burst."""
 GROWTH, MOST_GROWTH = 1e-3, 1.0
 """First and last volume, over the cavity's, that a lost equilibrium is looked for at beyond its last state."""
 
@@ -137,7 +143,11 @@ class Ramp:
         return max(LOCATED * time, FIRST * self.duration)
 
     def ended(self, path: Continuation, time: float, step: float, failure: NoConvergence) -> PathEnd:
-        if self.by_pressure and _none(path, self._value(time + 2 * step), 2 * step):
+        if (
+            self.by_pressure
+            and not path.solver.system.potential.motion
+            and _none(path, self._value(time + 2 * step), 2 * step)
+        ):
             return LostInTime(time, dataclasses.replace(path.last, limit=True))
         return PathEnd(f"no step in time converged, down to {step:.3g} s ({failure})")
 
@@ -199,7 +209,7 @@ class Filling:
 
     def ended(self, path: Continuation, time: float, step: float, failure: NoConvergence) -> PathEnd:
         t, (a, b) = path.last.tangent, self.gas.slopes(path.last.state.V, path.last.state.P)
-        if a * t.V + b * t.P <= SNAPPING * (abs(a * t.V) + abs(b * t.P)):
+        if not path.solver.system.potential.motion and a * t.V + b * t.P <= SNAPPING * (abs(a * t.V) + abs(b * t.P)):
             why = (
                 "the device snaps through with the gas that tubes and cavity hold, faster than any flow; a smaller dead volume "
                 "holds less"
@@ -226,7 +236,8 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
     first = path.begin()
     yield 0.0, first
     potential, corrector, duration = path.solver.system.potential, path.corrector, drive.duration
-    time, step, largest, shrunk = 0.0, drive.begin(path, first), 0.0, False
+    time, step, errors, shrunk = 0.0, drive.begin(path, first), _Errors(path, drive, tolerance), False
+    step = min(step, potential.motion.first_step(duration)) if potential.motion else step
     earlier: Earlier | None = None
     while time < duration:
         left = duration - time
@@ -237,12 +248,10 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
         since = potential.remembered()
         try:
             potential.pass_time(step)
+            _refactorise(path, step)
             state = drive.solved(path, time, step, share == 1.0, earlier)
-            error, size = potential.memory_error(state.w)
-            largest = max(largest, size)
-            error = max(error / largest if largest else 0.0, drive.error(state))
-            wanted = step * _change(error, tolerance)
-            if wanted < SAFETY * step and step > min(FIRST * duration, drive.shortest(time)):
+            wanted = step * errors.change(state)
+            if wanted < SAFETY * step and step > min(FIRST * duration, _shortest(path, drive, time)):
                 step = wanted
                 continue
             corrector.check_whole(state)
@@ -252,19 +261,60 @@ def march(path: Continuation, drive: Drive, tolerance: float = TOLERANCE) -> Ite
         except NoConvergence as failure:
             potential.forget(since)
             step, shrunk = step / 2, True
-            if step < drive.shortest(time):
+            if step < _shortest(path, drive, time):
                 raise drive.ended(path, time, step, failure) from failure
             continue
         earlier, time = (step, last.state), duration if share == 1.0 else time + step
         path.trail.add(point)
         yield share, point
+        _check_growth(path)
         step = min(wanted, step) if shrunk else wanted
-        shrunk = shrunk and not drive.recovers
+        shrunk = shrunk and not (drive.recovers or potential.motion)
 
 
-def _change(error: float, tolerance: float) -> float:
-    """Return by how much the next step should be longer; its error grows as its square."""
-    return LONGER if error == 0.0 else min(LONGER, max(SHORTER, SAFETY * math.sqrt(tolerance / error)))
+class _Errors:
+    """Errors of the steps of a stage.
+
+    Args:
+        path, drive, tolerance: See `march`.
+    """
+
+    def __init__(self, path: Continuation, drive: Drive, tolerance: float):
+        self.potential, self.drive, self.tolerance = path.solver.system.potential, drive, tolerance
+        self.largest = 0.0
+
+    def change(self, state: State) -> float:
+        """Return by how much the step after one that ends in a state should be longer, or this one."""
+        error, size = self.potential.memory_error(state.w)
+        self.largest = max(self.largest, size)
+        found = self._change(max(error / self.largest if self.largest else 0.0, self.drive.error(state)), math.sqrt)
+        if motion := self.potential.motion:
+            found = min(found, self._change(motion.error(state.w), math.cbrt))
+            found = 1.0 if SAFETY <= found < KEPT else found
+        return found
+
+    def _change(self, error: float, root: Callable[[float], float]) -> float:
+        """Return the same for an error, and the root of it that grows as the step."""
+        return LONGER if error == 0.0 else min(LONGER, max(SHORTER, SAFETY * root(self.tolerance / error)))
+
+
+def _shortest(path: Continuation, drive: Drive, time: float) -> float:
+    """Return the length in s of a step that is not halved any more."""
+    return SHORTEST * drive.duration if path.solver.system.potential.motion else drive.shortest(time)
+
+
+def _refactorise(path: Continuation, step: float) -> None:
+    """Let K be factorised anew for a step much longer or shorter than the last one, if it has mass."""
+    motion = path.solver.system.potential.motion
+    if motion and not motion.last / SHAKEN < step < motion.last * SHAKEN:
+        path.solver.kept.worn = True
+
+
+def _check_growth(path: Continuation) -> None:
+    """Raise `PathEnd` for a moving device that has grown far beyond any stable state."""
+    growth = path.last.state.V / path.plane.V_scale
+    if growth > LARGEST_GROWTH and path.solver.system.potential.motion:
+        raise PathEnd(f"the cavity has grown {LARGEST_GROWTH:g}-fold and finds no state of rest")
 
 
 def _none(path: Continuation, pressure: float, step: float) -> bool:

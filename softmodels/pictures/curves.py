@@ -259,6 +259,7 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
         (words.volumes(rows[0]), "added volume\nin ml"),
         *(([name], label) for name, label in SUPPLIED.items() if not np.isnan(rows[0].get(name, np.nan))),
         *(([name], str(term(name))) for name in load_columns(rows[0])),
+        *([(["kinetic_energy_mJ"], "kinetic energy\nin mJ")] if "kinetic_energy_mJ" in rows[0] else []),
     ]
     panels = [panel for panel in panels if panel[0]]
     figure = Figure((WIDTH, 7.6 + 1.8 * (len(panels) - 3)), dpi=DPI, layout="constrained")
@@ -271,9 +272,8 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
         shades = matplotlib.colormaps[LINES](np.linspace(0.1, 0.8, len(columns))) if len(columns) > 1 else [CURVE]
         for k, (name, colour) in enumerate(zip(columns, shades, strict=True), 1):
             values = np.array([row[name] for row in rows])
-            axes.plot(
-                come, values, "o-", color=colour, markersize=3.5, label=f"cavity{k}" if len(columns) > 1 else None
-            )
+            cavity = f"cavity{k}" if len(columns) > 1 else None
+            axes.plot(come, values, _marked(rows), color=colour, markersize=3.5, label=cavity)
             axes.plot(come[asked], values[asked], "o", color=colour, mfc="white", markersize=8, markeredgewidth=2)
             for row in limits(rows):
                 axes.plot(row[along], row[name], "D", color=WARNING, markersize=8)
@@ -286,6 +286,15 @@ def steps(rows: Sequence[Row], words: StateLabels) -> Figure:
     if not timed:
         places[-1].xaxis.get_major_locator().set_params(integer=True)
     return figure
+
+
+MOST_MARKED = 150
+"""Number of states up to which each has a marker."""
+
+
+def _marked(rows: Sequence[Row]) -> str:
+    """Return matplotlib's style of a line through states."""
+    return "o-" if len(rows) <= MOST_MARKED else "-"
 
 
 def loop(rows: Sequence[Row], words: StateLabels) -> Figure:
@@ -305,7 +314,7 @@ def loop(rows: Sequence[Row], words: StateLabels) -> Figure:
         shown = label if marker or len(found) <= MOST_CYCLES else None
         for axes, name in zip(places, ("added_volume_ml", f"{words.gauge}_mm"), strict=True):
             x, y = ([row[column] for row in cycle.rows] for column in (name, PRESSURE[0]))
-            axes.plot(x, y, "-", marker=marker, color=colour, linewidth=wide, markersize=4.0, label=shown)
+            axes.plot(x, y, "-", marker=marker if len(rows) <= MOST_MARKED else "", color=colour, linewidth=wide, markersize=4.0, label=shown)
     places[0].set(xlabel="added volume in ml", ylabel=PRESSURE[1])
     places[1].set(xlabel=f"rise of the {words.gauge} in mm")
     figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)

@@ -513,7 +513,8 @@ def case_for_modes(case: Case, pressures_cm: Sequence[float] = ()) -> Case:
             "forces; give the pressures (--pressure-cm)"
         )
     values = {field.name: getattr(case, field.name) for field in dataclasses.fields(case)} | load
-    others = {"strokes_ml": (), "supply": None, "program": (), "driven": None, "load_unload": False, "band": None}
+    others = {"strokes_ml": (), "supply": None, "program": (), "driven": None, "load_unload": False, "band": None,
+              "inertia": False}  # fmt: skip
     return (Case if any(load.values()) else AtRest)(**{**values, **others})
 
 

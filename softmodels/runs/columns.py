@@ -329,6 +329,11 @@ def _supplied(case: Case) -> bool:
     return case.supply is not None
 
 
+def _at_rest(case: Case) -> bool:
+    """Return whether the states are equilibria."""
+    return not case.inertia
+
+
 def _by_strokes(case: Case) -> bool:
     return case.supply is not None and not case.supply.in_time
 
@@ -389,7 +394,8 @@ _COLUMNS: tuple[PathColumn | Columns, ...] = (
            "1 where the stroke has a limit point: beyond it the device snaps through",
            lambda s: int(s.point.turn), _by_strokes),
     PathColumn("stable_under_supply", "stable under the {supply}",
-           "1 if this state is stable with the gas of the supply, 0 if the device snaps through", _held, _supplied),
+           "1 if this state is stable with the gas of the supply, 0 if the device snaps through", _held,
+           lambda case: _supplied(case) and _at_rest(case)),
     PathColumn("load_step", "load step", "number of the step in a program of several cavities",
            lambda s: s.load_step, lambda case: bool(case.program)),
     PathColumn("time_s", "time", "since the load began", lambda s: time_at(s.case.program, s.load_step),
@@ -412,6 +418,8 @@ _COLUMNS: tuple[PathColumn | Columns, ...] = (
            lambda s: s.figures.stored_energy * 1e3),
     PathColumn("dissipated_energy_mJ", "dissipated energy", "work that the silicone of the whole device has lost to creep and "
            "softening", lambda s: s.figures.dissipated_energy * 1e3, lambda case: case.timed and case.remembers),
+    PathColumn("kinetic_energy_mJ", "kinetic energy", "of the whole device and the masses bonded to it",
+           lambda s: s.figures.kinetic_energy * 1e3, lambda case: case.inertia),
     PathColumn("least_gap_mm", "least gap",
            "smallest distance between facing walls, negative if they overlap; the "
            "search distance if no walls are near",
@@ -427,15 +435,15 @@ _COLUMNS: tuple[PathColumn | Columns, ...] = (
     PathColumn("bifurcation", "bifurcation", "1 at a bifurcation, where another branch of equilibria starts",
            lambda s: int(s.point.bifurcation)),
     PathColumn("stable_under_pressure", "stable under a pressure", "1 if the state is stable at constant pressure",
-           lambda s: int(s.point.stable_under_pressure)),
+           lambda s: int(s.point.stable_under_pressure), _at_rest),
     PathColumn("stable_under_volume", "stable under a volume",
            "1 if the state is stable at constant cavity volume",
-           lambda s: int(s.point.stable_under_volume)),
+           lambda s: int(s.point.stable_under_volume), _at_rest),
     PathColumn("negative_eigenvalues", "negative eigenvalues",
            "number of independent directions in which the energy falls at this pressure; 0 is stable",
-           lambda s: s.point.signature.negative_eigenvalues),
+           lambda s: s.point.signature.negative_eigenvalues, _at_rest),
     PathColumn("lowest_eigenvalue_Pa_per_mm2", "lowest eigenvalue",
-           "of the tangent at this pressure; zero where stability is lost", _eigenvalue),
+           "of the tangent at this pressure; zero where stability is lost", _eigenvalue, _at_rest),
     PathColumn("control", "control", "control of the step: pressure, volume, a supply's line or the arc length",
            lambda s: s.point.line),
     BAND,

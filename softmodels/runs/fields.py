@@ -173,6 +173,7 @@ class Figures:
     peaks: Mapping[str, float]
     stored_energy: float
     dissipated_energy: float
+    kinetic_energy: float
 
     @property
     def max_stretch(self) -> float:
@@ -633,7 +634,7 @@ def stiffness(sampling: Sampling, state: State) -> dict[str, float]:
     """
     eq = sampling.system
     actuator = eq.body.actuator
-    if actuator.pushed is None:
+    if actuator.pushed is None or eq.potential.motion:  # a device that moves has none at its pressure
         return {}
     compliance = sampling.solver.dead_load_compliance(state, sampling.push)  # of a unit load on each slice
     unit = eq.stress_unit * eq.length_unit * actuator.copies
@@ -772,6 +773,7 @@ class Fields:
             },
             stored_energy=eq.stored_energy() * eq.stress_unit * eq.volume_unit,
             dissipated_energy=eq.potential.dissipated * eq.stress_unit * eq.volume_unit,
+            kinetic_energy=eq.potential.kinetic * eq.stress_unit * eq.volume_unit,
         )
 
     def _extremes(self, values: Array) -> tuple[float, float]:

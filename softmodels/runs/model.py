@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from softmodels.case.case import Values
     from softmodels.mechanics.body import Body
+    from softmodels.mechanics.inertia import Inertia
     from softmodels.mechanics.system import State
     from softmodels.path.continuation import Continuation
     from softmodels.path.points import Point
@@ -354,27 +355,43 @@ class Model:
         resting = next((part.where for part in self.components if part.lifted and part.weighs), "")
         if resting:
             raise CaseError(
-                f"{resting} rests on the device, and frequencies with it are not computed; leave out its mass"
+                f"{resting} rests on the device, and neither frequencies nor inertia are computed with it; leave out its mass"
             )
         found = densities(self.system, self.components)
         if not found[0] > 0.0:
             raise CaseError(
-                "the silicone has a density of 0 kg/m^3, and without mass no frequency; leave out the density"
+                "the silicone has a density of 0 kg/m^3, and without mass no frequency and no inertia; leave out the density"
             )
         return found
 
     @functools.cached_property
     def _stability(self) -> Stability:
         """Finds the modes with the device's masses."""
-        from softmodels.path.stability import Inertia, Stability
+        from softmodels.path.stability import Stability
+
+        return Stability.of(self.solver) if self._inertia.plain else Stability(self.solver, self._inertia)
+
+    @functools.cached_property
+    def _inertia(self) -> Inertia:
+        """The device's masses."""
+        from softmodels.mechanics.inertia import Inertia
 
         main, unit = self._densities[0], self._densities[0] * self.system.volume_unit
         heavy = [part for part in self.components if isinstance(part, HeavyPart) and part.weighs]
-        inertia = Inertia(
+        return Inertia(
             tuple(density / main for density in self._densities),
             tuple((part.face, part.weighs / unit) for part in heavy),
         )
-        return Stability.of(self.solver) if inertia.plain else Stability(self.solver, inertia)
+
+    def set_in_motion(self) -> None:
+        """Let the inertia of the device's masses act from here on, at rest, if the case asks for it."""
+        if not self.case.inertia:
+            return
+        from softmodels.mechanics.inertia import Motion
+
+        with compiling():
+            motion = Motion(self.system, self._inertia, self._densities[0], self.case.spectral_radius)
+        self.system.set_in_motion(motion)
 
     def _springs(self, state: State, sealed: bool) -> Springs:
         """The stiffness of sealed air, of the loaded state: -dP/dV = P/V at constant temperature, with P above vacuum."""

@@ -35,7 +35,7 @@ from softmodels.materials.silicones import (
 from softmodels.materials.stability import described, instabilities, last_stretch, weakest, weakness
 from softmodels.mechanics.compiling import LONG
 from softmodels.mechanics.component import PathFailure, names_in
-from softmodels.mechanics.dead_loads import requestable
+from softmodels.mechanics.dead_loads import LoadPart, requestable
 from softmodels.mechanics.mpi import petsc_reason
 from softmodels.path.air_flow import TURBULENT_FROM, Reservoir
 from softmodels.path.program import VALVE, drivers, step_text, time_at, value_at
@@ -80,6 +80,7 @@ def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxy
         *place_notes(case, rows),
         *band_notes(rows),
         *time_notes(case, rows),
+        *motion_notes(case, rows),
         *supply_notes(case, rows),
     ]
 
@@ -132,6 +133,8 @@ def time_notes(case: Case, rows: Sequence[Row]) -> list[str]:
             "the silicone has a memory, but the load has no times: every state is that after a long time; add --rate or --hold "
             "for what happens before"
         ]
+    if case.inertia:
+        return []
     if not case.timed or not case.remembers:
         return ["the load has times, but the silicone has no memory ([material.memory]): they change nothing"] * (
             case.timed and case.supply is None
@@ -157,6 +160,46 @@ def _holds(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
     asked = [row for row in rows if row["requested"]] + list(rows[-1:])
     pairs = itertools.pairwise(asked)
     return [(a, b) for a, b in pairs if 0.0 < a["pressure_Pa"] == b["pressure_Pa"] and b["time_s"] > a["time_s"]]
+
+
+def motion_notes(case: Case, rows: Sequence[Row]) -> list[str]:
+    """Return the density that inertia has, and the balance of energy, as sentences; none without inertia."""
+    if not case.inertia or not rows:
+        return []
+    work = supplied_work(case, rows)
+    stored = rows[-1]["stored_energy_mJ"] - rows[0]["stored_energy_mJ"]
+    lost, kinetic = (rows[-1].get(f"{name}_energy_mJ", 0.0) for name in ("dissipated", "kinetic"))
+    left = work - stored - lost - kinetic
+    most = max(abs(work), *(row["kinetic_energy_mJ"] for row in rows))
+    told = f"the silicone's inertia is that of {density_of_main(case):g} kg/m^3"
+    if not most:
+        return [told]
+    return [
+        told,
+        f"work of the supply and loads {work:.4g} mJ = {stored:.4g} mJ stored + {lost:.4g} mJ dissipated by the silicone + "
+        f"{kinetic:.4g} mJ kinetic + {left:.2g} mJ ({abs(left) / most:.2g} of the largest) for numerical damping "
+        f"(--spectral-radius {case.spectral_radius:g}), friction and the error of the steps",
+    ]
+
+
+def density_of_main(case: Case) -> float:
+    """Return the density in kg/m3 of a case's silicone."""
+    given = next((part.density for part in case.components if isinstance(part, Gravity)), None)
+    return density_of(case.material) if given is None else given
+
+
+def supplied_work(case: Case, rows: Sequence[Row]) -> float:
+    """Return the work in mJ of the air and of dead loads along a run's states."""
+    count = len(case.actuator.ratios)
+    pairs = [(f"pressure_{i}_cm", f"added_volume_{i}_ml", case.cm * 1e-3) for i in range(1, count + 1)]
+    pairs = [("pressure_Pa", "added_volume_ml", 1e-3)] if count == 1 else pairs
+    loads = [part for part in case.components if isinstance(part, LoadPart) and part.column in rows[0]]
+    pairs += [(part.column, part.moved_column, part.column_unit * part.moved_column_unit * 1e3) for part in loads]
+    found = 0.0
+    for force, way, unit in pairs:
+        f, x = (np.array([row[name] for row in rows]) for name in (force, way))
+        found += unit * float(np.sum((f[1:] + f[:-1]) / 2 * np.diff(x)))
+    return found
 
 
 def supply_notes(case: Case, rows: Sequence[Row]) -> list[str]:

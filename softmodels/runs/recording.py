@@ -122,10 +122,12 @@ def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Poin
 
 
 def recall(results: StoredRun, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
-    """Restore what friction and silicone remember, by going through stored steps, whose times in s are given."""
+    """Restore what friction, silicone and motion remember, by going through stored steps, whose times in s are given."""
     potential, last = fields.system.potential, 0.0
     for step, time in steps.items() if potential.remembers else ():
         potential.pass_time(time - last)
+        if potential.motion and time == last:
+            potential.motion.jump()
         potential.keep(stored_state(results, fields, comm, step, 0.0, 0.0).w)
         last = time
 

@@ -303,6 +303,7 @@ class Simulation:
         try:
             say = self.listener.say
             hung = self.model.preload(say)
+            self.model.set_in_motion()
             begun.recall()
             settings = schedule.Settings(case.cm, case.control, say, case.time_tolerance)
             gas = self.quantity(Gas.name) if case.supply else None
