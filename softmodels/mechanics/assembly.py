@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from dolfinx.common import IndexMap
     from petsc4py import PETSc
 
-    from softmodels.mechanics.inertia import Motion
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # PETSc matrices of compiled bilinear forms.
@@ -399,10 +397,7 @@ class AssembledTerms:
 
     Attributes:
         whole: Whether products are with the derivative of the forces if that is not symmetric: only in Newton's method.
-        motion: Inertia, which is no stored energy; None where the device is followed through equilibria.
     """
-
-    motion: Motion | None = None
 
     def __init__(self, terms: Iterable[EnergyTerm], bcs: Sequence[fem.DirichletBC]):
         self._terms = [term for term in terms if isinstance(term, AssembledTerm)]
@@ -431,8 +426,6 @@ class AssembledTerms:
         """See `AssembledTerm.add_forces`; returns ``b``."""
         for term in self._terms:
             term.add_forces(w, b, held)
-        if self.motion:
-            self.motion.add_forces(w, b)
         return b
 
     def add_harder(self, w: Array, b: Array) -> Array:
@@ -445,16 +438,12 @@ class AssembledTerms:
         """See `AssembledTerm.add_product`; returns ``y``."""
         for term in self._terms:
             term.add_product(w, x, y, self.whole)
-        if self.motion:
-            self.motion.add_product(x, y)
         return y
 
     def add_to(self, K: PETSc.Mat, w: Array) -> None:
         """See `AssembledTerm.add_to`."""
         for term in self._terms:
             term.add_to(K, w)
-        if self.motion:
-            self.motion.add_to(K)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

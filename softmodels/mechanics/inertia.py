@@ -25,13 +25,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from softmodels.common.arrays import Array
 from softmodels.mechanics.assembly import sparse_matrix
 from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.dead_loads import Loaded
 from softmodels.mechanics.mpi import total
 
 if TYPE_CHECKING:
@@ -40,7 +41,12 @@ if TYPE_CHECKING:
     from dolfinx import fem
     from petsc4py import PETSc
 
-    from softmodels.mechanics.system import System
+
+class Weighing(Loaded, Protocol):
+    """Interface of the equations for inertia."""
+
+    @property
+    def bcs(self) -> Sequence[fem.DirichletBC]: ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +68,7 @@ class Inertia:
 
 
 def mass_matrix(
-    system: System, inertia: Inertia | None = None, held: Sequence[fem.DirichletBC] | None = None
+    system: Weighing, inertia: Inertia | None = None, held: Sequence[fem.DirichletBC] | None = None
 ) -> PETSc.Mat:
     """Return the displacement's mass matrix by all dofs.
 
@@ -125,7 +131,7 @@ class Motion:
             those before; and of their rounding errors: in short steps they come from small differences of places.
     """
 
-    def __init__(self, system: System, inertia: Inertia, density: float, radius: float = RADIUS):
+    def __init__(self, system: Weighing, inertia: Inertia, density: float, radius: float = RADIUS):
         from dolfinx import fem
 
         self.comm, self.n = system.comm, system.n

@@ -546,7 +546,7 @@ class Newton:
         self.bordered.join(f, inner - system.pressures @ loads, gaps)
         norms = np.sqrt([total(system.comm, float(load @ load)) for load in loads])
         self._load_size = float(np.abs(system.pressures) @ norms)
-        if motion := system.assembled.motion:
+        if motion := system.potential.motion:
             self._load_size += motion.force
             self._of_motion = motion.rounding
         self._of_stress = float(norms[: len(norms) - len(system.dead.forms)].max(initial=0.0))

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
 
-    from softmodels.mechanics.inertia import Motion
-
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The reduced unknowns of Newton's method: w = T(q).
@@ -339,8 +337,15 @@ class Assembly:
 
     def internal_forces(self) -> Array:
         """Return the derivative of the stored energy, owned entries; a view that the next assembly overwrites."""
-        self.assembled.add_forces(self.w.x.array, self.assemble(self._internal, held=True))
+        self._add_own_forces(self.assemble(self._internal, held=True))
         return self._by_unknowns()
+
+    def _add_own_forces(self, b: Array, held: bool = False) -> Array:
+        """Add the forces of terms that are no forms; return ``b``."""
+        self.assembled.add_forces(self.w.x.array, b, held)
+        if self.potential.motion:
+            self.potential.motion.add_forces(self.w.x.array, b)
+        return b
 
     def pressure_loads(self) -> Array:
         """Return each driver's load of a unit magnitude, shape (k, n): of the cavities' pressures, then of the dead loads."""
@@ -357,6 +362,8 @@ class Assembly:
         self._products.add_to(self._whole, self.bcs)
         self._whole.assemble()
         self.assembled.add_to(self._whole, self.w.x.array)
+        if self.potential.motion:
+            self.potential.motion.add_to(self._whole)
 
     def tangent_product(self, x: Array, y: Array) -> None:
         """Put the current state's tangent times x into y, without assembling the matrix."""
@@ -372,6 +379,8 @@ class Assembly:
         self._products.add(d.array, b.array)
         b.scatter_reverse(la.InsertMode.add)
         self.assembled.add_product(self.w.x.array, d.array, b.array[: self.n])
+        if self.potential.motion:
+            self.potential.motion.add_product(d.array, b.array)
         y[:] = self._by_unknowns()
         self.unknowns.stiffen(x, y, self.residual)
         for bc in self.bcs:  # held dofs: the identity, as in the assembled matrix
@@ -405,7 +414,7 @@ class Assembly:
         found = np.zeros(self.n)
         for form, factor in self.forces_and_loads():
             found += factor * self.assemble([form], held=True)
-        return self.assembled.add_forces(self.w.x.array, found, held=True)
+        return self._add_own_forces(found, held=True)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -660,10 +669,6 @@ class System(Assembly):
     def vectors(self) -> fem.FunctionSpace:
         """The displacement's part of the function space."""
         return self.space.sub(0) if self.mixed else self.space
-
-    def set_in_motion(self, motion: Motion) -> None:
-        """Let inertia act in the steps in time that follow."""
-        self.potential.motion = self.assembled.motion = motion
 
     def set_material(self, material: Material) -> None:
         """Set other parameters of the same law, without recompiling."""

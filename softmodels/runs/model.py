@@ -391,7 +391,7 @@ class Model:
 
         with compiling():
             motion = Motion(self.system, self._inertia, self._densities[0], self.case.spectral_radius)
-        self.system.set_in_motion(motion)
+        self.system.potential.motion = motion
 
     def _springs(self, state: State, sealed: bool) -> Springs:
         """The stiffness of sealed air, of the loaded state: -dP/dV = P/V at constant temperature, with P above vacuum."""

@@ -9,7 +9,7 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case, CaseError
-from softmodels.cli.example_cases import CASES
+from softmodels.cli.examples import CASES
 from tests.support import runs
 
 LAW = sm.NeoHookean(30e3, 0.5)

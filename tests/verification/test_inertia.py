@@ -46,7 +46,7 @@ def system_of(body, law, radius=0.9, formulation="mixed", inertia=None, **more):
     """The equations of a body that has mass, and its motion."""
     system = System(body, law, formulation, creeping=True, **more)
     motion = Motion(system, inertia or Inertia((1.0,)), DENSITY, radius)
-    system.set_in_motion(motion)
+    system.potential.motion = motion
     return system, motion
 
 
@@ -170,7 +170,7 @@ def swing(model, inertia, components=(), steps=120, count=3):
     """Frequencies in Hz of a model's first mode, and of the device that is let go in its shape, for so many periods."""
     system = model.system
     motion = Motion(system, inertia, DENSITY)
-    system.set_in_motion(motion)
+    system.potential.motion = motion
     stability = Stability(model.solver, inertia)
     (value, shape), *_ = stability.eigenpairs(system.rest(), 1)
     wanted = math.sqrt(value / motion.unit) / (2 * math.pi)
@@ -216,7 +216,7 @@ def test_a_plate_that_turns_keeps_the_energy(figure):
     motion = Motion(system, Inertia((1.0,), (("tip", own / (DENSITY * system.volume_unit)),)), DENSITY, 1.0)
     solver = model.solver
     (value, shape), *_ = Stability(solver, Inertia((1.0,))).eigenpairs(system.rest(), 1)
-    system.set_in_motion(motion)
+    system.potential.motion = motion
     period = 2 * math.pi * math.sqrt(motion.unit / value)
     potential, rest = system.potential, system.rest()
     potential.keep(rest.w, anew=True)
@@ -247,7 +247,7 @@ def filled(body, law, tables, moves=True):
     system = System(body, law, creeping=True)
     motion = Motion(system, Inertia((1.0,)), DENSITY)
     if moves:
-        system.set_in_motion(motion)
+        system.potential.motion = motion
     program, gas = from_tables(tables), Gas(RESERVOIR, system.stress_unit, system.volume_unit)
     rows, end = [], None
     try:
@@ -260,8 +260,8 @@ def filled(body, law, tables, moves=True):
 
 
 def test_a_balloon_jumps_on_its_air_supply_and_comes_to_rest(body_of, equilibrium, solved, figure):
-    """The gas of a large dead volume expands faster than any flow: without mass the path ends there. With it the balloon comes to
-    rest where the quasi-static jump leads, at the source's pressure on the stiff side."""
+    """The gas of a large dead volume expands faster than any flow: without mass the path ends there. With it the balloon comes
+    to rest where the quasi-static jump leads, at the source's pressure on the stiff side."""
     solver = equilibrium(BALLOON, RUBBER)
     unit = solver.system.stress_unit
     _, points, _ = solved(solver, [30.0 * solver.system.rest().V], quantity="volume")
