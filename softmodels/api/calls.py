@@ -190,7 +190,7 @@ def inflate(
             long the last one is held (in s, or a text), and how often all is gone through and back to 0.
         time_tolerance: Error of the stress by one step in time, over the largest stress; with inertia of the displacement too.
         inertia: Let mass count in time: the device swings, and is followed through jumps.
-        spectral_radius: With inertia, what one step leaves of a vibration that it is far too long for, 0 to 1.
+        spectral_radius: With inertia, what one step leaves of a vibration that it is far too long for, 0 to 0.99.
         strokes: The same for strokes of the supply: ``"0:20 ml"``, or numbers in m3.
         driven: Requested forces, travels or shares of a dead load among the parts, instead of pressures.
         supply: Air supply driven by strokes, such as a `Syringe`; or a `Reservoir`: the pressures are those of its source then.

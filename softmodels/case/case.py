@@ -67,7 +67,7 @@ from softmodels.materials.silicones import material_of
 from softmodels.materials.stability import check_rest
 from softmodels.mechanics.component import Component
 from softmodels.mechanics.dead_loads import requestable
-from softmodels.mechanics.inertia import RADIUS
+from softmodels.mechanics.inertia import LARGEST_RADIUS, RADIUS
 from softmodels.mechanics.regions import RegionPart
 from softmodels.mechanics.solver import METHODS
 from softmodels.mechanics.system import FORMULATIONS
@@ -303,7 +303,7 @@ class Case:
             (empty for at once), how long the last one is held (a text, or seconds), and how often all is gone through.
         time_tolerance: Error of the stress by one step in time, over the largest stress; with inertia of the displacement too.
         inertia: Whether mass counts in time: the device swings, and goes through jumps.
-        spectral_radius: What one step in time leaves of a vibration that it is far too long for, 0 to 1.
+        spectral_radius: What one step in time leaves of a vibration that it is far too long for, 0 to 0.99.
 
     Raises:
         CaseError: From the constructor, if the case is invalid.
@@ -375,7 +375,7 @@ class Case:
     )  # fmt: skip
     spectral_radius: float = _value(
         "solver", "spectral_radius", Quantity(),
-        "with --inertia, what one step leaves of a vibration that it is far too long for: 1 nothing is damped, 0 at once",
+        "with --inertia, what one step leaves of a vibration that it is far too long for, 0 to 0.99",
         RADIUS, hidden=True,
     )  # fmt: skip
 
@@ -439,8 +439,10 @@ class Case:
 
     def _check_inertia(self) -> None:
         """Reject inertia without times or mass, or with volumes or travels in time."""
-        if not 0.0 <= self.spectral_radius <= 1.0:
-            raise CaseError(f"spectral_radius is {self.spectral_radius:g}; it must be from 0 to 1, such as {RADIUS:g}")
+        if not 0.0 <= self.spectral_radius <= LARGEST_RADIUS:
+            raise CaseError(
+                f"spectral_radius is {self.spectral_radius:g}; it must be from 0 to {LARGEST_RADIUS:g}, such as {RADIUS:g}"
+            )
         if not self.inertia:
             return
         if not self.timed:

@@ -31,7 +31,9 @@ def figures() -> dict[str, list[float]]:
             time_tolerance=5e-4,
         ).path,
     }  # fmt: skip
-    return {f"{column}, {name}": paths[name][column].tolist() for name, columns in COLUMNS.items() for column in columns}
+    return {
+        f"{column}, {name}": paths[name][column].tolist() for name, columns in COLUMNS.items() for column in columns
+    }
 
 
 if __name__ == "__main__":
