@@ -105,8 +105,8 @@ def mass_matrix(
 RADIUS = 0.9
 """Default of the spectral radius: what one step leaves of a vibration that it is far too long for."""
 LARGEST_RADIUS = 0.99
-"""Largest one of a run: at 1 the pressure-like unknown of incompressible silicone keeps every error for ever, and after some tens
-of periods the steps become short."""
+"""Largest one of a run: at 1 the pressure-like unknown of incompressible silicone keeps every error for ever, and after some
+tens of periods the steps become short."""
 FRESH, FIRST = 1e-2, 1e-3
 """First step after a jump of a pressure or force, over the last one; and the first of all, over the stage and over the time in
 which a shear wave crosses the device."""
