@@ -314,7 +314,7 @@ def loop(rows: Sequence[Row], words: StateLabels) -> Figure:
         shown = label if marker or len(found) <= MOST_CYCLES else None
         for axes, name in zip(places, ("added_volume_ml", f"{words.gauge}_mm"), strict=True):
             x, y = ([row[column] for row in cycle.rows] for column in (name, PRESSURE[0]))
-            axes.plot(x, y, "-", marker=marker if len(rows) <= MOST_MARKED else "", color=colour, linewidth=wide, markersize=4.0, label=shown)
+            axes.plot(x, y, "-", marker=marker, color=colour, linewidth=wide, markersize=4.0, label=shown)
     places[0].set(xlabel="added volume in ml", ylabel=PRESSURE[1])
     places[1].set(xlabel=f"rise of the {words.gauge} in mm")
     figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
