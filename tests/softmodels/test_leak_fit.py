@@ -52,7 +52,7 @@ def test_without_noise_the_leak_comes_back(gas, figure):
     pressures = falling(2e-13, gas=gas)
     found = sm.fit_leak(TIMES, pressures, CAVITY, dataclasses.replace(SUPPLY, gas=gas))
     figure(
-        "ordinary differential equation of a leaking rigid cavity", "fitted leak", found.conductance / 2e-13 - 1, 1e-6
+        "ordinary differential equation of a leaking rigid cavity", "fitted leak", found.conductance / 2e-13 - 1, 1e-7
     )
     flow = SUPPLY.lost(pressures[0])[0] / SUPPLY.ambient
     assert found.flow[0] == pytest.approx(flow, rel=1e-5)
