@@ -5,6 +5,8 @@ from __future__ import annotations
 import bisect
 import csv
 import io
+import os
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -205,11 +207,9 @@ class DevicePage:
             for text in (answer.end, *answer.notes):
                 if text:
                     ui.label(text).classes("text-sm")
-        material = f"sm.silicone({named(case.material)!r})" if named(case.material) else repr(case.material)
-        self.terminal.set_content("uv run softmodels run case.toml")
-        self.python.set_content(
-            python_lines(case.actuator, material, f"{case.pressures_cm[0]:g}:{case.pressures_cm[-1]:g} cm")
-        )
+        file = os.path.relpath(self.project / CASE)
+        self.terminal.set_content(f"uv run softmodels run {shlex.quote(file)}")
+        self.python.set_content(python_lines(case, file))
 
     def _show_between(self) -> None:
         """Show the section at the slider, between the states of the path, while it moves."""

@@ -6,8 +6,10 @@ from collections.abc import Awaitable, Callable, Mapping
 from typing import TYPE_CHECKING
 
 from geometries import Actuator
+from softmodels.case.case import Case
 from softmodels.common.schema import About, Choice, Flag, Kind, Open, Quantity, about
 from softmodels.common.units import quantity, readable
+from softmodels.materials.silicones import named
 
 if TYPE_CHECKING:
     from nicegui.elements.mixins.value_element import ValueElement
@@ -100,13 +102,19 @@ def _read(kind: Kind, text: str) -> object:
     return None if isinstance(kind, Open) and not text.strip() else text
 
 
-def python_lines(device: Actuator, material: str, pressures: str) -> str:
-    """Return the Python lines that inflate a device as the page does."""
+def python_lines(case: Case, file: str) -> str:
+    """Return the Python lines that inflate a case's device as the page does; a case of more than a named silicone and pressures
+    by its file."""
+    device, silicone = case.actuator, named(case.material)
+    if silicone is None or Case(case.name, device, case.material, case.pressures_cm) != case:
+        return f"import softmodels as sm\n\nrun = sm.run({file!r})\nrun.pressure, run.rise, run.limit"
     changed = ", ".join(f"{name}={value!r}" for name, value in changed_fields(device).items())
+    values = ", ".join(f"{value:g}" for value in case.pressures_cm)
+    asked = f"{case.pressures_cm[0]:g}:{case.pressures_cm[-1]:g}" if len(case.pressures_cm) == 2 else values
     return (
         "import softmodels as sm\n\n"
         f"device = sm.{type(device).__name__}({changed})\n"
-        f"run = sm.inflate(device, {material}, {pressures!r})\n"
+        f'run = sm.inflate(device, "{silicone}", "{asked} cm")\n'
         "run.pressure, run.rise, run.limit"
     )
 

@@ -57,9 +57,7 @@ class PhotographsPage:
                     max_file_size=LARGEST_PHOTOGRAPH, on_multi_upload=self._uploaded,
                     on_rejected=lambda: self._say(NOT_TAKEN),
                 )  # fmt: skip
-                self.upload.classes("w-full").props(
-                    'accept="image/*,.heic,.tif,.tiff,.csv" capture="environment"'
-                ).props('data-name="drop"')
+                self.upload.classes("w-full").props('accept="image/*,.heic,.tif,.tiff,.csv" data-name="drop"')
                 with ui.card().classes("w-full"):
                     self._table()
             with ui.column().classes("w-full min-w-0"):
