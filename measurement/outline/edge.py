@@ -595,7 +595,7 @@ class Traced:
         places = np.moveaxis(np.indices(shape)[::-1], 0, -1).reshape(-1, 2)
         found = self.masked(self.view.enlarged(places.astype(np.float64), shape)).reshape(shape)
         if found.all():
-            raise Unmeasurable("the masks cover everything; make them smaller")
+            raise Unmeasurable("the masks cover everything; give setup --mask smaller ones")
         return found
 
     @functools.cached_property
@@ -636,7 +636,7 @@ class Traced:
         edge = refine_edge(shading, contour, self.factor, self.camera)
         masked = self.masked(edge.px)
         if masked.all():
-            raise Unmeasurable("the masks cover the whole edge; make them smaller")
+            raise Unmeasurable("the masks cover the whole edge; give setup --mask smaller ones")
         return edge[self.view.inside(edge.px) & ~masked]
 
     def masked(self, px: Array) -> npt.NDArray[np.bool_]:

@@ -526,7 +526,7 @@ class Setup:
                 raise SetupError(f"the setup has an unknown field {name!r}; {known_are(name, sorted(known))}")
         roi, colour, masks = table.get("roi"), table.get("shadow_colour"), table.get("masks", [])
         if any(len(one) != 4 for one in (*masks, *([] if roi is None else [roi]))):
-            raise SetupError("the setup's roi and each of its masks need four numbers")
+            raise SetupError("the setup's roi needs four numbers, and so does each of its masks")
         if colour is not None and len(colour) != 3:
             raise SetupError("the setup's shadow_colour needs three numbers")
         return cls(

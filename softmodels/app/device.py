@@ -5,9 +5,9 @@ from __future__ import annotations
 import bisect
 import csv
 import io
-import os
 import shlex
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometries import ACTUATORS, Actuator, registry
@@ -207,7 +207,8 @@ class DevicePage:
             for text in (answer.end, *answer.notes):
                 if text:
                     ui.label(text).classes("text-sm")
-        file = os.path.relpath(self.project / CASE)
+        case_file = self.project / CASE
+        file = str(case_file.relative_to(Path.cwd()) if case_file.is_relative_to(Path.cwd()) else case_file)
         self.terminal.set_content(f"uv run softmodels run {shlex.quote(file)}")
         self.python.set_content(python_lines(case, file))
 

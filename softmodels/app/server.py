@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import secrets
 import socket
@@ -52,6 +53,16 @@ def lan_address() -> str:
         except OSError:
             return HERE
         return str(probe.getsockname()[0])
+
+
+async def answers(port: int) -> bool:
+    """Return whether a server of this machine listens at a port."""
+    try:
+        _, writer = await asyncio.open_connection(HERE, port)
+    except OSError:
+        return False
+    writer.close()
+    return True
 
 
 class Guard:
@@ -131,7 +142,7 @@ def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: b
     Raises:
         OSError: The folder or the port cannot be used.
     """
-    from nicegui import app, core, ui
+    from nicegui import app, background_tasks, core, ui
 
     from softmodels.app.bench import Bench
     from softmodels.app.project import Project
@@ -147,14 +158,16 @@ def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: b
     app.on_shutdown(bench.end)
     address = f"http://{HERE}:{port}/?{KEY}={key}"
 
-    @app.on_startup
-    def tell() -> None:
+    async def tell() -> None:
+        while not await answers(port):  # handlers of the start run before the server listens
+            await asyncio.sleep(0.05)
         say(f"softmodels: {address}\nCtrl-C stops it; the project is {folder}")
         if lan:
             say(f"on the same network: {bench.address}")
         if browser:
             webbrowser.open(address)
 
+    app.on_startup(lambda: background_tasks.create(tell()))
     app.add_static_files("/files", bench.project.folder, max_cache_age=0)
     core.app.add_middleware(Guard, key=key, hosts=hosts)  # type: ignore[arg-type]
     ui.run(

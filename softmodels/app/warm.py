@@ -54,13 +54,10 @@ class Warm:
         async with self._turn:
             if kind and number != self._asked[kind]:
                 raise SupersededError
-            try:
-                return await asyncio.shield(asyncio.to_thread(self._answered, function, args))
-            except (EOFError, BrokenPipeError, ConnectionResetError):
-                self.stop()
-                raise AnswerError(
-                    "the solver's process ended, perhaps because memory ran out; use larger cells, and try again"
-                ) from None
+            done, value = await asyncio.shield(asyncio.to_thread(self._answered, function, args))
+            if not done:
+                raise AnswerError(value)
+            return value
 
     def start(self) -> None:
         """Start the process, which imports its module now and not at the first question."""
@@ -72,13 +69,19 @@ class Warm:
         self._process.start()
         far.close()
 
-    def _answered(self, function: str, args: tuple[object, ...]) -> object:
-        self.start()
-        self._line.send((function, args))
-        done, value = self._line.recv()
-        if not done:
-            raise AnswerError(value)
-        return value
+    def _answered(self, function: str, args: tuple[object, ...]) -> tuple[bool, object]:
+        """Return whether there is an answer, and it; else the sentence why there is none."""
+        try:
+            self.start()
+            self._line.send((function, args))
+            found: tuple[bool, object] = self._line.recv()
+        except (EOFError, OSError):
+            self.stop()
+            return (
+                False,
+                "the process that computes ended, perhaps because memory ran out; use larger cells, and try again",
+            )
+        return found
 
     def stop(self) -> None:
         """End the process."""

@@ -450,11 +450,18 @@ def photographs(folder: Path, tell: Callable[[str], None]) -> None:
 
 def held(folder: Path, tell: Callable[[str], None]) -> None:
     """Make photographs of the disk while pressures are held and its silicone creeps, with their times."""
+    tell("simulating the disk whose pressures are held")
+    truth, halves, times = creeping()
+    take_photographs(folder, truth, halves, bench(), tell, times, 200)
+    (folder / "IMG_0200.JPG").unlink()
+
+
+def creeping() -> tuple[DemoTruth, list[Array], list[str]]:
+    """Return the disk at the pressures of the photographs of `held`, half its outline in each, and their times."""
     from softmodels.fitting.outlines.creeping import Creep, Timetable
     from softmodels.fitting.outlines.device import MeasuredDevice
     from softmodels.mechanics.mpi import start
 
-    tell("simulating the disk whose pressures are held")
     choice = LawChoice.from_text(TRUTH.law, TRUTH.poisson)
     model = MeasuredDevice.of(TRUTH.actuator).model(choice, start(), spectrum([], HOLDS))
     corners, histories = [(0.0, 0.0)], []
@@ -469,9 +476,7 @@ def held(folder: Path, tell: Callable[[str], None]) -> None:
     states = Creep(model, timetable).photographs(values, ())
     halves = [half_outline(model.curve(states[i][0]), 2e-5, 0.0)[0] for i in range(len(histories))]
     truth = dataclasses.replace(TRUTH, pressures=tuple(one[-1][1] for one in histories))
-    times = [f",{hold:g} s,{RISE:g} s" for _ in LEVELS for hold in HOLDS]
-    take_photographs(folder, truth, halves, bench(), tell, times, 200)
-    (folder / "IMG_0200.JPG").unlink()
+    return truth, halves, [f",{hold:g} s,{RISE:g} s" for _ in LEVELS for hold in HOLDS]
 
 
 @click.command("examples")

@@ -62,7 +62,7 @@ def test_two_tabs_show_the_same(browser, server, page):
 def test_the_python_lines_shown_do_the_same(page):
     rise = number(value(page, "rise of the apex"))
     page.get_by_text("The same in a terminal").click()
-    assert "uv run softmodels run case.toml" in value(page, "terminal")
+    assert re.search(r"uv run softmodels run /\S+/project/case.toml", value(page, "terminal"))
     namespace = {}
     exec(page.locator('[data-name="python"] code').inner_text(), namespace)
     assert namespace["run"].apex[-1] * 1e3 == pytest.approx(rise, rel=5e-4)
@@ -97,7 +97,7 @@ def test_a_killed_server_resumes_its_job(browser, tmp_path):
 
     project = tmp_path / "project"
     project.mkdir()
-    case = Case("device", sm.HollowDisk(cell_size=2.5e-3), sm.Yeoh(14e3, 60.0), pressures_cm=tuple(range(0, 60, 3)))
+    case = Case("device", sm.HollowDisk(cell_size=3.5e-3), sm.Yeoh(14e3, 60.0), pressures_cm=tuple(range(0, 60, 4)))
     (project / "case.toml").write_text(case.to_toml())
     rows = project / "results" / "device" / "path.csv"
     with served(project, stop=signal.SIGKILL) as (_, address), tab(browser, address) as page:
@@ -107,7 +107,7 @@ def test_a_killed_server_resumes_its_job(browser, tmp_path):
                 break
             time.sleep(0.1)
     before = len(rows.read_text().splitlines())
-    assert 3 < before < 21
+    assert 3 < before < 16
     with served(project) as (_, address), tab(browser, address) as page:
         page.wait_for_function("document.querySelector('[data-name=\"state-results/device\"]').textContent == 'done'")
     alone = sm.run(case)
@@ -125,5 +125,5 @@ def test_nothing_sticks_out(browser, server, width):
 def test_files_stay_in_the_project(page, server):
     address = server.partition("?")[0]
     for path in ("files/../../../../etc/passwd", "files/%2e%2e/%2e%2e/etc/passwd", "files//etc/passwd"):
-        assert page.request.get(f"{address}{path}").status == 404
-    assert Path("/etc/passwd").exists()
+        assert "root:" not in page.request.get(f"{address}{path}").text()
+    assert "root:" in Path("/etc/passwd").read_text()

@@ -23,7 +23,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "pages" / "howto" / "fit-memory.md"
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     """The folder in which all commands have run, each once; of the examples only those that they read."""
-    folder = tmp_path_factory.mktemp("page")
+    folder, changed = tmp_path_factory.mktemp("page"), pytest.MonkeyPatch()
+    changed.setattr(examples, "MEGAPIXELS", 1.5)
     (folder / "examples").mkdir()
     for seed, name in enumerate(("cycles", "hold", "fast"), 31):
         (folder / "examples" / f"{name}.csv").write_text(examples.memory_curve(getattr(examples, name.upper()), seed))
@@ -35,6 +36,7 @@ def done(tmp_path_factory):
     (folder / "examples" / "photographs").mkdir()
     save(folder / "examples" / "photographs" / "grid.jpg", photograph(examples.bench(), None, seed=100)[0])
     examples.held(folder / "examples" / "held", lambda text: None)
+    changed.undo()
     blocks = re.findall(r"^```sh\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
     lines = dict.fromkeys(line for block in blocks for line in block.splitlines())
     for line in lines:

@@ -89,5 +89,5 @@ def test_a_mask_over_everything_is_told(setup, zero, clean):
 
 def test_a_setups_mask_needs_four_numbers(setup):
     text = setup.to_toml().replace("version = 1", "version = 1\nmasks = [[1, 2, 3]]")
-    with pytest.raises(SetupError, match="each of its masks need four numbers"):
+    with pytest.raises(SetupError, match="so does each of its masks"):
         Setup.from_toml(text)

@@ -45,9 +45,11 @@ def commands_of(page):
 def written(tmp_path_factory):
     """The examples with small photographs, and a dome in the simulated disk's place."""
     halves = [dome(1e-3 * k, 0.0145)[500:1001] for k in range(1, 10)]
+    few = dataclasses.replace(examples.TRUTH, pressures=examples.TRUTH.pressures[:6])
     with pytest.MonkeyPatch.context() as changed:
         changed.setattr(examples, "MEGAPIXELS", 0.1)
         changed.setattr(examples, "inflated", lambda truth, comm: (None, halves))
+        changed.setattr(examples, "creeping", lambda: (few, halves[:6], [",1 s,1 s"] * 6))
         changed.setattr("softmodels.mechanics.mpi.start", lambda: None)
         return examples.write_examples(tmp_path_factory.mktemp("fresh") / "examples")
 

@@ -13,8 +13,6 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-import softmodels as sm
-from geometries import HollowDisk
 from softmodels.__main__ import softmodels as whole_command
 from softmodels.case.materials import material_from
 from softmodels.cli import material_commands
@@ -486,11 +484,6 @@ def test_a_score_follows_a_memory_through_a_test_that_was_not_fitted(says, tmp_p
         chi2 = {row["material"]: float(row["chi2_per_value"]) for row in csv.DictReader(file)}
     assert chi2["soft.toml"] == pytest.approx(1.0, abs=0.2) and chi2["plain.toml"] > 1000.0
     assert says("score", *words[:2], "--tensile", "rest.csv")[0] == 2
-
-
-def test_a_device_cannot_show_a_memory():
-    with pytest.raises(FitError, match="curves of test machines only"):
-        sm.fit(HollowDisk(), options=FitOptions(memory=True))
 
 
 def test_a_change_of_an_unknown_weight_is_refused():

@@ -6,7 +6,6 @@ import dataclasses
 import tomllib
 
 import numpy as np
-import pytest
 from click.testing import CliRunner
 
 import softmodels as sm
@@ -23,19 +22,14 @@ from softmodels.pictures.curves import profile
 from softmodels.runs.grid import QuadraticCurve
 
 PRESSURES = tuple(cm * pascal_per_cm() for cm in (35.0, 80.0, 125.0, 177.0))
-SILICONES = {
-    "yeoh": examples.TRUTH,
-    "neo-hookean": dataclasses.replace(examples.TRUTH, law="neo-hookean", values={"shear_modulus": 31e3}),
-}
 
 
-@pytest.mark.parametrize("law", SILICONES)
-def test_intervals_hold_the_truth(law, comm, tmp_path, figure):
-    truth = dataclasses.replace(SILICONES[law], pressures=PRESSURES)
+def test_intervals_hold_the_truth(comm, tmp_path, figure):
+    truth = dataclasses.replace(examples.TRUTH, pressures=PRESSURES)
     examples.write_case(tmp_path, truth)
     _, halves = examples.inflated(truth, comm)
     assert halves[-1][:, 1].max() > 3e-3
-    examples.take_photographs(tmp_path / "photographs", truth, halves, examples.scene_of(2.5))
+    examples.take_photographs(tmp_path / "photographs", truth, halves, examples.scene_of(1.5))
     runner = CliRunner()
     for module, words in examples.commands(tmp_path, truth):
         command = {"measurement": measurement, "softmodels": fit_material}[module]
@@ -50,9 +44,8 @@ def test_intervals_hold_the_truth(law, comm, tmp_path, figure):
     material = tomllib.loads((tmp_path / "fit" / "fitted.toml").read_text())
     assert not material["fit"]["warnings"]
     values, true = material["fit"]["values"], truth.values
-    modulus = {"yeoh": "c1", "neo-hookean": "shear_modulus"}[law]
     against = "a known silicone, simulated, photographed, measured, fitted"
-    figure(against, f"{law}, {modulus}", values[modulus] / true[modulus] - 1, 0.02)
+    figure(against, "yeoh, c1", values["c1"] / true["c1"] - 1, 0.02)
     figure(against, "axis", (values["centre"] - examples.CENTRE) * 1e6, 50.0, unit="um")
 
 

@@ -102,10 +102,8 @@ def orders(solver, law, name, states, kind, figure):
 @pytest.mark.parametrize(
     ("law", "kind"),
     [
-        ("branches", "volume"),
         ("viscosity by stress", "pressure"),
         ("softening", "pressure"),
-        ("both", "pressure"),
         ("both", "volume"),
     ],
 )

@@ -83,7 +83,7 @@ def test_a_side_of_a_box_is_a_plane(hollow, tmp_path):
         ((-0.06, -0.06, ceiling), (0.06, 0.06, 0.03)) if not hollow else ((-0.06, -0.06, -0.03), (0.06, 0.06, ceiling))
     )
     file = stl_files.write_stl(tmp_path / "box.stl", *stl_files.box(low, high))
-    device = sm.HollowDisk(cell_size=0.005, angle=90)
+    device = sm.HollowDisk(cell_size=0.005)
     plane = sm.inflate(device, LAW, "0,40 cm", components=[sm.Obstacle("top", f"z = {ceiling * 1e3} mm")])
     lid = sm.RigidShape("stl", "top", (0.0, 0.0, 0.0), file=str(file), hollow=hollow, rounding=0.002, name="lid")
     run = sm.inflate(device, LAW, "0,40 cm", components=[lid])
