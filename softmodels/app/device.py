@@ -44,6 +44,7 @@ class DevicePage:
 
         self.bench, self.project = bench, bench.project
         self.answer: PathAnswer | None = None
+        self.own = False
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
                 self.controls = ui.refreshable(self._controls)
@@ -124,8 +125,10 @@ class DevicePage:
 
     async def _take(self, **fields: object) -> None:
         try:
+            self.own = "actuator" in fields and type(fields["actuator"]) is type(self.project.case.actuator)
             self.project.change(**fields)
         except (*INPUT_ERRORS, OSError) as error:
+            self.own = False
             self._say(str(error))
 
     def _say(self, sentence: str) -> None:
@@ -134,7 +137,9 @@ class DevicePage:
     # -- answers ------------------------------------------------------------------------------------------------------
 
     async def _changed(self, file: str) -> None:
-        self.controls.refresh()
+        if not self.own:  # the controls of this tab show its own change already
+            self.controls.refresh()
+        self.own = False
         await self._solve()
 
     async def _solve(self) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Awaitable, Callable, Mapping
 from typing import TYPE_CHECKING
 
 from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.common.schema import About, Choice, Flag, Kind, Open, Quantity, about
-from softmodels.common.units import quantity, readable
+from softmodels.common.units import UnitError, quantity, readable
 from softmodels.materials.silicones import named
 
 if TYPE_CHECKING:
@@ -82,7 +83,15 @@ def _number(device: Actuator, name: str, field: About, take: Take, found: dict[s
     box.tooltip(field.help).props(f'data-name="{name}"')
     slider.on_value_change(lambda event: box.set_value(readable(float(f"{event.value:.4g}"), unit)))
     slider.on("change", lambda _: take(name, float(f"{slider.value:.4g}")))
-    box.on("change", lambda _: take(name, box.value))
+
+    async def typed() -> None:
+        text = str(box.value)
+        with contextlib.suppress(UnitError):
+            slider.set_value(quantity(text, unit))
+            box.set_value(text)  # with all its digits
+        await take(name, text)
+
+    box.on("change", typed)
     found[name] = box
 
 
