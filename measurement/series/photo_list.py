@@ -171,12 +171,14 @@ class Photograph:
         pressure: Pressure in Pa.
         pressure_error: Its standard error in Pa.
         history: Pressures up to the photograph; empty if the list has no times.
+        row: Its row as it is written, by column; empty if it is in no list.
     """
 
     file: Path
     pressure: float
     pressure_error: float
     history: History = ()
+    row: Mapping[str, str] = dataclasses.field(default_factory=dict, compare=False)
 
     @property
     def is_zero(self) -> bool:
@@ -323,7 +325,7 @@ def _photograph(folder: Path, row: dict[str, str], column: Column) -> Photograph
         pressure, pressure_error = column.read(row["pressure"], error)
     else:
         pressure, pressure_error = column.read_tubes(row["left"], row["right"], error)
-    return Photograph(_find(folder, row["file"]), pressure, pressure_error)
+    return Photograph(_find(folder, row["file"]), pressure, pressure_error, row=row)
 
 
 class _Clock:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 
 import numpy as np
 
@@ -13,10 +12,11 @@ from softmodels.app.drawing import Section
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
+from softmodels.fitting.outlines.silhouette import Silhouette
+from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.materials.silicones import named, product_of, spanning, stretch_at_break
 from softmodels.runs.columns import span_sentence
-from softmodels.runs.grid import Cells, border, parabolas
-from softmodels.runs.outcomes import RunError
+from softmodels.runs.model import Model
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,14 +36,12 @@ class PathAnswer:
         end: Why the path ends before the last requested value; empty if it does not.
         notes: Warnings.
         breaks_at: Stretch at which the silicone broke when it was pulled; None if unknown.
-        seconds: That it took.
     """
 
     states: list[StateAnswer]
     end: str
     notes: list[str]
     breaks_at: float | None
-    seconds: float
 
 
 _runs: dict[str, Run] = {}
@@ -52,7 +50,6 @@ _runs: dict[str, Run] = {}
 
 def path(case: str) -> PathAnswer:
     """Return the path of a case, given as the text of its file."""
-    began = time.perf_counter()
     if case not in _runs:
         found = run(Case.from_toml(case))
         _runs.clear()
@@ -60,7 +57,7 @@ def path(case: str) -> PathAnswer:
     found = _runs[case]
     end = found.limit.why if found.limit else ""
     states, breaks_at = [_state(one) for one in found], stretch_at_break(found.case.material)
-    return PathAnswer(states, end, found.notes, breaks_at, time.perf_counter() - began)
+    return PathAnswer(states, end, found.notes, breaks_at)
 
 
 def state(case: str, pressure: str) -> StateAnswer:
@@ -99,33 +96,18 @@ def spread(case: str) -> str:
     return span_sentence(banded, run(banded).sources)
 
 
+SPACING = 1e-4
+"""Distance in m of the points of an outline."""
+
+
 def outline(case: str, pressure: float) -> Array:
-    """Return the outer outline of a section at a pressure in Pa: distance from the axis and height above the undeformed apex in
+    """Return the outer outline of a device at a pressure in Pa: distance from the axis and height above the undeformed apex in
     m, from the axis on, shape (k, 2)."""
     asked = Case.from_toml(case)
-    # To this very pressure: a photograph may have been taken beyond those of the case.
-    found = run(dataclasses.replace(asked, pressures_cm=(max(pressure, 0.0) / asked.cm,), program=()))
-    if found.limit is not None:
-        raise RunError(found.limit.why)
-    state = found.last
-    curves = outline_curves(state.points, state.cells)
-    rest, moved = (state.points + share * state.displacement for share in (0.0, 1.0))
-    top = rest[curves[0, 0], 2]
-    return parabolas((moved[curves] - [0.0, 0.0, top])[..., ::2], 8).reshape(-1, 2)
-
-
-def outline_curves(points: Array, cells: Cells) -> Cells:
-    """Return the outer edges of a section as begin, end and middle nodes, from the top of its axis on, shape (e, 3)."""
-    edges = border(cells)
-    on_axis = np.abs(points[:, 0]) < 1e-9 * np.abs(points[:, 0]).max()
-    edges = edges[~on_axis[edges[:, :2]].all(axis=1)]
-    begins = {int(edge[0]): edge for edge in edges}
-    ends = {int(edge[1]): edge[[1, 0, 2]] for edge in edges}
-    starts = [int(node) for node in np.unique(edges[:, :2]) if on_axis[node]]
-    node = max(starts, key=lambda node: points[node, 2])
-    following = begins if node in begins else ends
-    chain: list[Cells] = []
-    while node in following and len(chain) < len(edges):
-        chain.append(following[node])
-        node = int(following[node][1])
-    return np.array(chain)
+    model = Model(asked.actuator, asked.material, asked.components, asked.formulation, solver=asked.solver)
+    try:
+        # To this very pressure: a photograph may have been taken beyond those of the case.
+        state = model.solve(pressure if pressure > 0.0 else None).state
+        return half_outline(Silhouette(model.system).curve(state), SPACING, -np.inf)[0]
+    finally:
+        model.release()

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 
 import tomli_w
 
-from measurement.series.photo_list import PICTURES, Column, ColumnError, PhotoListError, read_photos
+from measurement.series.photo_list import PICTURES, TIMES, Column, ColumnError, PhotoListError, read_photos
 from softmodels.app.jobs import Jobs
-from softmodels.app.project import OUTLINES, PHOTOGRAPHS, PHOTOS, SETUP, Handles, Project
+from softmodels.app.project import OUTLINES, PHOTOGRAPHS, PHOTOS, SETUP, FileKind, Handles, Project
 from softmodels.app.warm import AnswerError, Warm
-from softmodels.common.files import read_text, replace_text, write_bytes
+from softmodels.common.files import read_text, replace_text
 from softmodels.common.tables import TomlError, read_toml
 from softmodels.common.units import pascal_per_cm
 
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 BENCH = "bench.toml"
 """How the screen was found: the photograph of its grid, the pitch, and the lens."""
+COLUMNS = ("pressure", "error", *TIMES)
+"""Columns of the list beside the file's name."""
+PHOTOGRAPH = FileKind("photographs", "JPEG, PNG, TIFF or HEIC", PICTURES, 80 << 20)
 
 
 @dataclasses.dataclass
@@ -35,17 +38,22 @@ class Listed:
 
     Attributes:
         file: Its file.
-        pressure: As typed; empty until it is.
+        row: Its row of the list, by `COLUMNS`.
         preview: As the page shows it.
         traced: Its edge.
         why: Why there is none.
     """
 
     file: Path
-    pressure: str = ""
+    row: dict[str, str] = dataclasses.field(default_factory=lambda: dict.fromkeys(COLUMNS, ""))
     preview: Preview | None = None
     traced: Traced | None = None
     why: str = ""
+
+    @property
+    def pressure(self) -> str:
+        """As typed; empty until it is."""
+        return self.row["pressure"]
 
 
 class Photographs:
@@ -65,7 +73,7 @@ class Photographs:
         self.plane: Plane | None = None
         self.error = ""
         self.listed: dict[str, Listed] = {}
-        self.typed: dict[str, str] = {}
+        self.rows: dict[str, dict[str, str]] = {}
         self.handles = Handles()
         self.read()
 
@@ -73,27 +81,40 @@ class Photographs:
 
     def read(self) -> None:
         """Read what lies in the project's folder."""
-        pressures: dict[str, str] = {}
-        if (listing := self.project / PHOTOS).exists():
-            try:
-                for row in csv.DictReader(io.StringIO(listing.read_text(encoding="utf-8-sig"))):
-                    pressures[(row.get("file") or "").rpartition("/")[2]] = row.get("pressure") or ""
-            except (OSError, ValueError, csv.Error) as error:
-                self.error = f"{PHOTOS} cannot be read ({error})"
-        for file in self.project.files(PHOTOGRAPHS, PICTURES):
-            self.listed.setdefault(file.name, Listed(file, pressures.get(file.name, "")))
         if (bench := self.project / BENCH).exists():
             try:
                 table = read_toml(bench)
                 self.grid, self.pitch, self.lens = (str(table.get(key, "")) for key in ("grid", "pitch", "lens"))
             except (OSError, TomlError) as error:
                 self.error = f"{BENCH} {error}"
+        for file in self.project.files(PHOTOGRAPHS, PICTURES):
+            self.listed[file.name] = Listed(file)
+        if (listing := self.project / PHOTOS).exists():
+            try:
+                self.take_list(listing)
+            except PhotoListError as error:
+                self.error = str(error)
+
+    def take_list(self, listing: Path) -> None:
+        """Take the rows of a list of photographs, for these and those that come, in its order.
+
+        Raises:
+            PhotoListError: It cannot be read.
+        """
+        for photo in read_photos(listing):
+            row = dict(photo.row)
+            row.setdefault("pressure", f"{photo.pressure / pascal_per_cm():.7g} cm")
+            self.rows[photo.file.name] = {name: row.get(name, "") for name in COLUMNS}
+        named = [name for name in self.rows if name in self.listed]
+        self.listed = {name: self.listed[name] for name in (*named, *self.listed)}
+        for name in named:
+            self.listed[name].row = self.rows[name]
 
     @property
     def setup(self) -> str:
         """Text of the setup; empty where there is none."""
         try:
-            return (self.project / SETUP).read_text(encoding="utf-8")
+            return read_text(self.project / SETUP)
         except OSError:
             return ""
 
@@ -112,13 +133,13 @@ class Photographs:
             return {}
 
     def write_list(self) -> None:
-        """Write ``photos.csv`` of the photographs with a pressure."""
+        """Write ``photos.csv`` of the photographs with a pressure, with all columns that their rows have."""
+        rows = [{**one.row, "file": f"{PHOTOGRAPHS}/{one.file.name}"} for one in self.shadows if one.pressure]
         text = io.StringIO()
-        rows = csv.writer(text, lineterminator="\n")
-        rows.writerow(("file", "pressure"))
-        for one in self.shadows:
-            if one.pressure:
-                rows.writerow((f"{PHOTOGRAPHS}/{one.file.name}", one.pressure))
+        names = ("file", "pressure", *(name for name in COLUMNS[1:] if any(row[name] for row in rows)))
+        table = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
         replace_text(self.project / PHOTOS, text.getvalue())
 
     def pressure_of(self, one: Listed) -> float:
@@ -132,14 +153,16 @@ class Photographs:
     # -- work ---------------------------------------------------------------------------------------------------------
 
     async def add(self, name: str, data: bytes) -> None:
-        """Keep a photograph that was dropped or taken, and find its edge."""
-        file = self.project.new_file(PHOTOGRAPHS, name)
-        if file.suffix.lower() == ".csv":
-            return self.take_list(name, data)
-        if file.suffix.lower() not in PICTURES:
-            raise AnswerError(f"{name}: not a photograph that can be read; use JPEG, PNG, TIFF or HEIC")
-        write_bytes(file, data)
-        one = Listed(file, self.typed.get(file.name, ""))
+        """Keep a photograph that was dropped or taken, and find its edge; or take a list of them.
+
+        Raises:
+            AnswerError, FieldError: It is neither.
+            OSError: It cannot be written.
+        """
+        if name.lower().endswith(".csv"):
+            return self._add_list(name, data)
+        file = self.project.keep(PHOTOGRAPHS, name, data, PHOTOGRAPH)
+        one = Listed(file, self.rows.get(file.name, dict.fromkeys(COLUMNS, "")))
         try:
             one.preview = await self.tracer.ask("preview", str(file))
         except AnswerError as error:
@@ -149,22 +172,14 @@ class Photographs:
         self.changed.emit(file.name)
         await self.trace(one)
 
-    def take_list(self, name: str, data: bytes) -> None:
-        """Take the pressures of a list of photographs that was dropped, for these and those that come.
-
-        Raises:
-            AnswerError: It cannot be read.
-        """
+    def _add_list(self, name: str, data: bytes) -> None:
         with tempfile.TemporaryDirectory() as folder:
-            listing = Path(folder) / "photos.csv"
+            listing = Path(folder) / PHOTOS
             listing.write_bytes(data)
             try:
-                listed = read_photos(listing)
+                self.take_list(listing)
             except PhotoListError as error:
                 raise AnswerError(f"{name}: {str(error).replace(str(listing), name)}") from None
-        self.typed |= {one.file.name: f"{one.pressure / pascal_per_cm():.7g} cm" for one in listed}
-        for one in self.listed.values():
-            one.pressure = self.typed.get(one.file.name, one.pressure)
         self.write_list()
         self.changed.emit("")
 
@@ -213,7 +228,7 @@ class Photographs:
     async def begin(self) -> None:
         """Read where the handles of the project's setup are."""
         if self.setup:
-            with contextlib.suppress(AnswerError):  # an unusable setup is told when a photograph is traced
+            with contextlib.suppress(AnswerError):  # an unusable setup is reported when a photograph is traced
                 self.handles = await self.tracer.ask("handles", self.setup)
         await self.trace_all()
 

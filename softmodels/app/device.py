@@ -22,8 +22,6 @@ from softmodels.common.files import read_text
 from softmodels.materials.silicones import PRODUCTS, named, silicone
 
 if TYPE_CHECKING:
-    from nicegui.elements.mixins.value_element import ValueElement
-
     from softmodels.app.answers import PathAnswer, StateAnswer
     from softmodels.app.bench import Bench
 
@@ -55,7 +53,7 @@ class DevicePage:
                 self.scale = ui.html("", sanitize=False).classes("w-full")
                 with ui.row().classes("w-full items-center no-wrap gap-3"):
                     self.slider = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0).classes("grow")
-                    self.slider.props('aria-label="pressure"').props('data-name="pressure"')
+                    self.slider.props('aria-label="pressure" data-name="pressure"')
                     self.reading = ui.label().classes("w-28 text-right")
                 self.slider.on_value_change(lambda _: self._show_between())
                 self.slider.on("change", lambda _: self._solve_between())
@@ -73,9 +71,7 @@ class DevicePage:
         ui.timer(1.0, self._follow)
 
     def _run(self) -> Command:
-        if not (self.project / CASE).exists():
-            self.project.change()
-        return ["softmodels", "run", CASE, "-o", OUTPUT], OUTPUT, True
+        return ["softmodels", "run", self.project.case_file(), "-o", OUTPUT], OUTPUT, True
 
     # -- controls -----------------------------------------------------------------------------------------------------
 
@@ -84,17 +80,17 @@ class DevicePage:
 
         case = self.project.case
         kinds = sorted(name for name, kind in ACTUATORS.items() if not kind.__dataclass_fields__.get("file"))
-        ui.select(kinds, value=type(case.actuator).__name__, label="Device").classes("w-full").props("dense").mark(
-            "device"
+        ui.select(kinds, value=type(case.actuator).__name__, label="Device").classes("w-full").props(
+            'dense data-name="device"'
         ).on_value_change(lambda event: self._take_device(event.value))
-        self.fields: dict[str, ValueElement] = field_controls(case.actuator, self._take_field)
+        field_controls(case.actuator, self._take_field)
         ui.separator()
         known = named(case.material)
         names = sorted(PRODUCTS)
         own = None if known else f"{case.material.name} of case.toml"
         ui.select(
             ([own] if own else []) + names, value=own or str(known).partition("/")[0], label="Silicone", with_input=True
-        ).classes("w-full").props("dense").props('data-name="silicone"').on_value_change(
+        ).classes("w-full").props('dense data-name="silicone"').on_value_change(
             lambda event: self._take(material=silicone(event.value), band=None) if event.value in PRODUCTS else None
         )
         values = case.pressures_cm
@@ -143,7 +139,7 @@ class DevicePage:
         await self._solve()
 
     async def _solve(self) -> None:
-        case = self.project.case
+        case, text = self.project.case, self.project.case.to_toml()
         self._say(self.project.case_error)
         if not _is_section(case.actuator):
             self.answer = None
@@ -151,12 +147,12 @@ class DevicePage:
             self.scale.set_content("")
             return self._say("this device is a solid: start a run below, its path appears as it is solved")
         try:
-            answer: PathAnswer = await self.bench.solver.ask("path", case.to_toml(), kind="path")
+            answer: PathAnswer = await self.bench.solver.ask("path", text, kind="path")
         except SupersededError:
             return
         except AnswerError as error:
             return self._say(str(error))
-        self.answer, self.text = answer, case.to_toml()
+        self.answer, self.text = answer, text
         self.tops = max(float(state.section.values.max()) for state in answer.states)
         both = [curve for state in answer.states for curve in (state.section.edges, state.section.rest)]
         self.box = (
@@ -178,10 +174,9 @@ class DevicePage:
             try:
                 label.set_text(await self.bench.solver.ask(function, self.text, kind=function))
             except SupersededError:
-                return None
+                return
             except AnswerError as error:
                 label.set_text(str(error))
-        return None
 
     def _follow(self) -> None:
         """Show the path of a solid while its job solves it."""

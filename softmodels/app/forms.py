@@ -22,8 +22,8 @@ SPAN = 3.0
 STEPS = 200
 
 
-def field_controls(device: Actuator, take: Take) -> dict[str, ValueElement]:
-    """Add controls for a device's fields in the current place of the page; return those with a value, by field.
+def field_controls(device: Actuator, take: Take) -> None:
+    """Add controls for a device's fields in the current place of the page.
 
     Lengths and angles that shape the device come first; the others are folded away.
 
@@ -33,23 +33,21 @@ def field_controls(device: Actuator, take: Take) -> dict[str, ValueElement]:
     """
     from nicegui import ui
 
-    found: dict[str, ValueElement] = {}
     fields = {name: field for name, field in about(device).items() if not field.idle(device)}
     first = {name: field for name, field in fields.items() if _is_shape(field)}
     for name, field in first.items():
-        _control(device, name, field, take, found)
+        _control(device, name, field, take)
     with ui.expansion("More").classes("w-full").props("dense"):
         for name, field in fields.items():
             if name not in first:
-                _control(device, name, field, take, found)
-    return found
+                _control(device, name, field, take)
 
 
 def _is_shape(field: About) -> bool:
     return isinstance(field.kind, Quantity) and field.shape and bool(field.kind.unit)
 
 
-def _control(device: Actuator, name: str, field: About, take: Take, found: dict[str, ValueElement]) -> None:
+def _control(device: Actuator, name: str, field: About, take: Take) -> None:
     from nicegui import ui
 
     made: ValueElement
@@ -61,16 +59,15 @@ def _control(device: Actuator, name: str, field: About, take: Take, found: dict[
         made = ui.switch(label, value=value)
         made.on_value_change(lambda event: take(name, event.value))
     elif isinstance(kind, Quantity):
-        return _number(device, name, field, take, found)
+        return _number(device, name, field, take)
     else:
         made = ui.input(label, value=_text(kind, value))
         made.on("change", lambda _: take(name, _read(kind, str(made.value))))
     made.classes("w-full").props("dense").tooltip(field.help).props(f'data-name="{name}"')
-    found[name] = made
     return None
 
 
-def _number(device: Actuator, name: str, field: About, take: Take, found: dict[str, ValueElement]) -> None:
+def _number(device: Actuator, name: str, field: About, take: Take) -> None:
     from nicegui import ui
 
     unit, value = field.kind.unit, float(getattr(device, name))
@@ -92,7 +89,6 @@ def _number(device: Actuator, name: str, field: About, take: Take, found: dict[s
         await take(name, text)
 
     box.on("change", typed)
-    found[name] = box
 
 
 def _text(kind: Kind, value: object) -> str:

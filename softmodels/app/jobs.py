@@ -15,14 +15,15 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from softmodels.common.files import replace_text
+from softmodels.runs import outcomes
 
 if TYPE_CHECKING:
     from softmodels.app.project import Project
 
 FOLDER = "jobs"
 WAITING, RUNNING, DONE, STOPPED, FAILED = "waiting", "running", "done", "stopped", "failed"
-STATUS_DONE, STATUS_LIMIT, STATUS_STOPPED = 0, 3, 130
-"""Exit status of a command that did all, that met a limit point or refused some photographs, and that was stopped."""
+ENDED = {outcomes.DONE: DONE, outcomes.NO_EQUILIBRIUM: DONE, outcomes.STOPPED: STOPPED}
+"""States by exit status; some photographs refused has that of a limit point. All others are `FAILED`."""
 
 
 @dataclasses.dataclass
@@ -70,6 +71,7 @@ class Jobs:
         self._turn = asyncio.Lock()
         self._processes: dict[int, asyncio.subprocess.Process] = {}
         self._tasks: set[asyncio.Task[None]] = set()
+        self.ending = False
         self.all: list[Job] = []
         for file in sorted(self.folder.glob("*.json"), key=lambda path: path.stem.zfill(9)):
             with contextlib.suppress(OSError, ValueError, TypeError):
@@ -117,8 +119,6 @@ class Jobs:
             with contextlib.suppress(ProcessLookupError):
                 process.send_signal(signal.SIGINT)
 
-    ending = False
-
     def _log(self, job: Job) -> Path:
         return self.folder / f"{job.number}.log"
 
@@ -154,8 +154,7 @@ class Jobs:
             status = await process.wait()
             del self._processes[job.number]
             if not self.ending:
-                ended = {STATUS_DONE: DONE, STATUS_LIMIT: DONE, STATUS_STOPPED: STOPPED}
-                self._set(job, ended.get(status, FAILED))
+                self._set(job, ENDED.get(status, FAILED))
 
 
 Command = tuple[list[str], str, bool] | str

@@ -9,7 +9,7 @@ import tomli_w
 
 from geometries.actuator import is_length, parameter, parameter_names
 from softmodels.app.jobs import DONE, Command, Job, job_panel
-from softmodels.app.project import CASE, RESULTS
+from softmodels.app.project import RESULTS
 from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.common.files import replace_text
@@ -62,7 +62,7 @@ class MouldPage:
                 self.silicone = ui.select(
                     ["as simulated", *sorted(PRODUCTS)], value="as simulated", label="Silicone to cast"
                 )
-                self.silicone.classes("w-full").props("dense").props('data-name="cast-silicone"')
+                self.silicone.classes("w-full").props('dense data-name="cast-silicone"')
                 self.settings = {}
                 for name, field, default in workshop_fields():
                     self.settings[name] = (
@@ -77,9 +77,7 @@ class MouldPage:
         self._show()
 
     def _command(self) -> Command:
-        if not (self.project / CASE).exists():
-            self.project.change()
-        words = ["softmodels", "mould", CASE, "-o", MOULD]
+        words = ["softmodels", "mould", self.project.case_file(), "-o", MOULD]
         if self.silicone.value != "as simulated":
             words += ["--silicone", str(self.silicone.value)]
         for name, box in self.settings.items():
@@ -121,7 +119,7 @@ class DesignPage:
             with ui.column().classes("w-full min-w-0"):
                 self.message = ui.label().classes("text-negative").props('data-name="design-message"')
                 job_panel(bench.jobs, DESIGN, "Search", self._command, f"{DESIGN}/report.html")
-                ui.button("Use this device", on_click=self._use).props("outline").props('data-name="use-design"')
+                ui.button("Use this device", on_click=self._use).props('outline data-name="use-design"')
         self.project.changed.subscribe(lambda file: self.controls.refresh())
 
     def _controls(self) -> None:
@@ -163,7 +161,6 @@ class DesignPage:
             text = tomli_w.dumps(self._problem())
         except (UnitError, ValueError) as error:
             return str(error)
-        self.project.change()
         replace_text(self.project / PROBLEM, text)
         return ["softmodels", "design", PROBLEM, "-o", DESIGN], DESIGN, True
 
@@ -187,7 +184,13 @@ class DesignPage:
             for name, box in self.limits.items()
             if str(box.value or "").strip()
         ]
-        return {"name": "design", "case": CASE, "parameters": bounds, table: self._asked(quantity), "keep": kept}
+        return {
+            "name": "design",
+            "case": self.project.case_file(),
+            "parameters": bounds,
+            table: self._asked(quantity),
+            "keep": kept,
+        }
 
     def _asked(self, quantity: str) -> dict[str, object]:
         asked: dict[str, object] = {"quantity": quantity}

@@ -6,10 +6,11 @@ import json
 from typing import TYPE_CHECKING
 
 from softmodels.app.jobs import DONE, Command, Job, job_panel
-from softmodels.app.project import CASE, CURVES, FITTED, OUTLINES, RESULTS
+from softmodels.app.project import CURVES, FITTED, OUTLINES, RESULTS, FileKind
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.case.materials import band_of, material_from
-from softmodels.common.files import read_text, replace_text, write_bytes
+from softmodels.common.errors import FieldError
+from softmodels.common.files import read_text, replace_text
 from softmodels.common.units import readable
 from softmodels.materials.laws import LAWS
 from softmodels.materials.silicones import PRODUCTS
@@ -21,11 +22,8 @@ if TYPE_CHECKING:
     from softmodels.app.bench import Bench
 
 OUTPUT = f"{RESULTS}/fit"
-ENDINGS = (".csv", ".txt", ".tsv", ".xlsx")
 TESTS = ("uniaxial", "planar", "equibiaxial", "balloon")
-LARGEST_CURVE = 40 << 20
-"""Bytes of the largest table."""
-NOT_TAKEN = f"not taken: curves are CSV or Excel (.xlsx), of at most {LARGEST_CURVE >> 20} MB each"
+CURVE = FileKind("curves", "CSV or Excel (.xlsx)", (".csv", ".txt", ".tsv", ".xlsx"), 40 << 20)
 
 
 class MaterialPage:
@@ -42,8 +40,8 @@ class MaterialPage:
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
                 upload = ui.upload(
-                    label="Drop curves of a test machine", multiple=True, auto_upload=True, max_file_size=LARGEST_CURVE,
-                    on_multi_upload=self._uploaded, on_rejected=lambda: self._say(NOT_TAKEN),
+                    label="Drop curves of a test machine", multiple=True, auto_upload=True, max_file_size=CURVE.largest,
+                    on_multi_upload=self._uploaded, on_rejected=lambda: self._say(CURVE.rejected),
                 )  # fmt: skip
                 self.upload = upload.classes("w-full").props('accept=".csv,.txt,.tsv,.xlsx"')
                 self.curves = ui.refreshable(self._curves)
@@ -53,18 +51,15 @@ class MaterialPage:
                 self.with_untrusted = ui.switch("Also untrusted ones").props('data-name="with-untrusted"')
                 self.with_untrusted.tooltip("The doubts stay in the fit's record")
                 self.laws = ui.select(sorted(LAWS), value=["yeoh"], label="Laws to compare", multiple=True)
-                self.laws.classes("w-full").props("dense use-chips").props('data-name="laws"')
+                self.laws.classes("w-full").props('dense use-chips data-name="laws"')
                 self.fixed = ui.input("Fixed parameters", placeholder="c3=0, leak=0").classes("w-full").props("dense")
                 self.fixed.props('data-name="fixed"')
                 self.poisson = (
-                    ui.input("Poisson's ratio", value="0.49")
-                    .classes("w-full")
-                    .props("dense")
-                    .props('data-name="poisson"')
+                    ui.input("Poisson's ratio", value="0.49").classes("w-full").props('dense data-name="poisson"')
                 )
                 products = ["any", *sorted(PRODUCTS)]
                 self.product = ui.select(products, value="any", label="Cast from", with_input=True)
-                self.product.classes("w-full").props("dense").props('data-name="product"')
+                self.product.classes("w-full").props('dense data-name="product"')
             with ui.column().classes("w-full min-w-0"):
                 self.message = ui.label().classes("text-negative").props('data-name="material-message"')
                 self.answer = ui.column().classes("gap-1")
@@ -79,22 +74,17 @@ class MaterialPage:
         from nicegui import ui
 
         self.tests: dict[str, Select] = {}
-        for file in self.project.files(CURVES, ENDINGS):
+        for file in self.project.files(CURVES, CURVE.endings):
             with ui.row().classes("w-full items-center no-wrap gap-2"):
                 ui.label(file.name).classes("grow truncate")
                 self.tests[file.name] = ui.select(["not used", *TESTS], value=TESTS[0]).props("dense").classes("w-32")
-                self.tests[file.name]
 
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
         for given in event.files:
-            file = self.project.new_file(CURVES, given.name)
-            if file.suffix.lower() not in ENDINGS:
-                self._say(f"{given.name}: not a table that can be read; use CSV or Excel (.xlsx)")
-                continue
             try:
-                write_bytes(file, await given.read())
-            except OSError as error:
-                self._say(f"{given.name}: {error.strerror}")
+                self.project.keep(CURVES, given.name, await given.read(), CURVE)
+            except (FieldError, OSError) as error:
+                self._say(str(error))
         self.upload.reset()
         self.curves.refresh()
 
@@ -103,9 +93,7 @@ class MaterialPage:
         if self.with_outlines.value:
             if not (self.project / OUTLINES).is_dir():
                 return "there are no outlines yet: measure the photographs first, or switch the outlines off"
-            if not (self.project / CASE).exists():
-                self.project.change()
-            words += [CASE, f"{OUTLINES}/"]
+            words += [self.project.case_file(), f"{OUTLINES}/"]
             if self.with_untrusted.value:
                 words.append("--untrusted")
         for name, test in self.tests.items():
@@ -144,7 +132,7 @@ class MaterialPage:
                 between = f", 95 %: {' to '.join(readable(end, unit) for end in ends)}" if ends else ""
                 ui.label(f"{one['name']}  {value}{between}").props(f'data-name="fitted-{one["name"]}"')
             ui.label(found["verdict"]).classes("text-sm")
-            ui.button("Use it for the device", on_click=self._use).props("outline").props('data-name="use-material"')
+            ui.button("Use it for the device", on_click=self._use).props('outline data-name="use-material"')
 
     def _use(self) -> None:
         try:

@@ -31,7 +31,7 @@ class OverlayPage:
                 .classes("w-72")
                 .props('data-name="overlay-photograph"')
             )
-            ui.button("Draw", on_click=self._refresh).props("outline").props('data-name="overlay-draw"')
+            ui.button("Draw", on_click=self._refresh).props('outline data-name="overlay-draw"')
             self.about = ui.label().props('data-name="overlay-about"')
         self.image = ui.interactive_image(sanitize=False).classes("w-full photograph").props('data-name="overlay"')
         bench.jobs.changed.subscribe(lambda job: self._list() if job.output == OUTLINES else None)

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from measurement.series.photo_list import PICTURES, ColumnError, PhotoListError, read_photos
+from softmodels.app.bench import PHOTOGRAPH
 from softmodels.app.jobs import Command, Job, job_panel
 from softmodels.app.project import BOARDS, LENS, OUTLINES, PHOTOS, PREVIEW, SETUP, Handles
 from softmodels.app.warm import AnswerError
 from softmodels.common.arrays import Array
-from softmodels.common.files import write_bytes
+from softmodels.common.errors import FieldError
 
 if TYPE_CHECKING:
     from nicegui.elements.icon import Icon
@@ -26,11 +27,6 @@ if TYPE_CHECKING:
     from softmodels.app.bench import Bench, Listed
     from softmodels.app.tracing import Preview
 
-BENCH = "bench.toml"
-"""How the screen was found: the photograph of its grid, the pitch, and the lens."""
-LARGEST_PHOTOGRAPH = 80 << 20
-"""Bytes of the largest photograph."""
-NOT_TAKEN = f"not taken: photographs are JPEG, PNG, TIFF or HEIC, of at most {LARGEST_PHOTOGRAPH >> 20} MB each"
 REACH = 40.0
 """Pixels of a preview within which a press takes hold of a handle."""
 
@@ -54,8 +50,8 @@ class PhotographsPage:
             with ui.column().classes("w-full min-w-0"):
                 self.upload = ui.upload(
                     label="Drop photographs here, or take them", multiple=True, auto_upload=True,
-                    max_file_size=LARGEST_PHOTOGRAPH, on_multi_upload=self._uploaded,
-                    on_rejected=lambda: self._say(NOT_TAKEN),
+                    max_file_size=PHOTOGRAPH.largest, on_multi_upload=self._uploaded,
+                    on_rejected=lambda: self._say(PHOTOGRAPH.rejected),
                 )  # fmt: skip
                 self.upload.classes("w-full").props('accept="image/*,.heic,.tif,.tiff,.csv" data-name="drop"')
                 with ui.card().classes("w-full"):
@@ -90,6 +86,7 @@ class PhotographsPage:
                 job_panel(bench.jobs, OUTLINES, "Measure all outlines", self._measure, f"{OUTLINES}/overview.html")
         self.photos.changed.subscribe(self._changed)
         bench.jobs.changed.subscribe(self._job_changed)
+        self._say(self.photos.error)
         ui.timer(0.05, self._show, once=True)
 
     # -- the list -----------------------------------------------------------------------------------------------------
@@ -105,12 +102,12 @@ class PhotographsPage:
         self.lens = ui.select([], label="lens correction").classes("w-full").props("dense")
         with ui.expansion("Lens from photographs of a board").classes("w-full").props("dense"):
             boards = ui.upload(label="Drop ten photographs of a chessboard", multiple=True, auto_upload=True,
-                               max_file_size=LARGEST_PHOTOGRAPH, on_multi_upload=self._boards)  # fmt: skip
-            boards.classes("w-full").props('accept="image/*,.heic,.tif,.tiff"').props('data-name="boards"')
-            self.pattern = ui.input("inner corners", value="9x6").props("dense").props('data-name="pattern"')
-            self.square = ui.input("side of a square", value="25mm").props("dense").props('data-name="square"')
+                               max_file_size=PHOTOGRAPH.largest, on_multi_upload=self._boards)  # fmt: skip
+            boards.classes("w-full").props('accept="image/*,.heic,.tif,.tiff" data-name="boards"')
+            self.pattern = ui.input("inner corners", value="9x6").props('dense data-name="pattern"')
+            self.square = ui.input("side of a square", value="25mm").props('dense data-name="square"')
             job_panel(self.bench.jobs, LENS, "Calibrate", self._calibrate)
-        self.find = ui.button("Find the grid", on_click=self._find).props("dense").props('data-name="find-grid"')
+        self.find = ui.button("Find the grid", on_click=self._find).props('dense data-name="find-grid"')
         ui.label("Photographs").classes("font-bold")
         self.rows: dict[str, tuple[Row, Input, Icon, Tooltip]] = {}
         self.listing = ui.column().classes("w-full gap-1")
@@ -153,11 +150,10 @@ class PhotographsPage:
 
     async def _boards(self, event: MultiUploadEventArguments) -> None:
         for given in event.files:
-            file = self.photos.project.new_file(BOARDS, given.name)
-            if file.suffix.lower() in PICTURES:
-                write_bytes(file, await given.read())
-            else:
-                self._say(f"{given.name}: not a photograph that can be read; use JPEG, PNG, TIFF or HEIC")
+            try:
+                self.photos.project.keep(BOARDS, given.name, await given.read(), PHOTOGRAPH)
+            except (FieldError, OSError) as error:
+                self._say(str(error))
 
     def _calibrate(self) -> Command:
         files = [f"{BOARDS}/{file.name}" for file in self.photos.project.files(BOARDS, PICTURES)]
@@ -187,12 +183,12 @@ class PhotographsPage:
             self.find.props(remove="loading")
 
     async def _pressure(self, one: Listed, text: str) -> None:
-        before, one.pressure = one.pressure, text.strip()
+        before, one.row = one.row, {**one.row, "pressure": text.strip(), "error": ""}
         try:
             self.photos.pressure_of(one)
             self.photos.write_list()
         except (ColumnError, OSError) as error:
-            one.pressure = before
+            one.row = before
             return self._say(f"{one.file.name}: {error}")
         self._say("")
         await self.photos.trace(one)
@@ -201,7 +197,7 @@ class PhotographsPage:
         for file in event.files:
             try:
                 await self.photos.add(file.name, await file.read())
-            except (AnswerError, OSError) as error:
+            except (AnswerError, FieldError, OSError) as error:
                 self._say(str(error))
         self.upload.reset()
         if not self.shown:
@@ -226,6 +222,8 @@ class PhotographsPage:
         self._settled()
         if name in ("", self.shown):
             await self._show()
+        else:
+            self._draw()
 
     # -- the picture --------------------------------------------------------------------------------------------------
 
@@ -330,6 +328,7 @@ class PhotographsPage:
         except (AnswerError, OSError) as error:
             self._say(str(error))
         self._settled()
+        self._draw()
 
     def _settled(self) -> None:
         """Show the handles where they are now, for all tabs."""
@@ -337,7 +336,6 @@ class PhotographsPage:
             self.handles = copy.deepcopy(self.photos.handles)
             self.with_zero.set_value(self.handles.zero is not None)
             self.with_roi.set_value(self.handles.roi is not None)
-            self._draw()
 
     async def _mouse(self, event: MouseEventArguments) -> None:
         x, y = event.image_x * self.scale, event.image_y * self.scale

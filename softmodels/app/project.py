@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from softmodels.case.case import Case
-from softmodels.common.files import replace_text
+from softmodels.common.errors import FieldError, reason
+from softmodels.common.files import replace_text, write_bytes
 
 OUTLINES, LENS = "outlines", "lens.toml"
 CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
@@ -59,6 +60,28 @@ class Handles:
                 box[:] = [*map(min, box[:2], box[2:]), *map(max, box[:2], box[2:])]
 
 
+@dataclasses.dataclass(frozen=True)
+class FileKind:
+    """Files that users bring.
+
+    Attributes:
+        what: What they are, in the plural.
+        formats: Their formats in words.
+        endings: Of their names, in small letters.
+        largest: Bytes of the largest.
+    """
+
+    what: str
+    formats: str
+    endings: tuple[str, ...]
+    largest: int
+
+    @property
+    def rejected(self) -> str:
+        """The sentence for files that the browser does not send."""
+        return f"not taken: {self.what} are {self.formats}, of at most {self.largest >> 20} MB each"
+
+
 class Project:
     """A project's folder. What several pages show comes from here, so that all tabs show the same.
 
@@ -89,7 +112,6 @@ class Project:
         from geometries import HollowDisk
         from softmodels.case.case import in_unit
         from softmodels.case.entries import CaseError
-        from softmodels.common.errors import reason
         from softmodels.materials.silicones import silicone
 
         file = self / CASE
@@ -102,7 +124,7 @@ class Project:
         return dataclasses.replace(first, pressures_cm=in_unit("cm", FIRST_PRESSURES, "pressure", first.cm))
 
     def change(self, **fields: object) -> None:
-        """Change fields of the case and write it; all pages are told.
+        """Change fields of the case and write it; all pages follow.
 
         Raises:
             CaseError, ArgumentError: The case would be invalid; it stays as it was.
@@ -113,15 +135,35 @@ class Project:
         replace_text(self / CASE, self.case.to_toml())
         self.changed.emit(CASE)
 
+    def case_file(self) -> str:
+        """Return the name of the case's file, which is written if it is not there yet."""
+        if not (self / CASE).exists():
+            self.change()
+        return CASE
+
     # -- files that users bring ---------------------------------------------------------------------------------------
 
-    def new_file(self, folder: str, name: str) -> Path:
-        """Return a free place for a file that a user brings, by its name, which may be anything."""
+    def keep(self, folder: str, name: str, data: bytes, kind: FileKind) -> Path:
+        """Write a file that a user brings to a free place, and return it.
+
+        Args:
+            folder: Where to.
+            name: Of the user's file, which may be anything.
+            data: Its content.
+            kind: What it must be.
+
+        Raises:
+            FieldError: Another kind of file.
+            OSError: It cannot be written.
+        """
         wanted = re.sub(r"[^\w.+-]+", "_", Path(name.replace("\\", "/")).name).lstrip("._") or "file"
         stem, suffix = Path(wanted).stem[:80], Path(wanted).suffix[:12]
+        if suffix.lower() not in kind.endings:
+            raise FieldError(f"{name}: {kind.what} are {kind.formats}")
         place, number = self / folder / f"{stem}{suffix}", 2
         while place.exists():
             place, number = self / folder / f"{stem}-{number}{suffix}", number + 1
+        write_bytes(place, data)
         return place
 
     def files(self, folder: str, endings: Iterable[str]) -> list[Path]:

@@ -129,7 +129,7 @@ async def _refuse(scope: Scope, send: Send, status: int, sentence: str) -> None:
     return await send({"type": "http.response.body", "body": body})
 
 
-def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: bool = False, key: str = "") -> None:
+def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: bool = False) -> None:
     """Serve a project's page until Ctrl-C.
 
     Args:
@@ -137,7 +137,6 @@ def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: b
         port: Of the server; a free one if None.
         browser: Whether to open the user's browser.
         lan: Whether other machines of the network may connect, with the key.
-        key: The key; a new one if empty.
 
     Raises:
         OSError: The folder or the port cannot be used.
@@ -151,7 +150,7 @@ def serve(folder: Path, port: int | None = None, *, browser: bool = True, lan: b
     host = "0.0.0.0" if lan else HERE
     port = free_port(host, port)
     outside = lan_address() if lan else HERE
-    key = key or secrets.token_urlsafe(24)
+    key = secrets.token_urlsafe(24)
     hosts = frozenset(f"{name}:{port}" for name in (HERE, "localhost", outside))
     bench = Bench(Project(folder), f"http://{outside}:{port}/?{KEY}={key}" if lan else "")
     app.on_startup(bench.begin)

@@ -49,14 +49,12 @@ class Traced:
 
     Attributes:
         edge: Its points in px, shape (n, 2).
-        error: Their standard errors in px, shape (n,).
         doubts: What speaks against trusting it, one sentence each.
         zero: The zero line in px, shape (2, 2), if the photograph or the setup shows one.
         height, height_error: Above it in m, if the setup has one.
     """
 
     edge: Array
-    error: Array
     doubts: tuple[str, ...]
     zero: Array | None
     height: float | None
@@ -106,7 +104,7 @@ def trace(file: str, setup: str, level: bool, pressure: float) -> Traced:
     if line is not None:
         along = found.points @ line.direction
         ends = known.to_pixels(line.origin + np.outer([np.nanmin(along), np.nanmax(along)], line.direction))
-    return Traced(found.line.px, found.line.error, doubts, ends, height, error)
+    return Traced(found.line.px, doubts, ends, height, error)
 
 
 def moved(setup: str, handles: Handles) -> str:
@@ -134,13 +132,12 @@ class Overlay:
 
     Attributes:
         curve: In px of the photograph, shape (k, 2).
-        difference: Measured minus simulated height, rms in m, where the simulated outline is not below the undeformed surface.
-        axis: Place of its axis along the surface in m, which makes the difference least.
+        difference: Measured minus simulated height, rms in m, where the simulated outline is not below the undeformed surface;
+            its axis is where that is least.
     """
 
     curve: Array
     difference: float
-    axis: float
 
 
 @functools.lru_cache(maxsize=4)
@@ -174,4 +171,4 @@ def overlay(listing: str, setup: str, outline: str, curve: Array) -> Overlay:
     )
     both = np.concatenate([curve[::-1] * [-1.0, 1.0], curve]) + np.array([axis, 0.0])
     placed = line.origin + both[:, :1] * line.direction + both[:, 1:] * line.normal
-    return Overlay(known.to_pixels(placed), difference(axis), axis)
+    return Overlay(known.to_pixels(placed), difference(axis))

@@ -563,8 +563,8 @@ class Band:
         fields: The device.
         errors: Of its material.
         pascal_per_cm: Pa in one cm of the column.
-        kept: What is requested, at the same value of which rises are told: ``"pressure"``, ``"volume"``, or the ``"force"`` of
-            dead loads, such as shares of the weight.
+        kept: What is requested, at the same value of which rises are reported: ``"pressure"``, ``"volume"``, or the
+            ``"force"`` of dead loads, such as shares of the weight.
     """
 
     def __init__(self, fields: Fields, errors: MaterialErrors, pascal_per_cm: float, kept: str = Pressure.name):

@@ -1,0 +1,74 @@
+"""What lies in a project's folder stays what command line and Python read; the simulated outline is the device's own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("nicegui")
+
+import softmodels as sm
+from measurement.series.photo_list import read_photos
+from softmodels.app import answers
+from softmodels.app.bench import PHOTOGRAPH, Photographs
+from softmodels.app.project import Project
+from softmodels.case.case import Case
+from softmodels.common.errors import FieldError
+
+LISTS = {
+    "times and errors": "file,pressure,error,hold,rise\n"
+    "{0},0 cm,,0 s,0 s\n{1},20 cm,2 mm,10 s,1 s\n{2},1.9 kPa,1 Pa,100 s,1 s\n",
+    "two tubes": "file;left;right\n{0};100.00 cm;100.01 cm\n{1};110.02 cm;89.95 cm\n{2};119.83 cm;80.19 cm\n",
+}
+
+
+@pytest.mark.parametrize("text", LISTS.values(), ids=LISTS)
+def test_a_list_keeps_what_the_page_does_not_show(text, tmp_path):
+    names = ["b.jpg", "a.jpg", "c.jpg"]  # in the order taken
+    project = Project(tmp_path / "project")
+    for name in names:
+        (project / "photographs" / name).write_bytes(b"")
+    listing = project / "photos.csv"
+    listing.write_text(text.format(*(f"photographs/{name}" for name in names)))
+    before = read_photos(listing)
+    photographs = Photographs(project, None)
+    assert [one.file.name for one in photographs.shadows] == names and not photographs.error
+    photographs.write_list()
+    after = read_photos(listing)
+    assert [one.file for one in after] == [one.file for one in before]
+    for one, other in zip(after, before, strict=True):
+        assert (one.pressure, one.pressure_error) == pytest.approx((other.pressure, other.pressure_error), rel=1e-6)
+        assert np.array(one.history) == pytest.approx(np.array(other.history))
+
+
+def test_a_list_that_cannot_be_read_is_reported_and_stays(tmp_path):
+    project = Project(tmp_path / "project")
+    (project / "photos.csv").write_text("file,presure\na.jpg,1 cm\n")
+    assert "column 'presure' is unknown" in Photographs(project, None).error
+    assert (project / "photos.csv").read_text().startswith("file,presure")
+
+
+NAMES = ("../../x.jpg", "..\\x.jpg", "/etc/x.jpg", '<b>&".jpg', "x" * 300 + ".jpg", "a\n.jpg")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_users_file_lands_in_the_project_whatever_its_name(name, tmp_path):
+    project = Project(tmp_path / "project")
+    kept = {project.keep("photographs", name, b"1", PHOTOGRAPH) for _ in range(2)}
+    assert len(kept) == 2 and {file.parent for file in kept} == {project / "photographs"}
+
+
+@pytest.mark.parametrize("name", ["a.exe", ".jpg", "jpg", ""])
+def test_another_kind_of_file_is_refused(name, tmp_path):
+    with pytest.raises(FieldError, match="photographs are JPEG, PNG, TIFF or HEIC"):
+        Project(tmp_path / "project").keep("photographs", name, b"1", PHOTOGRAPH)
+
+
+@pytest.mark.parametrize("pressure", [0.0, 3e3])
+def test_the_simulated_outline_begins_at_the_apex(pressure):
+    disk = sm.HollowDisk(section="axisymmetric")
+    case = Case("disk", disk, sm.Yeoh(14e3, 60.0), pressures_cm=(1.0,))
+    curve = answers.outline(case.to_toml(), pressure)
+    apex = sm.inflate(disk, case.material, [pressure]).apex[-1] if pressure else 0.0
+    assert curve[0] == pytest.approx([0.0, apex], abs=1e-9)
+    assert np.ptp(curve[:, 0]) > 0.9 * disk.outer_radius
