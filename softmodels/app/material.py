@@ -130,6 +130,7 @@ class MaterialPage:
                 ends = one["interval_95"]
                 unit, value = one["unit"], readable(one["value"], one["unit"])
                 between = f", 95 %: {' to '.join(readable(end, unit) for end in ends)}" if ends else ""
+                between = ", fixed" if one["fixed"] else between
                 ui.label(f"{one['name']}  {value}{between}").props(f'data-name="fitted-{one["name"]}"')
             ui.label(found["verdict"]).classes("text-sm")
             ui.button("Use it for the device", on_click=self._use).props('outline data-name="use-material"')

@@ -291,7 +291,7 @@ class History:
         self.prepared += 1
         begun = self.begun.x.array.reshape(-1, self.width)
         if self.step.value:
-            begun[self.places] = self._at_points(self._begin, self.width)
+            begun[self.places] = self.at_points(self._begin, self.width)
             return
         begun[:] = self.at_once(self.values.x.array.reshape(-1, self.size))
 
@@ -304,7 +304,7 @@ class History:
             begun[:, -1] = values[:, -1]
         return begun
 
-    def _at_points(self, expression: fem.Expression, width: int) -> Array:
+    def at_points(self, expression: fem.Expression, width: int) -> Array:
         """Return the values of an expression, shape (cells, points, width)."""
         found, cells = np.empty((*self.places.shape, width)), self.region.cells
         for first in range(0, len(cells), AT_ONCE):
@@ -319,7 +319,7 @@ class History:
             Largest error of the branches' stress in the step, and largest stress, in shear moduli, on all ranks.
         """
         comm, self._next = self.body.mesh.comm, np.empty(0)
-        self._next = self._at_points(self._found, self.size + 3)
+        self._next = self.at_points(self._found, self.size + 3)
         error, size = (largest(comm, float(self._next[..., i].max(initial=0.0))) for i in (-3, -2))
         return error, size
 
@@ -344,7 +344,7 @@ class History:
 
     def von_mises(self) -> Array:
         """Return the von Mises stress in the state where the step begins, shape (cells, points), in shear moduli."""
-        return self._at_points(self._stress, 1)[..., 0]
+        return self.at_points(self._stress, 1)[..., 0]
 
     def copied(self) -> tuple[Array, float]:
         """Return a copy of all that is remembered, for `restore`."""

@@ -392,11 +392,6 @@ class _HistoryDirection:
         slopes[1] += ufl.derivative(end, eq.w, self._w) + ufl.derivative(end, self.history.begun, self._begun)
         self._begin, self._end = (fem.Expression(one, self.history.points, jit_options=JIT) for one in slopes)
 
-    def _at_points(self, expression: fem.Expression, width: int) -> Array:
-        history = self.history
-        found = expression.eval(history.body.mesh, history.region.cells)
-        return found.reshape(*history.places.shape, width)
-
     def begin(self, before: Array, values: Array) -> None:
         """Set how the beginning of the step changes.
 
@@ -409,7 +404,7 @@ class _HistoryDirection:
         if history.step.value == 0.0:
             begun[:] = history.at_once(values.reshape(-1, history.size))
             return
-        begun[history.places] = self._at_points(self._begin, history.width)
+        begun[history.places] = history.at_points(self._begin, history.width)
 
     def end(self, w: Array) -> Array:
         """Return the derivative of what is remembered at the end of the step.
@@ -419,7 +414,7 @@ class _HistoryDirection:
         """
         history, found = self.history, np.zeros_like(self.history.values.x.array)
         self._w.x.array[:] = w[: len(self._w.x.array)]
-        found.reshape(-1, history.size)[history.places] = self._at_points(self._end, history.size)
+        found.reshape(-1, history.size)[history.places] = history.at_points(self._end, history.size)
         return found
 
     def rest(self) -> None:
