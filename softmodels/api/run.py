@@ -17,17 +17,20 @@ import numpy.typing as npt
 
 from softmodels.case.case import Case, one_value
 from softmodels.case.entries import CaseError
-from softmodels.case.materials import SourceBand
+from softmodels.case.materials import SourceBand, to_table
 from softmodels.common.arrays import Array
+from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import Spoken, known_are, spoken
 from softmodels.common.files import file_digest, hdf5_reason, is_same
-from softmodels.common.names import checked, keep_arrays, place, read_only
+from softmodels.common.names import checked, keep_arrays, place, read_only, several
 from softmodels.common.processes import one_at_a_time
-from softmodels.common.units import UnitError, brief, number
+from softmodels.common.schema import to_table as table_of
+from softmodels.common.units import UnitError, brief, number, readable
+from softmodels.materials.silicones import named
 from softmodels.mechanics.mpi import on_root, start
-from softmodels.runs.analyses import Limit
-from softmodels.runs.columns import in_order, read_sources, state_labels
-from softmodels.runs.fields import Row
+from softmodels.runs.analyses import KINDS, Limit
+from softmodels.runs.columns import in_order, load_columns, overlap_text, read_sources, state_labels, term
+from softmodels.runs.fields import Row, split
 from softmodels.runs.formats import CELL_TYPES, Restart
 from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import notes_of, sentences
@@ -37,10 +40,13 @@ from softmodels.runs.simulation import Simulation, Step
 from softmodels.runs.store import Results, ResultsError, States
 
 if TYPE_CHECKING:
+    import pandas
+    import xarray
     from matplotlib.figure import Figure
     from mpi4py import MPI
     from pyvista import UnstructuredGrid
 
+    from softmodels.api.views import Animation
     from softmodels.path.points import Point
 
 
@@ -177,11 +183,12 @@ class InFolder:
         )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class SolvedState:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class SolvedState(Shown):
     """One state of a run, SI units. Its arrays are read-only; ``state.displacement.copy()`` can be changed.
 
     Attributes:
+        case: What was run.
         row: Its row of ``path.csv``, with that file's units.
         points: Undeformed nodes in device coordinates, m, shape (n, 3); of a section (r, 0, z).
         cells: Node numbers of the second-order cells in VTK's order, shape (c, 6 or 10).
@@ -190,11 +197,21 @@ class SolvedState:
             bifurcation, its ``mode``.
     """
 
+    case: Case
     row: Row
     points: Array
     cells: npt.NDArray[np.int64]
     cell_name: str
     fields: Mapping[str, Array]
+
+    def _line(self) -> str:
+        return f"of {self.case.name} at {headline(self.case, self.row)}"
+
+    def _figures(self) -> Table:
+        return state_figures(self.case, self.row)
+
+    def _remarks(self) -> list[str]:
+        return [text] if (text := overlap_text(self.row)) else []
 
     def __post_init__(self) -> None:
         # The arrays belong to the run: `Run.at` and `Run.save` use them.
@@ -254,6 +271,20 @@ class SolvedState:
             grid.point_data[name] = values.copy()
         return grid
 
+    @checked
+    @one_at_a_time
+    def show(self, field: str = "von_mises") -> object:
+        """Show the deformed device in space, coloured by a field; see `Run.show`."""
+        from softmodels.api.views import show
+
+        return show(self.states, field)
+
+    @property
+    def states(self) -> States:
+        """This state as pictures take it."""
+        grid = self.points, self.cells, self.cell_name
+        return States.of(self.case, [self.row], grid, lambda step, name: self.fields[name])
+
 
 def _absolute(folder: Path) -> Path:
     """Return a folder's absolute path; `ResultsError` if the working directory was deleted."""
@@ -268,7 +299,9 @@ def _absolute(folder: Path) -> Path:
 
 def state_of(source: Source, step: int) -> SolvedState:
     """Return one of a source's states."""
-    return SolvedState(source.rows[step], source.points, source.cells, source.cell_name, source.fields(step))
+    return SolvedState(
+        source.case, source.rows[step], source.points, source.cells, source.cell_name, source.fields(step)
+    )
 
 
 def write_states(source: Source, results: Results) -> None:
@@ -420,7 +453,37 @@ def _number(value: object, what: str, more: str = "") -> float:
         raise CaseError(f"{what}: {error}; give a finite number{more}") from None
 
 
-class Run:
+def headline(case: Case, row: Row) -> str:
+    """Return the load of a state, and its main figures, in a line."""
+    words = state_labels(case)
+    volume = f", added volume {row['added_volume_ml']:.4g} ml" if words.volume else ""
+    return (
+        f"{words.under(row, _pressure(row))}: {words.gauge} rise {row[f'{words.gauge}_mm']:.4g} mm{volume}, "
+        f"largest stretch {row['max_stretch']:.4g}"
+    )
+
+
+def _pressure(row: Row) -> str:
+    return f"{row['pressure_Pa'] / 1e3:.4g} kPa ({row['pressure_cm']:.4g} cm of water)"
+
+
+def state_figures(case: Case, row: Row) -> Table:
+    """Return the main figures of a state, with their units and 95 % bands."""
+    words = state_labels(case)
+    columns = [
+        *(name for name in ("time_s", "load_step", "stroke_ml") if name in row), *words.volumes(row), *load_columns(row),
+        *(f"{probe}_mm" for probe in case.actuator.probes), "max_stretch", "max_von_mises_kPa", "stored_energy_mJ",
+    ]  # fmt: skip
+    table = [("pressure", _pressure(row))] if words.pressure else []
+    for column in columns:
+        known, (name, unit) = term(column, case.actuator, words.driver), split(column)
+        band = row.get(f"{name}_ci95{column.removeprefix(name)}", np.nan)
+        give = f" ± {band:.2g}" if np.isfinite(band) else ""
+        table.append((known.name, f"{row[column]:.4g}{give} {unit}{' (95 %)' if give else ''}".strip()))
+    return table
+
+
+class Run(Shown):
     """The states of an inflated device. Made by `softmodels.inflate`, `softmodels.run` and `softmodels.load`.
 
     Beside the properties below, the rise in m of each of the device's probes has its name: ``run.apex`` of a disk,
@@ -436,11 +499,27 @@ class Run:
         self._source, self._ended, self._comm = source, ended, comm
         self._solved: dict[tuple[str, float], SolvedState] = {}
 
-    def __repr__(self) -> str:
-        last = state_labels(self.case).under(self.rows[-1], f"{self.rows[-1]['pressure_Pa']:.5g} Pa")
+    def _line(self) -> str:
         states = "1 state" if len(self) == 1 else f"{len(self)} states"
-        ended = "" if self.limit is None else f", ended at a {self.limit.kind}" if self.limit.found else ", lost"
-        return f"<Run of {self.case.name}: {states} to {last}{ended}>"
+        ended = "" if self.limit is None else f"; ended at a {KINDS[self.limit.kind]}" if self.limit.found else "; lost"
+        return f"of {self.case.name}: {states} to {headline(self.case, self.rows[-1])}{ended}"
+
+    def _figures(self) -> Table:
+        device, material = self.case.actuator, to_table(self.case.material, readable)
+        own, usual = (table_of(one, readable) for one in (device, type(device)()))
+        changed = ", ".join(f"{name} {value}" for name, value in own.items() if value != usual.get(name))
+        silicone = named(self.case.material) or ", ".join(
+            f"{value}" if name == "law" else f"{name} {value}" for name, value in material.items()
+        )
+        return [
+            ("device", f"{type(device).__name__}{f': {changed}' if changed else ''}"),
+            ("silicone", silicone),
+            ("states", f"{len(self)}"),
+            *state_figures(self.case, self.rows[-1]),
+        ]
+
+    def _remarks(self) -> list[str]:
+        return [*([self.limit.why] if self.limit else []), *self.notes]
 
     # -- the path as arrays -------------------------------------------------------------------------------------------
 
@@ -507,7 +586,7 @@ class Run:
             kind, row["pressure_Pa"], row["added_volume_ml"] * 1e-6,
             {name: row[f"{name}_mm"] * 1e-3 for name in self.case.actuator.probes}, row["max_stretch"],
             (row["max_stretch_x_mm"] * 1e-3, row["max_stretch_y_mm"] * 1e-3, row["max_stretch_z_mm"] * 1e-3),
-            spoken(self._ended.message),
+            spoken(self._ended.message), path=tuple(zip(self.added_volume.tolist(), self.pressure.tolist(), strict=True)),
         )  # fmt: skip
 
     @functools.cached_property
@@ -624,7 +703,106 @@ class Run:
         why = f"; {self.limit.why}" if self.limit is not None else ""
         return f"the run has no state at {value}: its {quantity}s go from {low} to {high}{why}"
 
+    # -- tables of other libraries ------------------------------------------------------------------------------------
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return the table ``path.csv`` as a pandas DataFrame, with its columns and units.
+
+        ``frame.attrs["units"]`` has the unit of each column, ``frame.attrs["long_name"]`` its name in words.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        from softmodels.api.frames import dataframe
+
+        return dataframe(self.states)
+
+    @checked
+    def to_xarray(self, fields: str | Sequence[str] = ()) -> xarray.Dataset:
+        """Return the path as an xarray Dataset over the states, with ``units`` and ``long_name`` of each variable.
+
+        Coordinates are the step, the pressure and, with fields, the undeformed places of the nodes.
+
+        Args:
+            fields: Nodal fields to read too, such as ``"displacement"`` or ``["displacement", "von_mises"]``, over
+                (step, node) or (step, node, component). A mode is nan in states without one.
+
+        Raises:
+            ImportError: xarray is not installed.
+            CaseError: No such field.
+            ResultsError: The states of a folder can no longer be read.
+        """
+        from softmodels.api.frames import dataset
+
+        wanted = several("fields", fields, str, "the name of a nodal field")
+        bifurcations = (step for step, row in enumerate(self.rows) if row.get("bifurcation"))
+        known = {name for step in (0, *bifurcations) for name in self._source.fields(step)} if wanted else set()
+        for name in wanted:
+            if name not in known:
+                raise CaseError(f"the run has no field {brief(name)}; {known_are(name, sorted(known))}")
+        return dataset(self.states, wanted)
+
     # -- pictures and files -------------------------------------------------------------------------------------------
+
+    @property
+    def states(self) -> States:
+        """The states as pictures take them."""
+        source = self._source
+        grid = source.points, source.cells, source.cell_name
+        found = States.of(self.case, source.rows, grid, lambda step, name: source.fields(step)[name])
+        found.branch = [] if self.branch is None else self.branch.rows
+        found.sources = self.sources
+        return found
+
+    @checked
+    @one_at_a_time
+    def show(self, state: SolvedState | int | str | None = None, field: str = "von_mises") -> object:
+        """Show the deformed device in space, coloured by a field: in a notebook, in a window, or as a picture.
+
+        A notebook shows it by PyVista's own backend: to be turned and zoomed where trame is installed, else as a picture. A
+        section is shown revolved, a slice as the whole device, both without a quarter.
+
+        Args:
+            state: The state, its number, or a value that `at` takes, such as ``"70 cm"``; None for the last one.
+            field: ``"von_mises"`` or ``"largest_stretch"``, or an own field with colours.
+
+        Returns:
+            What a notebook shows, or the file of the picture where there is neither a notebook nor a display. Else None.
+
+        Raises:
+            CaseError: No such state or field.
+            RunError: The path does not go there, or this machine cannot render.
+        """
+        if state is None:
+            chosen = self.last
+        elif isinstance(state, SolvedState):
+            chosen = state
+        else:
+            chosen = self.at(state) if isinstance(state, str) else self[state]
+        return chosen.show(field)
+
+    @checked
+    @one_at_a_time
+    def animate(self, path: str | Path | None = None) -> Animation:
+        """Return the film of the run: the deformed device from the first state to the last, coloured by von Mises stress.
+
+        Args:
+            path: File to write it to, ``.gif``, ``.webp`` or ``.mp4``; an earlier one is replaced. None for no file.
+
+        Returns:
+            The film, which a notebook plays; ``film.save("disk.gif")`` writes it.
+
+        Raises:
+            CaseError: Another ending.
+            ImportError: MP4 without imageio-ffmpeg.
+            RunError: This machine cannot render.
+        """
+        from softmodels.api.views import animate
+
+        film = animate(self.states)
+        if path is not None:
+            film.save(path)
+        return film
 
     @one_at_a_time
     def plot(self) -> Figure:

@@ -31,6 +31,7 @@ from softmodels.casting.bodies import (
 from softmodels.casting.facets import Facets, facets_of
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
+from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import MeshingError
 from softmodels.common.schema import shown
 
@@ -251,8 +252,8 @@ class MouldBody:
         return self.name.replace(" ", "-")
 
 
-@dataclasses.dataclass(frozen=True)
-class Made:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Made(Shown):
     """The finished mould; lengths of bodies in mm, everything else in SI units.
 
     Attributes:
@@ -279,6 +280,19 @@ class Made:
     wall_below: float
     thinnest: float
     channel: float
+
+    def _line(self) -> str:
+        return f"of {len(self.bodies)} bodies to print, for {self.cast_volume * 1e6:.4g} ml of silicone"
+
+    def _figures(self) -> Table:
+        return [
+            ("to print", ", ".join(body.name for body in self.bodies)),
+            ("silicone", f"{self.cast_volume * 1e6:.4g} ml in {len(self.casts)} parts, bonded"),
+            ("device", f"{self.volume * 1e6:.4g} ml"),
+            ("thinnest wall", f"{self.thinnest * 1e3:.3g} mm"),
+            ("narrowest part of the cavity", f"{self.channel * 1e3:.3g} mm"),
+            ("casts against the device", f"{self.differs:.1e} (volume, centre, moments of inertia)"),
+        ]
 
     @property
     def cast_volume(self) -> float:

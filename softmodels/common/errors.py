@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import importlib
 import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from types import ModuleType
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Names of options in messages: ``--cell-size`` on a command line, ``cell_size`` in Python.
@@ -102,6 +104,24 @@ class Spoken:
 
     def __str__(self) -> str:
         return spoken(super().__str__())
+
+
+class MissingPackageError(Spoken, ImportError):
+    """A package that only some calls need is not installed; the message says how to install it."""
+
+
+def required(package: str, extra: str) -> ModuleType:
+    """Import a package that comes with an extra of this project.
+
+    Raises:
+        MissingPackageError: It is not installed.
+    """
+    try:
+        return importlib.import_module(package)
+    except ImportError:
+        raise MissingPackageError(
+            f"{package} is not installed; install it by: pip install 'softmodels[{extra}]'"
+        ) from None
 
 
 def written(error: BaseException) -> str:

@@ -79,7 +79,7 @@ def one_at_a_time[**P, R](function: Callable[P, R]) -> Callable[P, R]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Sentences on a terminal: wrapped between words at its width; in a file or a pipe each stays one line.
+# Where output goes. Sentences on a terminal are wrapped between words at its width; in a file or a pipe each stays one line.
 
 
 COLUMNS = {"stdout": "SOFTMODELS_TERMINAL_OUT", "stderr": "SOFTMODELS_TERMINAL"}
@@ -99,6 +99,12 @@ def columns(name: str) -> int | None:
     except (OSError, ValueError):
         width = shutil.get_terminal_size().columns
     return max(width or shutil.get_terminal_size().columns, NARROWEST)
+
+
+def in_notebook() -> bool:
+    """Return whether this process is a notebook's kernel, whose output is HTML."""
+    ipython = sys.modules.get("IPython")
+    return hasattr(ipython and ipython.get_ipython(), "kernel")
 
 
 def wrapped(text: str, width: int | None) -> str:

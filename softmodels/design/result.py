@@ -20,6 +20,7 @@ from geometries.actuator import changed
 from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.common.arrays import Array
+from softmodels.common.cards import Shown, Table
 from softmodels.common.names import keep_arrays
 from softmodels.design.extremes import LeastGap
 from softmodels.design.formulation import INSIDE, ConstraintRow, Formulation
@@ -439,8 +440,8 @@ def _overlaps(row: ConstraintRow, values: Mapping[str, float]) -> bool:
     return isinstance(row.keep.quantity, LeastGap) and values[row.key] < 0.0
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class DesignResult:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class DesignResult(Shown):
     """The outcome of an optimisation.
 
     Attributes:
@@ -520,6 +521,18 @@ class DesignResult:
         return self.end.values
 
     # -- in words -----------------------------------------------------------------------------------------------------
+
+    def _line(self) -> str:
+        return f"of {self.problem.name}: {self.headline}"
+
+    def _figures(self) -> Table:
+        return [
+            (one["name"], f"{one['before']:.4g} to {one['after']:.4g} {one['unit']}".strip())
+            for one in parameters_told(self)
+        ]
+
+    def _remarks(self) -> list[str]:
+        return [*self.missed, *self.reasons, *filter(None, [self.trouble])]
 
     @property
     def headline(self) -> str:
@@ -732,7 +745,7 @@ def summary(result: DesignResult) -> str:
         "margins": result.margins,
         "recovered": found.sentences if found else [],
         "notes": notes(result),
-        "parameters": _parameters(result),
+        "parameters": parameters_told(result),
         "objective": _objective(result),
         "limits": _limits(result),
         "trials": [
@@ -764,7 +777,8 @@ def notes(result: DesignResult) -> list[str]:
     return told
 
 
-def _parameters(result: DesignResult) -> list[ParameterTold]:
+def parameters_told(result: DesignResult) -> list[ParameterTold]:
+    """Return the free parameters with their bounds, before and after."""
     told = []
     for k, one in enumerate(result.problem.free):
         unit = shown_unit(one.unit)

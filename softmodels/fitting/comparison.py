@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import known_are, spoken
 from softmodels.common.units import brief, with_prefix
 from softmodels.fitting.curves.curve import TensileCurve
@@ -231,8 +232,8 @@ class DeviceMisfit:
     count: int
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class FittedLaw:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class FittedLaw(Shown):
     """A law with its fit and its warnings.
 
     Attributes:
@@ -252,6 +253,21 @@ class FittedLaw:
     profiles: dict[str, Profile]
     judgement: Judgement = NOTHING
     devices: tuple[DeviceMisfit, ...] = ()
+
+    def _line(self) -> str:
+        values = ", ".join(f"{name} {value} {unit}".strip() for name, value, unit, _ in parameter_rows(self))
+        return f"of {self.choice.name}: {values}{'' if self.sound else '; rejected'}"
+
+    def _figures(self) -> Table:
+        rows = [
+            (name, f"{value} {unit} ({'' if interval == 'fixed' else '95 %: '}{interval})".replace("  ", " "))
+            for name, value, unit, interval in parameter_rows(self)
+        ]
+        modulus = " ".join(with_prefix(self.material.shear_modulus_0, "Pa"))
+        return [*rows, ("shear modulus", modulus), ("Poisson's ratio", f"{self.material.poisson:g}")]
+
+    def _remarks(self) -> tuple[str, ...]:
+        return (*self.warnings, *self.judgement.notes)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -292,6 +308,34 @@ class FittedLaw:
     def interval(self, name: str) -> tuple[float, float]:
         """Return the 95 % interval: from the profile likelihood if available, else from the covariance."""
         return self.profiles[name].interval if name in self.profiles else self.fit.interval(name)
+
+
+def parameter_rows(law: FittedLaw) -> list[tuple[str, str, str, str]]:
+    """Return the parameter, value, unit and 95 % interval, as texts."""
+    rows = []
+    for p in law.fit.parameters:
+        if p.hidden:
+            continue
+        value = law.fit.values[p.name]
+        text, unit = with_prefix(value, p.unit, law.fit.error(p.name))
+        if p.fixed:
+            rows.append((p.name, text, unit, "fixed"))
+            continue
+        factor = {"MPa": 1e-6, "kPa": 1e-3, "mm": 1e3}.get(unit, 1.0)
+        low, high = (_plain(end * factor, law.fit.error(p.name) * factor) for end in law.interval(p.name))
+        ends = [f"{t} (its bound)" if e in (p.lower, p.upper) else t
+                for t, e in zip((low, high), law.interval(p.name), strict=True)]  # fmt: skip
+        rows.append((p.name, text, unit, " to ".join(ends) if "nan" not in (low, high) else "at a bound"))
+    return rows
+
+
+def _plain(value: float, error: float) -> str:
+    if not math.isfinite(value):
+        return "nan" if math.isnan(value) else "-infinity" if value < 0 else "infinity"
+    if not (math.isfinite(error) and error > 0.0):
+        return f"{value:.4g}"
+    digits = max(math.ceil(math.log10(max(abs(value), error) / error)) + 2, 2)
+    return f"{value:.{min(digits, 9)}g}"
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -451,8 +495,8 @@ def fitted_alone(choice: LawChoice, fit: LeastSquaresFit, curve: TensileCurve) -
 # Report of all laws fitted to the same measurements, and the chosen one.
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class FitReport:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class FitReport(Shown):
     """All fitted laws, best first, with curves and options.
 
     Attributes:
@@ -474,6 +518,15 @@ class FitReport:
     devices: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     photographs: Mapping[str, Sequence[MatchedPhotograph]] = dataclasses.field(default_factory=dict)
+
+    def _line(self) -> str:
+        return self.chosen._line()
+
+    def _figures(self) -> Table:
+        return self.chosen._figures()
+
+    def _remarks(self) -> list[str]:
+        return [self.verdict, *self.chosen._remarks(), *(self.separate.sentences if self.separate else [])]
 
     @property
     def chosen(self) -> FittedLaw:

@@ -17,38 +17,10 @@ import numpy as np
 from softmodels.case import materials
 from softmodels.common.files import read_text
 from softmodels.common.units import with_prefix
-from softmodels.fitting.comparison import FitReport, FittedLaw
+from softmodels.fitting.comparison import FitReport, FittedLaw, parameter_rows
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import predicted
 from softmodels.fitting.result import singular_values, unseen
-
-
-def parameter_rows(law: FittedLaw) -> list[tuple[str, str, str, str]]:
-    """Return the parameter, value, unit and 95 % interval, as texts."""
-    rows = []
-    for p in law.fit.parameters:
-        if p.hidden:
-            continue
-        value = law.fit.values[p.name]
-        text, unit = with_prefix(value, p.unit, law.fit.error(p.name))
-        if p.fixed:
-            rows.append((p.name, text, unit, "fixed"))
-            continue
-        factor = {"MPa": 1e-6, "kPa": 1e-3, "mm": 1e3}.get(unit, 1.0)
-        low, high = (_plain(end * factor, law.fit.error(p.name) * factor) for end in law.interval(p.name))
-        ends = [f"{t} (its bound)" if e in (p.lower, p.upper) else t
-                for t, e in zip((low, high), law.interval(p.name), strict=True)]  # fmt: skip
-        rows.append((p.name, text, unit, " to ".join(ends) if "nan" not in (low, high) else "at a bound"))
-    return rows
-
-
-def _plain(value: float, error: float) -> str:
-    if not math.isfinite(value):
-        return "nan" if math.isnan(value) else "-infinity" if value < 0 else "infinity"
-    if not (math.isfinite(error) and error > 0.0):
-        return f"{value:.4g}"
-    digits = max(math.ceil(math.log10(max(abs(value), error) / error)) + 2, 2)
-    return f"{value:.{min(digits, 9)}g}"
 
 
 def correlation_rows(law: FittedLaw) -> list[list[str]]:

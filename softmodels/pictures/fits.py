@@ -17,14 +17,14 @@ from softmodels.common.arrays import Array
 from softmodels.common.files import data_uri, render
 from softmodels.common.processes import plain
 from softmodels.common.units import with_prefix
-from softmodels.fitting.comparison import FitReport, FittedLaw
+from softmodels.fitting.comparison import FitReport, FittedLaw, parameter_rows
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import predicted
 from softmodels.fitting.outlines.residuals import MatchedPhotograph
 from softmodels.fitting.outlines.shapes import Shape
 from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.fitting.result import unseen
-from softmodels.fitting.tables import correlation_rows, parameter_rows, residual_rows
+from softmodels.fitting.tables import correlation_rows, residual_rows
 from softmodels.materials.specimens import MODE_NAMES
 from softmodels.pictures.style import DPI, FAINT, INK, LINE_COLOURS, STYLE, WARNING, WIDTH
 

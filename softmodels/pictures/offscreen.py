@@ -104,6 +104,10 @@ sys.exit(len(sys.argv) > 1 and window.GetClassName() != sys.argv[1])
 """
 
 
+WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
+"""VTK's variable for the kind of window."""
+
+
 @functools.cache
 def can_render() -> bool:
     """Return whether VTK can render; on Linux this also selects the kind of window, through VTK's variable.
@@ -111,15 +115,14 @@ def can_render() -> bool:
     Without a way to render, VTK does not raise but crashes, so that a process of its own has to try. The kind that
     needs no display comes first, because VTK prints warnings on its own way to it.
     """
-    variable = "VTK_DEFAULT_OPENGL_WINDOW"
-    if variable in os.environ or sys.platform != "linux":
+    if WINDOW in os.environ or sys.platform != "linux":
         return _probe([])
     for window in ("vtkEGLRenderWindow", "vtkXOpenGLRenderWindow", "vtkOSOpenGLRenderWindow"):
         if window != "vtkXOpenGLRenderWindow" or os.environ.get("DISPLAY"):
-            os.environ[variable] = window
+            os.environ[WINDOW] = window
             if _probe([window]):
                 return True
-    del os.environ[variable]
+    del os.environ[WINDOW]
     return False
 
 

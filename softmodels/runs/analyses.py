@@ -18,6 +18,7 @@ from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.case.load import STIFFNESS_RANGE
 from softmodels.common.arrays import Array
+from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import FieldError
 from softmodels.common.names import read_only
 from softmodels.common.schema import Length, Quantity, about, shown
@@ -62,8 +63,15 @@ LARGEST_STRETCH = 5.0
 """Stretch at which the search ends if it finds no limit: silicones fail at 3 to 10, and laws are mostly fitted to less."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Limit:
+KINDS = {
+    "limit": "limit point", "bifurcation": "bifurcation", "none": "no limit up to this stretch",
+    "lost": "path lost", "stopped": "stopped by the user",
+}  # fmt: skip
+"""How a path ends, in words."""
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class Limit(Shown):
     """Inflation limits of a design; SI units.
 
     Attributes:
@@ -77,6 +85,7 @@ class Limit:
         place: Undeformed device coordinates in m of the integration point with the largest stretch.
         why: What ended a lost path, or a limit that is not a maximum of only the pressure; else empty.
         held: Time in s for which the pressure is borne; 0 for ever.
+        path: Added volume in m3 and pressure in Pa of each state up to there; empty if they were not kept.
     """
 
     kind: str
@@ -87,10 +96,29 @@ class Limit:
     place: tuple[float, float, float]
     why: str = ""
     held: float = 0.0
+    path: tuple[tuple[float, float], ...] = dataclasses.field(default=(), compare=False)
 
     @property
     def found(self) -> bool:
         return self.kind in ("limit", "bifurcation")
+
+    def _line(self) -> str:
+        return f"at {self.pressure / 1e3:.4g} kPa: {KINDS[self.kind]}, largest stretch {self.stretch:.4g}"
+
+    def _figures(self) -> Table:
+        place = ", ".join(f"{axis} = {1e3 * x:.3g}" for axis, x in zip("xyz", self.place, strict=True))
+        return [
+            ("end", KINDS[self.kind]),
+            ("pressure", f"{self.pressure / 1e3:.4g} kPa"),
+            *([("held for", f"{self.held:.4g} s")] if self.held else []),
+            ("added volume", f"{self.added_volume * 1e6:.4g} ml"),
+            *((f"rise of the {name}", f"{rise * 1e3:.4g} mm") for name, rise in self.rises.items()),
+            ("largest stretch", f"{self.stretch:.4g}"),
+            ("its place, undeformed", f"{place} mm"),
+        ]
+
+    def _remarks(self) -> list[str]:
+        return [self.why] if self.why else []
 
 
 def find_limit(case: Case, materials: Sequence[Material], comm: MPI.Comm, hold: float = 0.0) -> list[Limit]:
@@ -194,21 +222,30 @@ def _search(model: Model, hung: StageEnd | None = None) -> Limit:
 
     path, fields = model.continuation(hung=hung), model.fields
     kind, why, last = "none", "", None
+    passed = []
     try:
         for point in trace(path, [STIFFNESS_RANGE]):
             before, last = last, point
+            passed.append(_volume_and_pressure(fields, point))
             if point.limit or point.bifurcation:
                 kind = "limit" if point.limit else "bifurcation"
                 break
             if before is not None and fields.figures(point.state).max_stretch > LARGEST_STRETCH:
                 last = _stretched(path, fields, before, point)
+                passed[-1] = _volume_and_pressure(fields, last)
                 break
     except (PathEnd, NoConvergence) as end:
         kind, why = "lost", str(end)
         if isinstance(end, PathEnd) and end.cause:
             kind, why = "lost" if end.cause.of_mesh else "limit", end.cause.clause
     assert last is not None  # the state at rest always exists
-    return _limit_of(fields, last, kind, why)
+    return dataclasses.replace(_limit_of(fields, last, kind, why), path=tuple(passed))
+
+
+def _volume_and_pressure(fields: Fields, point: Point) -> tuple[float, float]:
+    """Return the added volume in m3 and the pressure in Pa at a point, without its other figures, which take longer."""
+    eq, state = fields.system, point.state
+    return float((state.V - fields.rest_volume) * eq.volume_unit), float(state.P * eq.stress_unit)
 
 
 def _limit_of(fields: Fields, point: Point, kind: str, why: str = "") -> Limit:
@@ -449,8 +486,8 @@ MOST_MODES = 20
 """Largest number of modes: of higher ones the mesh decides."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class NaturalFrequencies:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class NaturalFrequencies(Shown):
     """Natural frequencies along a path, SI units; arrays are read-only.
 
     Attributes:
@@ -478,6 +515,21 @@ class NaturalFrequencies:
     cell_name: str
     notes: tuple[str, ...]
     ended: Ended
+
+    def _line(self) -> str:
+        lowest = " to ".join(f"{value:.4g}" for value in dict.fromkeys(self.frequency[[0, -1], 0].tolist()))
+        pressures = " to ".join(f"{value / 1e3:.4g}" for value in dict.fromkeys(self.pressure[[0, -1]].tolist()))
+        return f"at {pressures} kPa: lowest {lowest} Hz"
+
+    def _figures(self) -> Table:
+        return [
+            (f"{pressure / 1e3:.4g} kPa", f"{', '.join(f'{value:.4g}' for value in values)} Hz")
+            for pressure, values, asked in zip(self.pressure, self.frequency, self.requested, strict=True)
+            if asked
+        ]
+
+    def _remarks(self) -> list[str]:
+        return [*self.unstable, *self.notes]
 
     @property
     def unstable(self) -> list[str]:

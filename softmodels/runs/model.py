@@ -18,6 +18,7 @@ from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
+from softmodels.common.cards import Shown, Table
 from softmodels.common.names import checked, read_only
 from softmodels.common.processes import one_at_a_time
 from softmodels.components.loads import densities
@@ -409,8 +410,8 @@ class Model:
         return read_only(found)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Mode:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Mode(Shown):
     """A mode of a device at an equilibrium.
 
     Attributes:
@@ -422,6 +423,13 @@ class Mode:
     eigenvalue: float
     density: float
     displacement: Array
+
+    def _line(self) -> str:
+        return (
+            f"at {self.frequency:.4g} Hz"
+            if self.stable
+            else f"unstable, grows by a factor of e in {1 / self.rate:.2g} s"
+        )
 
     @property
     def stable(self) -> bool:
@@ -440,7 +448,7 @@ class Mode:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Equilibrium:
+class Equilibrium(Shown):
     """A state of a `Model`, SI units. Fields are computed when they are asked for first; arrays are read-only.
 
     Attributes:
@@ -453,8 +461,22 @@ class Equilibrium:
     state: State
     point: Point | None = None
 
-    def __repr__(self) -> str:
-        return f"<Equilibrium of {self.model.case.actuator.stem} at {self.pressure:.5g} Pa>"
+    def _line(self) -> str:
+        gauge = self.model.case.actuator.gauge
+        return (
+            f"of {self.model.case.actuator.stem} at {self.pressure / 1e3:.4g} kPa: "
+            f"{gauge} rise {self.rises[gauge] * 1e3:.4g} mm, largest stretch {self.largest_stretch:.4g}"
+        )
+
+    def _figures(self) -> Table:
+        return [
+            ("pressure", f"{self.pressure / 1e3:.4g} kPa"),
+            ("added volume", f"{self.volume * 1e6:.4g} ml"),
+            *((f"rise of the {name}", f"{rise * 1e3:.4g} mm") for name, rise in self.rises.items()),
+            ("largest stretch", f"{self.largest_stretch:.4g}"),
+            ("elastic energy", f"{self.energy * 1e3:.4g} mJ"),
+            *([] if self.stable is None else [("stable under this pressure", "yes" if self.stable else "no")]),
+        ]
 
     @functools.cached_property
     def figures(self) -> Figures:

@@ -6,13 +6,15 @@ import dataclasses
 import os
 import sys
 import time
+from html import escape
 from typing import TYPE_CHECKING
 
 from softmodels.common.errors import MeshingError, Spoken, spoken, written
-from softmodels.common.processes import COLUMNS, columns, wrapped
+from softmodels.common.processes import COLUMNS, columns, in_notebook, wrapped
 from softmodels.mechanics.mpi import TooLargeError
 
 if TYPE_CHECKING:
+    from IPython.display import DisplayHandle
     from rich.console import Console
     from rich.progress import Progress as Bar
 
@@ -63,7 +65,7 @@ class Ended:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# What a run says while it works: a bar on a terminal, a line per step in a log, nothing when quiet.
+# What a run says while it works: a bar on a terminal or in a notebook, a line per step in a log, nothing when quiet.
 
 
 class Progress:
@@ -81,9 +83,16 @@ class Progress:
         self.started = time.monotonic()
         self._console: Console | None = None
         self._bar: Bar | None = None
+        self._cell: DisplayHandle | None = None
+        self._done = 0.0
         self._first: tuple[float, float] | None = None
 
     def __enter__(self) -> Progress:
+        if in_notebook() and not self.quiet:
+            from IPython.display import HTML, display
+
+            self._cell = display(HTML(""), display_id=True)
+            return self
         width = columns("stderr")
         if self.quiet or sys.stderr is None or width is None:
             return self  # a log has no bar, so rich need not be imported
@@ -116,6 +125,12 @@ class Progress:
         """Report a line on the current step."""
         if self.quiet:
             return
+        if self._cell is not None:
+            from IPython.display import HTML
+
+            bar = f'<progress value="{self._done:.6g}" max="{self.last:.6g}" style="width:20em"></progress>'
+            self._cell.update(HTML(f"{bar} {escape(spoken(text))}"))
+            return
         try:
             if self._console is not None:
                 self._console.print(wrapped(spoken(text), self._console.width))
@@ -132,7 +147,13 @@ class Progress:
 
     def step(self, row: Row, value: float) -> None:
         """Report a step: its row of the table, and the progress towards the last requested value."""
-        gauge = self.words.gauge
+        gauge, done = self.words.gauge, max(0.0, min(value, self.last))
+        if self._cell is not None:
+            rise = f"{gauge} rise {row[f'{gauge}_mm']:.4g} mm"
+            spent = f"{row['step'] + 1} states in {time.monotonic() - self.started:.1f} s"
+            self._done = done
+            self.say(f"{value:.4g} of {self.last:g} {self.unit}: {rise}, {spent}")
+            return
         volume = f"{row['added_volume_ml']:+8.3f} ml  " if self.words.volume else ""
         when = f"{row['time_s']:8.3g} s  " if "time_s" in row else ""
         text = (
@@ -143,7 +164,7 @@ class Progress:
             self.say(text)  # above the bar, where it stays
             self._bar.update(
                 self._task,
-                completed=max(0.0, min(value, self.last)),
+                completed=done,
                 description=f"{value:.4g} of {self.last:g} {self.unit}",
             )
             return

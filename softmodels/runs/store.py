@@ -13,7 +13,7 @@ import functools
 import json
 import os
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import h5py
@@ -278,6 +278,10 @@ STILLS = 4
 """Maximum number of states shown side by side."""
 
 
+type NodalGrid = tuple[Array, npt.NDArray[np.int64], str]
+"""Undeformed nodes in m, shape (n, 3); cells in VTK's order, shape (c, 6 or 10); XDMF's name of the cells."""
+
+
 class States:
     """The states of a folder of results.
 
@@ -312,9 +316,25 @@ class States:
                 np.asarray(read_values(file, "mesh/cells")),
             )
             self.cell_name = str(file["mesh"].attrs["cell_name"])
-        self._read = functools.lru_cache(maxsize=24)(
+        self._read: Callable[[int, str], Array] = functools.lru_cache(maxsize=24)(
             lambda step, field: self.results.fields(step, (field,))[field].astype(float)
         )
+
+    @classmethod
+    def of(cls, case: Case, rows: Sequence[Row], grid: NodalGrid, read: Callable[[int, str], Array]) -> States:
+        """Return states that lie in no folder of their own, such as a run's in memory.
+
+        Args:
+            case: The case.
+            rows: Their rows of ``path.csv``.
+            grid: Their mesh.
+            read: Returns a nodal field of a state by its number and the field's name.
+        """
+        made = cls.__new__(cls)
+        made.case, made.rows, made._read = case, list(rows), read
+        made.points, made.cells, made.cell_name = grid
+        made.branch, made.sources = [], {}
+        return made
 
     @property
     def name(self) -> str:

@@ -1,0 +1,262 @@
+"""What a notebook shows of results: small pictures on their cards, the device in space, the film.
+
+Imported when something is drawn, so that a script that draws nothing needs no renderer.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import io
+import os
+import sys
+import tempfile
+import warnings
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image as Picture
+
+from softmodels.case.entries import CaseError
+from softmodels.casting.files import exploded_picture
+from softmodels.casting.make import Made
+from softmodels.common.errors import known_are, required
+from softmodels.common.files import data_uri, write_bytes
+from softmodels.common.names import place
+from softmodels.common.processes import in_notebook
+from softmodels.common.units import brief
+from softmodels.design.result import DesignResult, parameters_told
+from softmodels.fitting.comparison import FitReport
+from softmodels.pictures import curves, draw_design, film, fits, solid
+from softmodels.pictures.offscreen import SAMPLES, WINDOW, Image, Look, add_lights, can_render, look
+from softmodels.pictures.style import CURVE, INK, STYLE, WARNING, drawn, headline
+from softmodels.runs.analyses import Limit
+from softmodels.runs.fields import Row, coloured
+from softmodels.runs.model import Equilibrium
+from softmodels.runs.outcomes import RunError
+from softmodels.runs.store import States
+
+if TYPE_CHECKING:
+    from pyvista import Plotter
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The small picture on a result's card.
+
+
+SMALL = 640
+"""Width of a card's picture in pixels; it is shown at two thirds of it."""
+LARGE_TYPE = {"font.size": 20, "axes.titlesize": 20, "legend.fontsize": 17, "lines.linewidth": 3.0}
+"""Over the style of pictures, which are three times as wide."""
+
+
+def picture(result: object) -> bytes:
+    """Return a result's picture as WebP, small enough for a notebook; empty if it has none."""
+    with matplotlib.rc_context({**STYLE, **LARGE_TYPE}):
+        found = _figure(result)
+        if found is None:
+            return b""
+        image = drawn(found) if isinstance(found, Figure) else found
+    image.thumbnail((SMALL, SMALL), Picture.Resampling.LANCZOS)
+    stream = io.BytesIO()
+    image.save(stream, "WEBP", quality=85)
+    return stream.getvalue()
+
+
+@functools.singledispatch
+def _figure(result: object) -> Figure | Picture.Image | None:
+    """Draw a result: a run as its path, a state as the deformed device."""
+    states = getattr(result, "states", None)
+    if not isinstance(states, States):
+        return None
+    if len(states.rows) == 1:
+        return _frame(states)
+    if states.case.program:
+        return curves.steps(states.rows, states.words)
+    gauge, over = states.words.gauge, curves.over_of(states.case)
+    return curves.rise(states.rows, gauge, states.case.cm, states.branch, over, states.sources)
+
+
+def _frame(states: States) -> Figure | Picture.Image | None:
+    """Draw the last state as a film shows it; where nothing can be rendered, a section."""
+    if can_render():
+        return Picture.fromarray(film.render_frames(look(states), 1)[0])
+    if states.actuator.dimension == 3:
+        return None
+    row, stress = states.rows[-1], states.field(len(states.rows) - 1, "von_mises")
+    moved = states.moved(len(states.rows) - 1)
+    return solid.section_stress(states.points, moved, states.cells, stress, row, states.words)
+
+
+@_figure.register
+def _(state: Equilibrium) -> Figure | Picture.Image | None:
+    case = state.model.case
+    row = Row({
+        "pressure_Pa": state.pressure, "pressure_cm": state.pressure / case.cm, "added_volume_ml": state.volume * 1e6,
+        **{f"{name}_mm": rise * 1e3 for name, rise in state.rises.items()}, "max_stretch": state.largest_stretch,
+        "requested": 1, "limit": 0,
+    })  # fmt: skip
+    grid = state.model.fields.grid
+    return _frame(
+        States.of(case, [row], (grid.points, grid.cells, grid.cell_name), lambda step, name: state.fields[name])
+    )
+
+
+@_figure.register
+def _(limit: Limit) -> Figure | None:
+    if not limit.path:
+        return None
+    volumes, pressures = np.array(limit.path).T
+    figure = Figure((8.0, 5.0), dpi=80, layout="constrained")
+    axes = figure.subplots()
+    axes.plot(*curves.smooth(np.column_stack([volumes * 1e6, pressures / 1e3])).T, color=CURVE)
+    mark = "D" if limit.found else "o"
+    axes.plot(limit.added_volume * 1e6, limit.pressure / 1e3, mark, color=WARNING, markersize=12)
+    axes.set(xlabel="added volume in ml", ylabel="pressure in kPa")
+    axes.margins(0.05)
+    return figure
+
+
+@_figure.register
+def _(report: FitReport) -> Figure:
+    if report.curves:
+        return fits.draw_curves(report)
+    law = report.chosen.choice.name
+    return fits.draw_outlines(report.photographs[law], law)
+
+
+@_figure.register
+def _(mould: Made) -> Figure | None:
+    return exploded_picture(mould) if can_render() else None
+
+
+@_figure.register
+def _(result: DesignResult) -> Figure:
+    return draw_design.parameters(parameters_told(result))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The device in space, by PyVista.
+
+
+def show(states: States, field: str) -> object:
+    """Show the last of some states, coloured by a field: in a notebook, in a window, or as a picture.
+
+    Returns:
+        What a notebook shows; the picture's file where there is neither a notebook nor a display; None of a window.
+
+    Raises:
+        CaseError: No such field.
+        RunError: This machine cannot render.
+    """
+    if field not in coloured():
+        raise CaseError(f"field is {brief(field)}; {known_are(field, coloured())}")
+    windowed = not in_notebook() and (sys.platform != "linux" or bool(os.environ.get("DISPLAY")))
+    if not windowed:
+        _check_rendering()
+    elif sys.platform == "linux":
+        os.environ[WINDOW] = "vtkXOpenGLRenderWindow"  # pictures may have chosen one that is never shown
+    import pyvista
+
+    plotter = pyvista.Plotter(lighting="none", off_screen=not windowed)
+    _fill(plotter, look(states), len(states.rows) - 1, field)
+    if not in_notebook() and not windowed:
+        file = Path(tempfile.mkdtemp(prefix="softmodels-")) / f"{states.case.name}.png"
+        plotter.screenshot(file)
+        plotter.close()
+        return file
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that it shows a picture where trame is missing
+        return plotter.show(return_viewer=in_notebook())
+
+
+def _check_rendering() -> None:
+    if not can_render():
+        raise RunError("this machine cannot render; softmodels doctor names what is missing")
+
+
+TICKS = 5
+"""Labels of a colour bar."""
+
+
+def _fill(plotter: Plotter, shown: Look, step: int, field: str) -> None:
+    """Add a deformed device to a plotter, with its colour bar, title and camera."""
+    states, scale = shown.states, shown.scale([step], field)
+    add_lights(plotter)
+    plotter.set_background("white")
+    plotter.enable_anti_aliasing("msaa", multi_samples=SAMPLES)
+    ticks = scale.ticks() if scale.power != 1.0 else np.linspace(scale.low, scale.top, TICKS).tolist()
+    labels = {float(scale.norm(value)): f"{value:.3g}" for value in ticks}
+    title = f"{scale.what} ({scale.unit})" if scale.unit else scale.what
+    bar = {"title": title, "n_labels": 0, "color": INK, "width": 0.6, "position_x": 0.2, "position_y": 0.06}
+    for data, style in shown.coloured(step, scale):
+        if "scalars" in style:
+            plotter.add_mesh(data, ambient=0.5, annotations=labels, scalar_bar_args=bar, **style)
+        else:
+            plotter.add_mesh(data, lighting="ambient" in style, show_scalar_bar=False, **style)
+    plotter.add_text(headline(states.rows[step], states.words), font_size=10, color=INK)
+    camera = shown.camera([step])
+    focus, direction = np.asarray(camera.focus), np.asarray(camera.direction)
+    plotter.camera_position = [focus + 40 * camera.scale * direction, focus, camera.up]
+    plotter.camera.parallel_projection = True
+    plotter.camera.parallel_scale = 1.25 * camera.scale  # the bar and the title stand beside the device
+    plotter.renderer.ResetCameraClippingRange()
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The film.
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Animation:
+    """The film of a run, which a notebook plays.
+
+    Attributes:
+        frames: Its pictures, each of shape (height, width, 3).
+    """
+
+    frames: tuple[Image, ...]
+
+    def __repr__(self) -> str:
+        height, width, _ = self.frames[0].shape
+        return f"<Animation of {len(self.frames)} frames, {width} x {height} pixels, {film.SECONDS:g} s>"
+
+    def _repr_html_(self) -> str:
+        source = data_uri(film.webp([*self.frames]), "image/webp")
+        return f'<img alt="{escape(repr(self))}" src="{source}" style="width:40em;max-width:100%">'
+
+    def save(self, path: str | Path) -> Path:
+        """Write the film, ``.gif``, ``.webp`` or ``.mp4``, and return the file; an earlier one is replaced.
+
+        Raises:
+            CaseError: Another ending.
+            ImportError: MP4 without imageio-ffmpeg.
+            RunError: The film could not be encoded.
+            OSError: The file cannot be written.
+        """
+        file, frames = place("path", path), [*self.frames]
+        encoders = {".gif": film.gif, ".webp": film.webp}
+        if file.suffix == ".mp4":
+            required("imageio_ffmpeg", "film")
+            try:
+                film.write_mp4(file, frames)
+            except RuntimeError as error:
+                raise RunError(str(error)) from error
+        elif file.suffix in encoders:
+            write_bytes(file, encoders[file.suffix](frames))
+        else:
+            raise CaseError(f"{file} ends in {file.suffix or 'nothing'}; a film is a .gif, .webp or .mp4")
+        return file
+
+
+def animate(states: States) -> Animation:
+    """Return the film of some states.
+
+    Raises:
+        RunError: This machine cannot render.
+    """
+    _check_rendering()
+    return Animation(tuple(film.render_frames(look(states))))
