@@ -118,7 +118,7 @@ LONG = {
         "design_command"
     ),
     "design": "gradients parts inverse",
-    "docs": "pages",
+    "docs": "pages notebooks",
 }
 """Files of tests that take longest, by folder: they begin first, so that no core waits for one of them at the end."""
 

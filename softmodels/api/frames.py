@@ -50,7 +50,7 @@ def dataset(states: States, fields: Sequence[str]) -> xarray.Dataset:
             axis: ("node", states.points[:, k], {"units": "m", "long_name": f"{axis}, {words}"})
             for k, axis in enumerate("xyz")
         }
-        places["component"] = ("component", [*"xyz"], {"long_name": "direction in device coordinates"})
+        places["component"] = ("component", np.array([*"xyz"]), {"long_name": "direction in device coordinates"})
     nodal = {}
     for name in fields:
         known = OUTPUTS.get(name)

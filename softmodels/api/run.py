@@ -277,10 +277,10 @@ class SolvedState(Shown):
         """Show the deformed device in space, coloured by a field; see `Run.show`."""
         from softmodels.api.views import show
 
-        return show(self.states, field)
+        return show(self._states, field)
 
     @property
-    def states(self) -> States:
+    def _states(self) -> States:
         """This state as pictures take it."""
         grid = self.points, self.cells, self.cell_name
         return States.of(self.case, [self.row], grid, lambda step, name: self.fields[name])
@@ -715,7 +715,7 @@ class Run(Shown):
         """
         from softmodels.api.frames import dataframe
 
-        return dataframe(self.states)
+        return dataframe(self._states)
 
     @checked
     def to_xarray(self, fields: str | Sequence[str] = ()) -> xarray.Dataset:
@@ -740,12 +740,12 @@ class Run(Shown):
         for name in wanted:
             if name not in known:
                 raise CaseError(f"the run has no field {brief(name)}; {known_are(name, sorted(known))}")
-        return dataset(self.states, wanted)
+        return dataset(self._states, wanted)
 
     # -- pictures and files -------------------------------------------------------------------------------------------
 
     @property
-    def states(self) -> States:
+    def _states(self) -> States:
         """The states as pictures take them."""
         source = self._source
         grid = source.points, source.cells, source.cell_name
@@ -799,7 +799,7 @@ class Run(Shown):
         """
         from softmodels.api.views import animate
 
-        film = animate(self.states)
+        film = animate(self._states)
         if path is not None:
             film.save(path)
         return film

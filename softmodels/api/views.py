@@ -6,15 +6,15 @@ Imported when something is drawn, so that a script that draws nothing needs no r
 from __future__ import annotations
 
 import dataclasses
-import functools
 import io
 import os
 import sys
 import tempfile
 import warnings
+from collections.abc import Callable, Mapping
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import matplotlib
 import numpy as np
@@ -22,26 +22,25 @@ from matplotlib.figure import Figure
 from PIL import Image as Picture
 
 from softmodels.case.entries import CaseError
-from softmodels.casting.files import exploded_picture
-from softmodels.casting.make import Made
 from softmodels.common.errors import known_are, required
 from softmodels.common.files import data_uri, write_bytes
 from softmodels.common.names import place
 from softmodels.common.processes import in_notebook
 from softmodels.common.units import brief
-from softmodels.design.result import DesignResult, parameters_told
-from softmodels.fitting.comparison import FitReport
-from softmodels.pictures import curves, draw_design, film, fits, solid
+from softmodels.pictures import film
 from softmodels.pictures.offscreen import SAMPLES, WINDOW, Image, Look, add_lights, can_render, look
 from softmodels.pictures.style import CURVE, INK, STYLE, WARNING, drawn, headline
-from softmodels.runs.analyses import Limit
-from softmodels.runs.fields import Row, coloured
-from softmodels.runs.model import Equilibrium
+from softmodels.runs.fields import coloured
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.store import States
 
 if TYPE_CHECKING:
     from pyvista import Plotter
+
+    from softmodels.casting.make import Made
+    from softmodels.design.result import DesignResult
+    from softmodels.fitting.comparison import FitReport
+    from softmodels.runs.analyses import Limit
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The small picture on a result's card.
@@ -49,13 +48,24 @@ if TYPE_CHECKING:
 
 SMALL = 640
 """Width of a card's picture in pixels; it is shown at two thirds of it."""
-LARGE_TYPE = {"font.size": 20, "axes.titlesize": 20, "legend.fontsize": 17, "lines.linewidth": 3.0}
-"""Over the style of pictures, which are three times as wide."""
 
 
-def picture(result: object) -> bytes:
+type Drawing = Figure | Picture.Image | None
+
+
+class Drawable(Protocol):
+    """A run, or one of its states."""
+
+    @property
+    def _states(self) -> States: ...
+
+
+def picture(result: Drawable) -> bytes:
     """Return a result's picture as WebP, small enough for a notebook; empty if it has none."""
-    with matplotlib.rc_context({**STYLE, **LARGE_TYPE}):
+    large = matplotlib.rc_context(
+        {"font.size": 20, "axes.titlesize": 20, "legend.fontsize": 17, "lines.linewidth": 3.0}
+    )
+    with matplotlib.rc_context(STYLE), large:  # letters for pictures that are three times as wide
         found = _figure(result)
         if found is None:
             return b""
@@ -66,53 +76,43 @@ def picture(result: object) -> bytes:
     return stream.getvalue()
 
 
-@functools.singledispatch
-def _figure(result: object) -> Figure | Picture.Image | None:
-    """Draw a result: a run as its path, a state as the deformed device."""
-    states = getattr(result, "states", None)
-    if not isinstance(states, States):
-        return None
-    if len(states.rows) == 1:
-        return _frame(states)
+def _figure(result: Drawable) -> Drawing:
+    """Draw a result: a run as its path, a state as the deformed device, others by their class' name."""
+    if (draw := DRAWINGS.get(type(result).__name__)) is not None:
+        return draw(result)
+    if len(result._states.rows) == 1:
+        return _frame(result._states)
+    from softmodels.pictures import curves
+
+    states = result._states
     if states.case.program:
         return curves.steps(states.rows, states.words)
     gauge, over = states.words.gauge, curves.over_of(states.case)
     return curves.rise(states.rows, gauge, states.case.cm, states.branch, over, states.sources)
 
 
-def _frame(states: States) -> Figure | Picture.Image | None:
+def _frame(states: States) -> Drawing:
     """Draw the last state as a film shows it; where nothing can be rendered, a section."""
     if can_render():
         return Picture.fromarray(film.render_frames(look(states), 1)[0])
     if states.actuator.dimension == 3:
         return None
-    row, stress = states.rows[-1], states.field(len(states.rows) - 1, "von_mises")
-    moved = states.moved(len(states.rows) - 1)
-    return solid.section_stress(states.points, moved, states.cells, stress, row, states.words)
+    from softmodels.pictures.solid import section_stress
+
+    step = len(states.rows) - 1
+    stress, row = states.field(step, "von_mises"), states.rows[step]
+    return section_stress(states.points, states.moved(step), states.cells, stress, row, states.words)
 
 
-@_figure.register
-def _(state: Equilibrium) -> Figure | Picture.Image | None:
-    case = state.model.case
-    row = Row({
-        "pressure_Pa": state.pressure, "pressure_cm": state.pressure / case.cm, "added_volume_ml": state.volume * 1e6,
-        **{f"{name}_mm": rise * 1e3 for name, rise in state.rises.items()}, "max_stretch": state.largest_stretch,
-        "requested": 1, "limit": 0,
-    })  # fmt: skip
-    grid = state.model.fields.grid
-    return _frame(
-        States.of(case, [row], (grid.points, grid.cells, grid.cell_name), lambda step, name: state.fields[name])
-    )
-
-
-@_figure.register
-def _(limit: Limit) -> Figure | None:
+def _limit(limit: Limit) -> Drawing:
     if not limit.path:
         return None
+    from softmodels.pictures.curves import smooth
+
     volumes, pressures = np.array(limit.path).T
     figure = Figure((8.0, 5.0), dpi=80, layout="constrained")
     axes = figure.subplots()
-    axes.plot(*curves.smooth(np.column_stack([volumes * 1e6, pressures / 1e3])).T, color=CURVE)
+    axes.plot(*smooth(np.column_stack([volumes * 1e6, pressures / 1e3])).T, color=CURVE)
     mark = "D" if limit.found else "o"
     axes.plot(limit.added_volume * 1e6, limit.pressure / 1e3, mark, color=WARNING, markersize=12)
     axes.set(xlabel="added volume in ml", ylabel="pressure in kPa")
@@ -120,22 +120,33 @@ def _(limit: Limit) -> Figure | None:
     return figure
 
 
-@_figure.register
-def _(report: FitReport) -> Figure:
+def _fit(report: FitReport) -> Drawing:
+    from softmodels.pictures import fits
+
     if report.curves:
         return fits.draw_curves(report)
     law = report.chosen.choice.name
     return fits.draw_outlines(report.photographs[law], law)
 
 
-@_figure.register
-def _(mould: Made) -> Figure | None:
+def _design(result: DesignResult) -> Drawing:
+    from softmodels.design.result import parameters_told
+    from softmodels.pictures.draw_design import parameters
+
+    return parameters(parameters_told(result))
+
+
+def _mould(mould: Made) -> Drawing:
+    from softmodels.casting.files import exploded_picture
+
     return exploded_picture(mould) if can_render() else None
 
 
-@_figure.register
-def _(result: DesignResult) -> Figure:
-    return draw_design.parameters(parameters_told(result))
+DRAWINGS: Mapping[str, Callable[..., Drawing]] = {
+    "Limit": _limit, "FitReport": _fit, "DesignResult": _design, "Made": _mould,
+    **dict.fromkeys(("FittedLaw", "NaturalFrequencies", "Mode"), lambda result: None),
+}  # fmt: skip
+"""By class, so that a run's card does not import fits, designs and moulds; of some the table says all."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

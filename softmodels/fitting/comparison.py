@@ -255,7 +255,8 @@ class FittedLaw(Shown):
     devices: tuple[DeviceMisfit, ...] = ()
 
     def _line(self) -> str:
-        values = ", ".join(f"{name} {value} {unit}".strip() for name, value, unit, _ in parameter_rows(self))
+        law = (row for row in parameter_rows(self) if row[0] in self.choice.names)
+        values = ", ".join(f"{name} {value} {unit}".strip() for name, value, unit, _ in law)
         return f"of {self.choice.name}: {values}{'' if self.sound else '; rejected'}"
 
     def _figures(self) -> Table:

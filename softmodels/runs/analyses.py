@@ -221,8 +221,7 @@ def _search(model: Model, hung: StageEnd | None = None) -> Limit:
     from softmodels.path.points import PathEnd
 
     path, fields = model.continuation(hung=hung), model.fields
-    kind, why, last = "none", "", None
-    passed = []
+    kind, why, last, passed = "none", "", None, list[tuple[float, float]]()
     try:
         for point in trace(path, [STIFFNESS_RANGE]):
             before, last = last, point

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from softmodels.path.schedule import StageEnd
     from softmodels.path.stability import Springs, Stability
     from softmodels.runs.fields import Figures
+    from softmodels.runs.store import States
 
 
 @contextlib.contextmanager
@@ -477,6 +478,21 @@ class Equilibrium(Shown):
             ("elastic energy", f"{self.energy * 1e3:.4g} mJ"),
             *([] if self.stable is None else [("stable under this pressure", "yes" if self.stable else "no")]),
         ]
+
+    @property
+    def _states(self) -> States:
+        """This state as pictures take it."""
+        from softmodels.runs.fields import Row
+        from softmodels.runs.store import States
+
+        case, grid = self.model.case, self.model.fields.grid
+        row = Row({
+            "pressure_Pa": self.pressure, "pressure_cm": self.pressure / case.cm, "added_volume_ml": self.volume * 1e6,
+            **{f"{name}_mm": rise * 1e3 for name, rise in self.rises.items()}, "max_stretch": self.largest_stretch,
+            "requested": 1, "limit": 0,
+        })  # fmt: skip
+        nodes = self.points, grid.cells, grid.cell_name
+        return States.of(case, [row], nodes, lambda step, name: self.fields[name])
 
     @functools.cached_property
     def figures(self) -> Figures:

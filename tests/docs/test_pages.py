@@ -36,7 +36,7 @@ def _run(words, folder):
 
 
 def test_there_are_examples_and_pages():
-    assert len(EXAMPLES) >= 8 and {page.name for page in PAGES} >= {"README.md", "python.md", "python-loop.md"}
+    assert len(EXAMPLES) >= 8 and {page.name for page in PAGES} >= {"README.md", "python.md", "notebook.md"}
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)

@@ -66,6 +66,10 @@ def test_the_optimum_of_a_grid_in_few_evaluations():
     assert found.form.objective(found.best) >= wanted * (1 - 1e-3)  # the grid is no better than it
     assert len(found.trials) <= 20
     assert found.holding.balanced and all("gains" in one for one in found.reasons)
+    card, membrane = found._repr_html_(), found.parameters["membrane"] * 1e3
+    assert (
+        "data:image/webp" in card and f"{membrane:.4g} mm</td>" in card and repr(found).startswith("<DesignResult of ")
+    )
 
 
 def test_the_first_steps_are_short_and_grow_where_they_were_foreseen():

@@ -133,13 +133,6 @@ def test_a_loaded_run_can_be_saved_elsewhere(folder, tmp_path):
     assert all(np.array_equal(both[0][name], both[1][name]) for name in both[0])
 
 
-def test_the_table_is_what_pandas_takes(run):
-    header = [*run.rows[0]]
-    assert list(run.path) == header
-    assert {len(column) for column in run.path.values()} == {len(run)}  # all that DataFrame asks of a dict
-    assert np.allclose(run.path["pressure_cm"] * CM, run.pressure, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("pressures", "cm"),
     [
