@@ -26,6 +26,7 @@ from softmodels.common.names import checked, keep_arrays, place, read_only, seve
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import to_table as table_of
 from softmodels.common.units import UnitError, brief, number, readable
+from softmodels.materials.laws import parameter_fields
 from softmodels.materials.silicones import named
 from softmodels.mechanics.mpi import on_root, start
 from softmodels.runs.analyses import KINDS, Limit
@@ -463,6 +464,25 @@ def headline(case: Case, row: Row) -> str:
     )
 
 
+def ingredients(case: Case) -> Table:
+    """Return the device with the lengths that are not its usual ones, the silicone with its parameters, and the components."""
+    device, texts = case.actuator, table_of(case.actuator, readable)
+    changed = [
+        f"{field.name} {texts[field.name]}"
+        for field in dataclasses.fields(device)
+        if field.name in texts and getattr(device, field.name) != field.default
+    ]
+    table = to_table(case.material, readable)
+    law = [f"{field.name} {table[field.name]}" for field in parameter_fields(case.material)]
+    law += [] if case.material.memory is None else ["with a memory"]
+    components = [type(one).__name__ for one in case.components]
+    return [
+        ("device", ": ".join(filter(None, [type(device).__name__, ", ".join(changed)]))),
+        ("silicone", named(case.material) or ", ".join([case.material.name, *law])),
+        *([("components", ", ".join(components))] if components else []),
+    ]
+
+
 def _pressure(row: Row) -> str:
     return f"{row['pressure_Pa'] / 1e3:.4g} kPa ({row['pressure_cm']:.4g} cm of water)"
 
@@ -505,18 +525,7 @@ class Run(Shown):
         return f"of {self.case.name}: {states} to {headline(self.case, self.rows[-1])}{ended}"
 
     def _figures(self) -> Table:
-        device, material = self.case.actuator, to_table(self.case.material, readable)
-        own, usual = (table_of(one, readable) for one in (device, type(device)()))
-        changed = ", ".join(f"{name} {value}" for name, value in own.items() if value != usual.get(name))
-        silicone = named(self.case.material) or ", ".join(
-            f"{value}" if name == "law" else f"{name} {value}" for name, value in material.items()
-        )
-        return [
-            ("device", f"{type(device).__name__}{f': {changed}' if changed else ''}"),
-            ("silicone", silicone),
-            ("states", f"{len(self)}"),
-            *state_figures(self.case, self.rows[-1]),
-        ]
+        return [*ingredients(self.case), ("states", f"{len(self)}"), *state_figures(self.case, self.rows[-1])]
 
     def _remarks(self) -> list[str]:
         return [*([self.limit.why] if self.limit else []), *self.notes]

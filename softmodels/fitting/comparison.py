@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from softmodels.common.cards import Shown, Table
-from softmodels.common.errors import known_are, spoken
+from softmodels.common.errors import call, known_are, spoken
 from softmodels.common.units import brief, with_prefix
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import largest_strain, stretches_of
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from softmodels.case.materials import MaterialErrors
     from softmodels.fitting.outlines.residuals import MatchedPhotograph
 
+
+call("material all", 'material="all"')
 
 UNDECIDED = 2.0
 """Laws whose criteria differ by less than this are equivalent (Burnham & Anderson 2002, section 2.6)."""

@@ -1,4 +1,4 @@
-"""The notebooks of the pages: they run, their figures are those of the same calls in Python, and what they store is what they show."""
+"""The notebooks of the pages: they run, their figures are those of the same calls in Python, and they store what they show."""
 
 from __future__ import annotations
 
