@@ -191,6 +191,8 @@ def _check_rendering() -> None:
 
 TICKS = 5
 """Labels of a colour bar."""
+FOOT, HEAD = 0.17, 0.05
+"""Shares of a window for the colour bar and for the title."""
 
 
 def _fill(plotter: Plotter, shown: Look, step: int, field: str) -> None:
@@ -210,10 +212,14 @@ def _fill(plotter: Plotter, shown: Look, step: int, field: str) -> None:
             plotter.add_mesh(data, lighting="ambient" in style, show_scalar_bar=False, **style)
     plotter.add_text(headline(states.rows[step], states.words), font_size=10, color=INK)
     camera = shown.camera([step])
-    focus, direction = np.asarray(camera.focus), np.asarray(camera.direction)
+    direction, (wide, high) = np.asarray(camera.direction), plotter.window_size
+    upwards = np.cross(direction, np.cross(camera.up, direction))
+    # The device stands between the title and the colour bar, and as wide as the window.
+    reach = camera.scale * max(1.0, camera.size[0] / camera.size[1] * high / wide) / (1.0 - FOOT - HEAD)
+    focus = np.asarray(camera.focus) - (FOOT - HEAD) * reach * upwards / np.linalg.norm(upwards)
     plotter.camera_position = [focus + 40 * camera.scale * direction, focus, camera.up]
     plotter.camera.parallel_projection = True
-    plotter.camera.parallel_scale = 1.25 * camera.scale  # the bar and the title stand beside the device
+    plotter.camera.parallel_scale = reach
     plotter.renderer.ResetCameraClippingRange()
 
 
