@@ -140,7 +140,7 @@ for _option in ("resume", "branch", "sealed"):
     errors.call(_option, f"{_option}=True")
 
 type Told = bool | Callable[[Row], object] | None
-"""Progress reports of each state: none, a bar on the terminal (True), or a function that gets its row of ``path.csv``."""
+"""Progress reports of each state: none, a bar (True), or a function that gets its row of ``path.csv``."""
 
 
 @checked
@@ -245,7 +245,7 @@ def run(
 
     Args:
         case: The case, or its file.
-        progress: True for a bar on the terminal; or a function that is called with the row of each state.
+        progress: True for a bar, on the terminal or in the notebook; or a function that is called with the row of each state.
         folder: Write every state there as soon as it is solved: a folder that is empty, not there, or an earlier run's, whose
             files are replaced once the first state is stored. A killed run leaves its states readable. None
             keeps them in memory.
