@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
@@ -53,14 +53,7 @@ SMALL = 640
 type Drawing = Figure | Picture.Image | None
 
 
-class Drawable(Protocol):
-    """A run, or one of its states."""
-
-    @property
-    def _states(self) -> States: ...
-
-
-def picture(result: Drawable) -> bytes:
+def picture(result: object) -> bytes:
     """Return a result's picture as WebP, small enough for a notebook; empty if it has none."""
     large = matplotlib.rc_context(
         {"font.size": 20, "axes.titlesize": 20, "legend.fontsize": 17, "lines.linewidth": 3.0}
@@ -76,15 +69,15 @@ def picture(result: Drawable) -> bytes:
     return stream.getvalue()
 
 
-def _figure(result: Drawable) -> Drawing:
-    """Draw a result: a run as its path, a state as the deformed device, others by their class' name."""
+def _figure(result: object) -> Drawing:
+    """Draw a result: a run as its path, a state as the deformed device, some by their class; of others the table says all."""
     if (draw := DRAWINGS.get(type(result).__name__)) is not None:
         return draw(result)
-    if len(result._states.rows) == 1:
-        return _frame(result._states)
+    states = getattr(result, "_states", None)
+    if states is None or len(states.rows) == 1:
+        return None if states is None else _frame(states)
     from softmodels.pictures import curves
 
-    states = result._states
     if states.case.program:
         return curves.steps(states.rows, states.words)
     gauge, over = states.words.gauge, curves.over_of(states.case)
@@ -144,9 +137,8 @@ def _mould(mould: Made) -> Drawing:
 
 DRAWINGS: Mapping[str, Callable[..., Drawing]] = {
     "Limit": _limit, "FitReport": _fit, "DesignResult": _design, "Made": _mould,
-    **dict.fromkeys(("FittedLaw", "NaturalFrequencies", "Mode"), lambda result: None),
 }  # fmt: skip
-"""By class, so that a run's card does not import fits, designs and moulds; of some the table says all."""
+"""By class, so that a run's card does not import fits, designs and moulds."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from softmodels.common.arrays import Array
+from softmodels.common.cards import Shown, Table
 from softmodels.common.names import checked, one_of
 from softmodels.common.units import brief
 from softmodels.fitting.curves.memory import settled
@@ -80,8 +81,8 @@ class LeakResiduals:
         return (P - self.pressures) / self.errors, J / self.errors[:, None], labels
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Leak:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Leak(Shown):
     """A fitted leak.
 
     Attributes:
@@ -95,6 +96,17 @@ class Leak:
     interval: tuple[float, float]
     flow: tuple[float, float, float]
     fit: LeastSquaresFit
+
+    def _line(self) -> str:
+        return f"of {self.flow[0] * 60e6:.4g} ml/min at the first reading, conductance {self.conductance:.4g} m3/(s Pa)"
+
+    def _figures(self) -> Table:
+        flow, low, high = (f"{value * 60e6:.4g}" for value in self.flow)
+        ends = " to ".join(f"{value:.4g}" for value in self.interval)
+        return [
+            ("sonic conductance", f"{self.conductance:.4g} m3/(s Pa) (95 %: {ends})"),
+            ("flow at the first reading", f"{flow} ml/min at ambient pressure (95 %: {low} to {high})"),
+        ]
 
 
 @checked

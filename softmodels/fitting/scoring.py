@@ -19,9 +19,11 @@ from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors
 from softmodels.common.arrays import Array
+from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import known_are
 from softmodels.common.names import checked, flag, several, span
 from softmodels.common.processes import one_at_a_time
+from softmodels.common.units import with_prefix
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, prepared
 from softmodels.fitting.curves.residuals import RELATIVE, StressError, predicted, slopes_of
@@ -43,8 +45,8 @@ BAND = 0.95
 """Tolerance relative to its errors for identical materials."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Score:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Score(Shown):
     """One material against one measurement.
 
     ``chi2`` is the sum of what the measurement's errors, the material's errors and neither explain.
@@ -75,6 +77,23 @@ class Score:
     worst: str
     chi2_measurement: float = math.nan
     chi2_material: float = math.nan
+
+    def _line(self) -> str:
+        rms = " ".join(with_prefix(self.rms, self.unit))
+        return f"of {self.material} against {self.data}: rms {rms}, chi squared {self.chi2:.3g} per value"
+
+    def _figures(self) -> Table:
+        return [
+            ("rms", f"{' '.join(with_prefix(self.rms, self.unit))} of {self.count} values"),
+            ("chi squared per value", f"{self.chi2:.3g}"),
+            *(
+                [("of it explained by the material's errors", f"{self.chi2_material:.3g}")]
+                if math.isfinite(self.chi2_material)
+                else []
+            ),
+            ("within the 95 % band", f"{100 * self.coverage:.3g} %"),
+            ("furthest off", self.worst),
+        ]
 
     def __post_init__(self) -> None:
         left = self.chi2 - (self.chi2_material if math.isfinite(self.chi2_material) else 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from pathlib import Path
 
@@ -21,13 +22,27 @@ LARGEST = 250_000
 """Bytes of a notebook with its outputs."""
 
 
-def executed(name, folder, asked):
-    """A notebook executed in a folder, and the values there of some expressions, by their names."""
+INTERRUPTED = """
+import os, signal
+
+def interrupt(row):
+    if row["step"] == 2:
+        os.kill(os.getpid(), signal.SIGINT)  # what the notebook's stop button sends
+
+sm.inflate(disk, "ecoflex-00-30", "0:100 cm", progress=interrupt)
+"""
+
+
+def executed(name, folder, asked, *before):
+    """A notebook executed in a folder, and the values there of some expressions, by their names; before these, further cells,
+    which may fail."""
     book = nbformat.read(FOLDER / f"{name}.ipynb", 4)
+    book.cells += [nbformat.v4.new_code_cell(cell, metadata={"tags": ["raises-exception"]}) for cell in before]
     book.cells.append(nbformat.v4.new_code_cell(f"import json; print(json.dumps(dict({asked})))"))
+    own = {"OMP_NUM_THREADS": "1", "JUPYTER_PLATFORM_DIRS": "1", "IPYTHONDIR": str(folder / "ipython")}
     nbclient.NotebookClient(
         book, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
-    ).execute()
+    ).execute(env=os.environ | own)
     return book, json.loads(book.cells.pop().outputs[0].text)
 
 
@@ -47,12 +62,16 @@ def test_all_are_stored_with_their_outputs_and_stay_small():
 
 
 def test_the_first_hour(tmp_path):
-    asked = "rises=run.apex.tolist(), limit=limit.pressure, differs=mould.differs, notes=run.notes"
-    book, found = executed("first-hour", tmp_path, asked)
+    """It also goes on after it was interrupted."""
+    asked = "rises=run.apex.tolist(), limit=limit.pressure, differs=mould.differs"
+    book, found = executed(
+        "first-hour", tmp_path, f"{asked}, again=sm.inflate(disk, silicone, '5 cm').apex[-1]", INTERRUPTED
+    )
+    assert [told.ename for told in book.cells.pop().outputs] == ["KeyboardInterrupt"] and found["again"] > 1e-4
     disk, silicone = sm.HollowDisk(section="axisymmetric"), sm.Yeoh("14 kPa", "0.9 kPa")
     assert found["rises"] == pytest.approx(sm.inflate(disk, silicone, pressures="0:177 cm").apex, rel=1e-9, abs=1e-12)
     assert found["limit"] == pytest.approx(sm.limit(disk, silicone).pressure, rel=1e-9)
-    assert found["differs"] < 1e-6 and found["notes"] == []
+    assert found["differs"] < 1e-6
     bar, card = (told.data["text/html"] for told in book.cells[1].outputs)
     assert re.match(r'<progress value="177" max="177" [^>]*></progress> 177 of 177 cm: apex rise 3.99', bar)
     assert "<img" in card and f"{found['rises'][-1] * 1e3:.4g} mm" in card

@@ -47,6 +47,8 @@ def test_site_builds_without_warnings_and_needs_no_network(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     pages = list((tmp_path / "site").rglob("*.html"))
     assert len(pages) > 80
+    notebook = (tmp_path / "site" / "notebooks" / "photographs-to-material.html").read_text()
+    assert "FitReport of yeoh: c1 14." in notebook and notebook.count('src="data:image/') == 3  # the stored outputs
     for page in pages:
         loaded = [tag for tag in LOADED.findall(page.read_text()) if 'rel="canonical"' not in tag]
         assert not loaded, f"{page}: {loaded}"

@@ -88,6 +88,8 @@ def test_a_fit_and_names_that_are_no_html():
     table = check(report, "FitReport of neo-hookean: shear_modulus 14", "kPa")
     assert "kPa (95 %: " in table["shear_modulus"] and table["shear modulus"] == "14 kPa"
     assert repr(report.chosen).startswith("<FittedLaw of neo-hookean")
+    (score,) = sm.score({"fitted": sm.NeoHookean(15e3)}, curve)
+    assert rows_of(score._repr_html_())["rms"].endswith(" kPa of 12 values") and "not all" not in score._repr_html_()
 
     class Named(Shown):
         def _line(self):

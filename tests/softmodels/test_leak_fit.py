@@ -56,6 +56,7 @@ def test_without_noise_the_leak_comes_back(gas, figure):
     )
     flow = SUPPLY.lost(pressures[0])[0] / SUPPLY.ambient
     assert found.flow[0] == pytest.approx(flow, rel=1e-5)
+    assert repr(found).startswith(f"<Leak of {found.flow[0] * 60e6:.4g} ml/min at ")
 
 
 @pytest.mark.parametrize("error", [5.0, None])
