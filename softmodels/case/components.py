@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 from geometries import Actuator
+from geometries.actuator import cavity_roles
 from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Written, table_of
 from softmodels.case.materials import Region
 from softmodels.common.errors import OWN, FieldError
@@ -22,7 +23,7 @@ from softmodels.components.fibres import Fabric, Fibres
 from softmodels.components.loads import Force, Gravity, Mass, Moment
 from softmodels.components.rigid import Rigid
 from softmodels.components.sheets import Sheet
-from softmodels.components.walls import Walls
+from softmodels.components.walls import AUTO, Walls
 from softmodels.mechanics.component import COMPONENTS, Component, ComponentError, gravity_of
 
 Parts = tuple[Component, ...]
@@ -102,14 +103,15 @@ def _of_table(kind: type[Component], tables: Tables) -> list[Component]:
     return [kind.read_table(name, table_of(table, name)) for name in table]
 
 
-def with_walls(components: Sequence[Component], actuator: Actuator) -> Parts:
-    """Return the parts of a case, with self-contact of walls unless it is disabled."""
-    if actuator.meeting == () or any(isinstance(part, Walls) for part in components):
+def with_walls(components: Sequence[Component], actuator: Actuator, vacuum: bool) -> Parts:
+    """Return the parts of a case, with self-contact of walls unless it is disabled; under vacuum of the cavities' walls too."""
+    inside = cavity_roles(actuator) if vacuum else []
+    if (actuator.meeting == () and not inside) or any(isinstance(part, Walls) for part in components):
         return tuple(components)
     kinds = list(COMPONENTS.values())
     behind = kinds[kinds.index(Walls) + 1 :]
     at = next((number for number, part in enumerate(components) if type(part) in behind), len(components))
-    return (*components[:at], Walls(), *components[at:])  # as read from a case file
+    return (*components[:at], Walls(", ".join([AUTO, *inside])), *components[at:])  # as read from a case file
 
 
 def without_walls(components: Sequence[Component]) -> Parts:

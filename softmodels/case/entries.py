@@ -261,6 +261,8 @@ def _turned(rest: Array, now: Array, lift: Vector) -> float:
 
 ML = 1e-6
 """m3 in one ml."""
+WITH_VACUUM = {"pressure": "cavity1.pressure_cm", "volume": "cavity1.volume_ml"}
+"""Requested quantities that may be below 0, and their series in a case file."""
 SHORT_PAIR = re.compile(r"(\d{1,2}),(\d{1,2})")
 """Two values, or one with a decimal comma."""
 
@@ -297,10 +299,11 @@ def series(text: object, what: str) -> Typed:
         what: ``"pressure"`` or ``"volume"``, for the messages.
 
     Returns:
-        The values, rising; the end of a range is always among them.
+        The values, all rising from 0 or above, or all falling from 0 or below, as pressures and volumes do under vacuum; the
+        end of a range is always among them.
 
     Raises:
-        SeriesError: Not numbers, negative, not rising, or far too many.
+        SeriesError: Not numbers, of both signs, back towards 0, or far too many; a vacuum of what has none.
     """
     if isinstance(text, str):
         separator = ":" if ":" in text else ","
@@ -314,21 +317,34 @@ def series(text: object, what: str) -> Typed:
     except UnitError as error:
         cure = _unit_at_the_end(separator, parts) or "write 0:177, 0:177:10 or 0,70,130,177"
         raise SeriesError(f"{what} {brief(text)} is not a list of numbers ({error}); {cure}") from None
-    if below := [value for value in (values[:2] if separator == ":" else values) if value < 0]:
-        raise SeriesError(
-            f"{what} {below[0]:g} is negative; suction is not modelled, so give values of 0 or more, such as 0,5,10"
-        )
+    way = _way(values[:2] if separator == ":" else values, what)
     if separator == ":":
-        values = _range(values, str(text), what)
+        values = [way * value for value in _range([way * value for value in values[:2]] + values[2:], str(text), what)]
     for before, after in itertools.pairwise(values):
         if after == before:
             raise SeriesError(f"{what} {after:g} is requested twice")
-        if after < before:
+        if way * after < way * before:
             more = ", and decimals with a point" if isinstance(text, str) and "," in text else ""
-            raise SeriesError(f"{what} falls from {before:g} to {after:g}; give the values from low to high{more}")
+            turns, order = ("falls", "from low to high") if way > 0 else ("rises", "from high to low")
+            raise SeriesError(f"{what} {turns} from {before:g} to {after:g}; give the values {order}{more}")
     if values and values[-1] == 0:
         raise SeriesError(f"the only {what} requested is 0; add a value above 0")
     return _typed(values, _decimal_comma(text, what) if isinstance(text, str) else getattr(text, "doubt", ""))
+
+
+def _way(values: Sequence[float], what: str) -> int:
+    """Return the direction in which requested values go from 0: 1, or -1 under vacuum."""
+    below = [value for value in values if value < 0]
+    if not below:
+        return 1
+    if what not in WITH_VACUUM:
+        raise SeriesError(f"{what} {below[0]:g} is negative; give values of 0 or more, such as 0,5,10")
+    if above := [value for value in values if value > 0]:
+        raise SeriesError(
+            f"{what} is both {below[0]:g} and {above[0]:g}; write what goes through 0 as a series in a case file, such as "
+            f"{WITH_VACUUM[what]} = [0, {min(below):g}, {max(above):g}] under [load]"
+        )
+    return -1
 
 
 def _decimal_comma(text: str, what: str) -> str:

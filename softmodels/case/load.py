@@ -18,7 +18,7 @@ from softmodels.path import program as programs
 from softmodels.path.air_flow import Reservoir
 from softmodels.path.points import DeadForce, LoadDisplacement
 from softmodels.path.program import SOURCE, TIME_KEY, VALVE, Program, Series, source_key
-from softmodels.path.supply import AirSupply
+from softmodels.path.supply import AMBIENT, AirSupply
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Requests on a dead load: forces, moments, shares of the weight, or the conjugate travels and rotations.
@@ -139,6 +139,8 @@ class LoadRequestEntry(Entry[LoadRequest | None]):
         return LoadRequest(asked[0], values, on, pressure)
 
 
+OF_AIR = (*programs.KEYS, *programs.SOURCE_KEYS)
+"""Series of the air in the cavities; below 0 they are a vacuum."""
 STIFFNESS_RANGE = 30.0
 """Maximum pressure in shear moduli; above it a wrong unit is assumed: no silicone device withstands a tenth of it."""
 VOLUME_RANGE = 1000.0
@@ -204,6 +206,17 @@ class Load:
         of_cavities = any(series.target in ("", SOURCE) for series in self.program)
         kept = self.driven is not None and self.driven.at_pressure_cm > 0.0
         return bool(self.pressures_cm or self.volumes_ml or self.strokes_ml or of_cavities or kept)
+
+    @property
+    def direction(self) -> int:
+        """1, or -1 if the requested pressures or added volumes fall from 0."""
+        return -1 if min([*self.pressures_cm, *self.volumes_ml], default=0.0) < 0.0 else 1
+
+    @property
+    def vacuum(self) -> bool:
+        """Whether a pressure or an added volume is below 0."""
+        given = [value for one in self.program if one.key in OF_AIR for value in one.values]
+        return min([*self.pressures_cm, *self.volumes_ml, *given], default=0.0) < 0.0
 
     @property
     def cm(self) -> float:
@@ -403,7 +416,14 @@ class Load:
             for is_volume in (False, True)
         }
         kept = self.driven.at_pressure_cm if self.driven else 0.0
-        highest = max([*self.pressures_cm, *given[False]], default=kept)
+        pressures = [*self.pressures_cm, *given[False], kept]
+        if (deepest := min(pressures) * self.cm) <= -AMBIENT:
+            raise CaseError(
+                f"a pressure of {min(pressures):g} cm ({deepest / 1e3:.4g} kPa) is below absolute vacuum, "
+                f"{-AMBIENT / self.cm:.0f} cm ({-AMBIENT / 1e3:.5g} kPa) at an ambient pressure of {AMBIENT / 1e3:.5g} kPa; "
+                "pumps reach about -90 kPa, ejectors -85 kPa"
+            )
+        highest = max(map(abs, pressures))
         if (most := highest * self.cm) > STIFFNESS_RANGE * shear_modulus:
             usual_cm, usual_kPa = (f"{float(f'{shear_modulus / unit:.2g}'):g}" for unit in (self.cm, 1e3))
             raise CaseError(
@@ -412,7 +432,13 @@ class Load:
                 f"{STIFFNESS_RANGE * shear_modulus / self.cm:.0f} cm is accepted; write --pressure '{usual_cm} cm' "
                 f"or --pressure '{usual_kPa} kPa' or less, or correct the modulus (silicones have 5 to 500 kPa)"
             )
-        largest = max([*self.volumes_ml, *given[True]], default=0.0)
+        volumes = [*self.volumes_ml, *given[True]]
+        if min(volumes, default=0.0) * 1e-6 <= -cavity:
+            raise CaseError(
+                f"an added volume of {min(volumes):g} ml empties a cavity of {cavity * 1e6:.4g} ml; give a volume above "
+                f"{-cavity * 1e6:.4g} ml"
+            )
+        largest = max(volumes, default=0.0)
         if largest * 1e-6 > VOLUME_RANGE * cavity:
             raise CaseError(
                 f"an added volume of {largest:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "
@@ -438,9 +464,9 @@ def in_time(load: Load, rate: str, hold: float, cycles: float, cavities: int) ->
         CaseError: Nothing that changes in time so.
     """
     values = load.pressures_cm or load.volumes_ml
-    if not values or values[-1] <= 0.0:
+    if not values or values[-1] == 0.0:
         raise CaseError(
-            "--rate, --hold and --cycles need pressures or added volumes above 0 that they change (--pressure-cm, --volume-ml)"
+            "--rate, --hold and --cycles need pressures or added volumes that they change (--pressure-cm, --volume-ml)"
         )
     if hold < 0.0:
         raise CaseError(f"hold is {hold:g} s; it must be 0 or more")

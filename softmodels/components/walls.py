@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from typing import ClassVar
 
 import numpy as np
@@ -101,14 +101,14 @@ class Walls(ContactPart):
     Attributes:
         faces: Roles of the facets, such as ``"cavity"`` or ``"left, right"``: all of them may meet each other and themselves.
             ``"auto"`` are those that the device itself names (`geometries.Actuator.meeting`), of a part from a file all of its
-            outside that faces itself; ``"none"`` lets walls pass through each other.
+            outside that faces itself; names beside it are one more group. ``"none"`` lets walls pass through each other.
         stiffness: Contact pressure per overlap, in shear moduli over `Actuator.size`.
     """
 
     faces: str = field_of(
         Words(),
         "faces in frictionless contact with each other and themselves: auto (chosen by the "
-        "device), none, or names separated by commas",
+        "device; under vacuum 'auto, cavity'), none, or names separated by commas",
         AUTO,
     )
     stiffness: float = field_of(
@@ -137,17 +137,14 @@ class Walls(ContactPart):
             )
         if len(set(self.roles)) < len(self.roles):
             raise ComponentError(f"{self.where}: faces = {self.faces!r} names a face twice")
-        for word in (AUTO, NONE):
-            if word in self.roles and len(self.roles) > 1:
-                raise ComponentError(
-                    f"{self.where}: faces = {self.faces!r}; {word!r} cannot be combined with other names"
-                )
+        if NONE in self.roles and len(self.roles) > 1:
+            raise ComponentError(f"{self.where}: faces = {self.faces!r}; {NONE!r} cannot be combined with other names")
         self.check_stiffness()
 
     @property
     def automatic(self) -> bool:
-        """Whether the device chooses the walls in contact."""
-        return self.faces.strip() == AUTO
+        """Whether the device chooses walls in contact."""
+        return AUTO in self.roles
 
     @property
     def off(self) -> bool:
@@ -165,7 +162,15 @@ class Walls(ContactPart):
             return ()
         if not self.automatic:
             return (self.roles,)
-        return None if actuator.meeting is None else tuple(names_in(group) for group in actuator.meeting)
+        if actuator.meeting is None:
+            return None
+        chosen = [names_in(group) for group in actuator.meeting]
+        return (*chosen, *self._beside({role for group in chosen for role in group}))
+
+    def _beside(self, chosen: Set[str]) -> list[list[str]]:
+        """Return the faces named beside automatic ones, as a group; none if there are none."""
+        named = [role for role in self.roles if role != AUTO and role not in chosen]
+        return [named] if named else []
 
     def check_on(self, actuator: Actuator) -> None:
         for group in self.groups(actuator) or ():
@@ -183,7 +188,8 @@ class Walls(ContactPart):
         body = setting.body
         groups = self.groups(body.actuator)
         if groups is None:
-            groups = (_outside(body),)
+            outside = _outside(body)
+            groups = (outside, *self._beside(set(outside)))
         else:
             check_mesh_faces(body, [role for group in groups for role in group], self.where)
         if not any(groups):

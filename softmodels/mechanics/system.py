@@ -577,6 +577,8 @@ class System(Assembly):
         n: Number of owned dofs; ``dofs`` counts ghosts too.
         still_pressures: Number of p that are held, in rigid regions.
         unknowns: What Newton's method solves for instead of w: vectors of K's size are of these.
+        direction: 1, or -1 if a path with proportional pressures goes to vacuum: P and V, which rise along it, are then
+            minus the pressure and minus the volume.
         coupling: How the drivers are coupled: the cavities' pressures and volumes, then the dead loads and what they move.
         dead: The dead loads.
         volume_error: Of the cavity's volume by its mesh, against the closed form; nan where there is none.
@@ -626,7 +628,8 @@ class System(Assembly):
         self.n, self.dofs = self.K.getLocalSize()[0], len(self.w.x.array)
         self.dead = DeadLoads(self, components)
         self._loads += self.dead.forms
-        self.coupling = Coupling.proportional(body.actuator.ratios, np.zeros(len(self.dead.forms)))
+        self.direction = 1
+        self.coupling = self.inflating(np.zeros(len(self.dead.forms)))
         self._set_pressures(0.0, np.empty(0))
         self.dead.check()
         self._check_volume()
@@ -718,6 +721,14 @@ class System(Assembly):
     def drives_at(self, state: State) -> Array:
         """Return the pressure of each cavity and magnitude of each dead load at a state, shape (k,)."""
         return self.coupling.pressures(state.P, state.w[self.dofs :])
+
+    def inflating(self, dead: Array) -> Coupling:
+        """Return the coupling in which P is the cavities' common pressure, or their vacuum if the `direction` is -1.
+
+        Args:
+            dead: Constant magnitudes of the dead loads, shape (k - cavities,).
+        """
+        return Coupling.proportional([self.direction * ratio for ratio in self.body.actuator.ratios], dead)
 
     def pressures_at(self, state: State) -> Array:
         """Return the pressure of each cavity at a state."""

@@ -189,8 +189,8 @@ def _series(name: str, table: object, keys: Mapping[str, RequestedValue]) -> Ser
         raise ProgramError(
             f"{where} {brief(text)} is not numbers ({error}); write one for each step, such as [20, 40]"
         ) from None
-    if not numbers or (key in (*KEYS, "source_pressure_cm") and min(numbers) < 0.0):
-        raise ProgramError(f"{where} {brief(text)} must be numbers of 0 or more, because suction is not modelled")
+    if not numbers:
+        raise ProgramError(f"{where} {brief(text)} has no values; write one for each step, such as [20, 40]")
     return Series(key, numbers)
 
 

@@ -222,7 +222,7 @@ def inflate_from(solver: Solver, hung: StageEnd) -> State:
     system = solver.system
     cavities = len(system.body.actuator.ratios)
     dead = hung.drives[cavities:]
-    return solver.couple(Coupling.proportional(system.body.actuator.ratios, dead), hung.state, hung.drives)
+    return solver.couple(system.inflating(dead), hung.state, hung.drives)
 
 
 def load_from(solver: Solver, hung: StageEnd, driver: int) -> State:

@@ -86,8 +86,8 @@ class Solved:
 
     @property
     def pressure(self) -> float:
-        """Pressure in Pa; for a program the highest of the pressures."""
-        return max(self.figures.cavity_pressures, default=0.0) if self.case.program else self.figures.pressure
+        """Pressure in Pa; for a program the one farthest from ambient."""
+        return max(self.figures.cavity_pressures, default=0.0, key=abs) if self.case.program else self.figures.pressure
 
     @functools.cached_property
     def gap(self) -> Gap | None:
@@ -585,7 +585,7 @@ class Band:
         if not moves:
             return dict.fromkeys(self._columns())
         found = {name: np.array([move[name] for move in moves]) for name in moves[0]}
-        at_rest = point.state.P == 0.0 and self.fields.rest_volume == point.state.V
+        at_rest = point.state.P == 0.0 and self.fields.rest_volume == abs(point.state.V)
         widths = {
             name: 0.0 if at_rest else DEVIATIONS * float(np.linalg.norm(values)) for name, values in found.items()
         }

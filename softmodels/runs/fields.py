@@ -757,7 +757,7 @@ class Fields:
             *(measure.compute(self.sampling, state) for measure in outputs(ForceMeasure)),
         )
         return Figures(
-            pressure=state.P * eq.stress_unit if eq.drives_cavities else float(pressures.max(initial=0.0)),
+            pressure=next((p / ratio for p, ratio in zip(pressures, actuator.ratios, strict=True) if ratio), 0.0),
             added_volume=float(actuator.ratios @ added),
             cavity_pressures=tuple(pressures.tolist()),
             cavity_volumes=tuple(added.tolist()),

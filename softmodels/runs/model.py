@@ -162,6 +162,7 @@ class Model:
                 self.system = System(body, material, case.formulation, components, creeping=case.timed)
                 self.solver = Solver(self.system, case.solver)
                 self.fields = Fields(self.solver, case.gauges)
+            self.system.direction = case.load.direction
         except (BodyError, CompilingError) as error:
             raise RunError(str(error)) from error
 
@@ -226,6 +227,7 @@ class Model:
         from softmodels.path.continuation import trace
         from softmodels.path.points import PathEnd
 
+        self.system.direction = case.load.direction
         unit = self.unit_of(quantity)
         try:
             for point in trace(self.continuation(quantity, case.control), [goal / unit for goal in case.goals]):
@@ -260,6 +262,7 @@ class Model:
         """
         hung, driven = self.preload(report) if hung is None else hung, self.case.driven
         if hung is None:
+            self.system.coupling = self.system.inflating(np.empty(0))
             return None
         from softmodels.path.schedule import inflate_from, load_from
 
@@ -304,15 +307,16 @@ class Model:
         return self.system.dead.index(self.case.driven.of(self.case.components).key)
 
     def unit_of(self, quantity: str) -> float:
-        """SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight."""
+        """SI units in one dimensionless value of a quantity, by its name; of shares of the weight the weight; below 0 for
+        pressures and volumes of a path to vacuum, see `System.direction`."""
         system, driven = self.system, self.case.driven
         if quantity == Pressure.name:
-            return system.stress_unit
+            return system.direction * system.stress_unit
         if driven is not None and quantity in (DeadForce.name, LoadDisplacement.name):
             place = self.driven_load
             unit = (system.dead.moved_units if driven.asked.held else system.dead.units)[place]
             return float(unit / (system.dead.amounts[place] if driven.key == "share" else 1.0))
-        return system.volume_unit
+        return system.direction * system.volume_unit
 
     # -- modes --------------------------------------------------------------------------------------------------------
 
