@@ -131,8 +131,8 @@ class ImportedPart(Actuator):
         if self.pressure_ratios and len(self.pressure_ratios) != self.cavity_count:
             cavities = f"{self.cavity_count} cavit{'y' if self.cavity_count == 1 else 'ies'}"
             raise GeometryError(f"pressure_ratios has {len(self.pressure_ratios)} values for {cavities}; give one each")
-        if any(ratio < 0.0 for ratio in self.pressure_ratios) or not any(self.ratios):
-            raise GeometryError("pressure_ratios must be 0 or more, and one of them above 0; suction is not modelled")
+        if not any(self.ratios):
+            raise GeometryError("pressure_ratios are all 0; give one other than 0, below it for a vacuum")
         self.check_cells()
         _ = self.reading
 

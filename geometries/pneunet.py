@@ -255,8 +255,6 @@ def _check_channel(finger: PneuNet) -> None:
 
 
 def _check_base(finger: PneuNet) -> None:
-    if finger.opposite < 0.0:
-        raise GeometryError(f"opposite is {finger.opposite:g}; it must be 0 or more: suction is not modelled")
     if finger.paper and finger.base - finger.paper < 2.0 * finger.least_wall * (1 - ROUNDING):
         raise GeometryError(
             f"paper is {_mm(finger.paper)}; with base {_mm(finger.base)} less than least_wall {_mm(finger.least_wall)} is "

@@ -390,7 +390,8 @@ class Case:
             self._check_load()
             self._check_inertia()
             self.gauges.check(self.actuator)
-            object.__setattr__(self, "components", with_walls(self.components, self.actuator, self.load.vacuum))
+            draws = self.load.draws(self.actuator.ratios)
+            object.__setattr__(self, "components", with_walls(self.components, self.actuator, draws))
             check_parts(self.components, self.actuator)
             check_materials(self.material, self.components, self.formulation)
             if self.band is not None:

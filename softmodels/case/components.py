@@ -103,9 +103,15 @@ def _of_table(kind: type[Component], tables: Tables) -> list[Component]:
     return [kind.read_table(name, table_of(table, name)) for name in table]
 
 
-def with_walls(components: Sequence[Component], actuator: Actuator, vacuum: bool) -> Parts:
-    """Return the parts of a case, with self-contact of walls unless it is disabled; under vacuum of the cavities' walls too."""
-    inside = cavity_roles(actuator) if vacuum else []
+def with_walls(components: Sequence[Component], actuator: Actuator, draws: bool) -> Parts:
+    """Return the parts of a case, with self-contact of walls unless it is disabled.
+
+    Args:
+        components: The parts.
+        actuator: The device.
+        draws: Whether air is drawn out of it: then the cavities' own walls may touch too.
+    """
+    inside = cavity_roles(actuator) if draws else []
     if (actuator.meeting == () and not inside) or any(isinstance(part, Walls) for part in components):
         return tuple(components)
     kinds = list(COMPONENTS.values())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, MutableMapping
+from collections.abc import Iterator, MutableMapping, Sequence
 
 from geometries import Actuator
 from softmodels.case.entries import MISSING, CaseError, Entry, Missing, Option, SeriesKind, Tables, Written, table_of
@@ -134,13 +134,11 @@ class LoadRequestEntry(Entry[LoadRequest | None]):
         values = SeriesKind().read(asked[0], given[asked[0]])
         on = Words().settled("on", given.get("on", ""))
         pressure = Quantity().read("at_pressure_cm", given.get("at_pressure_cm", 0.0))
-        if pressure < 0.0:
-            raise FieldError(f"at_pressure_cm is {pressure:g}; it must be 0 or more, because suction is not modelled")
         return LoadRequest(asked[0], values, on, pressure)
 
 
-OF_AIR = (*programs.KEYS, *programs.SOURCE_KEYS)
-"""Series of the air in the cavities; below 0 they are a vacuum."""
+OF_PRESSURE = ("pressure_cm", "source_pressure_cm")
+"""Series of pressures."""
 STIFFNESS_RANGE = 30.0
 """Maximum pressure in shear moduli; above it a wrong unit is assumed: no silicone device withstands a tenth of it."""
 VOLUME_RANGE = 1000.0
@@ -212,11 +210,20 @@ class Load:
         """1, or -1 if the requested pressures or added volumes fall from 0."""
         return -1 if min([*self.pressures_cm, *self.volumes_ml], default=0.0) < 0.0 else 1
 
-    @property
-    def vacuum(self) -> bool:
-        """Whether a pressure or an added volume is below 0."""
-        given = [value for one in self.program if one.key in OF_AIR for value in one.values]
-        return min([*self.pressures_cm, *self.volumes_ml, *given], default=0.0) < 0.0
+    def lowest_cm(self, ratios: Sequence[float]) -> float:
+        """Return the lowest pressure in cm of a cavity or of a supply's source, at most 0.
+
+        Args:
+            ratios: The cavities' pressures in proportion to the requested one.
+        """
+        common = (*self.pressures_cm, *((self.driven.at_pressure_cm,) if self.driven else ()))
+        own = (value for one in self.program if one.key in OF_PRESSURE for value in one.values)
+        return min([0.0, *(value * ratio for value in common for ratio in ratios), *own])
+
+    def draws(self, ratios: Sequence[float]) -> bool:
+        """Return whether air is drawn out: a pressure or an added volume is below 0."""
+        volumes = (value for one in self.program if one.key == "volume_ml" for value in one.values)
+        return self.lowest_cm(ratios) < 0.0 or min([0.0, *self.volumes_ml, *volumes]) < 0.0
 
     @property
     def cm(self) -> float:
@@ -261,6 +268,12 @@ class Load:
             raise CaseError(
                 f"{type(actuator).__name__} has no cavity for a pressure or a volume; load it by a force (--force with "
                 "--force-N) or by its weight (--gravity with --weight-share 0:1)"
+            )
+        if (lowest := self.lowest_cm(actuator.ratios)) * self.cm <= -AMBIENT:
+            raise CaseError(
+                f"a pressure of {lowest:g} cm ({lowest * self.cm / 1e3:.4g} kPa) is below absolute vacuum, "
+                f"{-AMBIENT / self.cm:.0f} cm ({-AMBIENT / 1e3:.5g} kPa) at an ambient pressure of {AMBIENT / 1e3:.5g} kPa; "
+                "pumps reach about -90 kPa, ejectors -85 kPa"
             )
         if self.program:
             self._check_program(actuator)
@@ -416,14 +429,7 @@ class Load:
             for is_volume in (False, True)
         }
         kept = self.driven.at_pressure_cm if self.driven else 0.0
-        pressures = [*self.pressures_cm, *given[False], kept]
-        if (deepest := min(pressures) * self.cm) <= -AMBIENT:
-            raise CaseError(
-                f"a pressure of {min(pressures):g} cm ({deepest / 1e3:.4g} kPa) is below absolute vacuum, "
-                f"{-AMBIENT / self.cm:.0f} cm ({-AMBIENT / 1e3:.5g} kPa) at an ambient pressure of {AMBIENT / 1e3:.5g} kPa; "
-                "pumps reach about -90 kPa, ejectors -85 kPa"
-            )
-        highest = max(map(abs, pressures))
+        highest = max(map(abs, [*self.pressures_cm, *given[False], kept]))
         if (most := highest * self.cm) > STIFFNESS_RANGE * shear_modulus:
             usual_cm, usual_kPa = (f"{float(f'{shear_modulus / unit:.2g}'):g}" for unit in (self.cm, 1e3))
             raise CaseError(
@@ -432,13 +438,13 @@ class Load:
                 f"{STIFFNESS_RANGE * shear_modulus / self.cm:.0f} cm is accepted; write --pressure '{usual_cm} cm' "
                 f"or --pressure '{usual_kPa} kPa' or less, or correct the modulus (silicones have 5 to 500 kPa)"
             )
-        volumes = [*self.volumes_ml, *given[True]]
-        if min(volumes, default=0.0) * 1e-6 <= -cavity:
+        volumes = [0.0, *self.volumes_ml, *given[True]]
+        if cavity and min(volumes) * 1e-6 <= -cavity:
             raise CaseError(
                 f"an added volume of {min(volumes):g} ml empties a cavity of {cavity * 1e6:.4g} ml; give a volume above "
                 f"{-cavity * 1e6:.4g} ml"
             )
-        largest = max(volumes, default=0.0)
+        largest = max(volumes)
         if largest * 1e-6 > VOLUME_RANGE * cavity:
             raise CaseError(
                 f"an added volume of {largest:g} ml against a cavity of {cavity * 1e6:.4g} ml is out of range; "

@@ -128,8 +128,8 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
     system = path.solver.system
 
     def ends(point: Point) -> bool:
-        value, growth = path.value(point.state), point.state.V / path.plane.V_scale
-        least = 0.05 if system.drives_cavities else -LARGEST_GROWTH  # the travel of a dead load may be zero or negative
+        value, growth = path.value(point.state), abs(point.state.V) / path.plane.V_scale
+        least = 0.05 if system.drives_cavities else -1.0  # the travel of a dead load may be zero
         return value >= farthest or value <= 0.0 or not least < growth < LARGEST_GROWTH
 
     branch = Branch(path, bifurcation, sign)

@@ -119,7 +119,6 @@ def test_faces_follow_every_parameter(meshed):
         ({"cell_size": 0.00008}, ("cell_size is 0.08 mm", "3,000,000")),
         ({"chambers": 31}, ("chambers is 31",)),
         ({"sides": 3}, ("sides is 3",)),
-        ({"sides": 2, "opposite": -1.0}, ("opposite is -1", "suction")),
         ({"base": 0.0}, ("base is 0 m", "larger than 0")),
         ({"top_wall": math.nan}, ("top_wall",)),
     ],

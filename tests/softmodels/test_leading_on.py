@@ -61,9 +61,11 @@ def test_other_groups_do_too(group, word, told):
         (lambda: series("4 kPa", "pressure"), "pressures='4 kPa'|--pressure '4 kPa'"),
         (lambda: series("0:3kPa:1cm", "pressure"), "give all values in one unit .kPa or cm., once, at the end"),
         (
-            lambda: series("0,-5,-10", "pressure"),
-            "-5 is negative; suction is not modelled, so give values of 0 or more",
+            lambda: series("0,-5,3", "pressure"),
+            r"both -5 and 3; write what goes through 0 as a series in a case file, such as cavity1.pressure_cm = .0, -5, 3.",
         ),
+        (lambda: series("0,-5,-3", "volume"), "volume rises from -5 to -3; give the values from high to low"),
+        (lambda: series("0:-5", "stroke"), "stroke -5 is negative; give values of 0 or more"),
         (lambda: series("30 cm", "pressure"), "once, at the end of the text: (pressures=|--pressure )'30 cm'"),
         (
             lambda: series("1e9 cm", "pressure"),

@@ -152,7 +152,7 @@ FORCE = '[force.tip]\nface = "top"\ndirection = "-z"\n'
         (FORCE + "[load]\nmoment_Nmm = 1\n", r"the device has no \[moment\]"),
         (FORCE + "[load]\nforce_N = 1\ntravel_mm = 1\n", "request one of force_N and travel_mm"),
         (FORCE + "[load]\nat_pressure_cm = 3\n", "at_pressure_cm needs requested forces"),
-        (FORCE + "[load]\nforce_N = 1\nat_pressure_cm = -3\n", "suction is not modelled"),
+        (FORCE + "[load]\nforce_N = 1\nat_pressure_cm = -2000\n", "below absolute vacuum"),
         (FORCE + 'amount = "2 N"\n[load]\nforce_N = 1\n', "has a constant amount"),
         (FORCE + FORCE.replace("tip", "end") + "[load]\nforce_N = 1\n", "the case has tip, end; choose one"),
         (FORCE + "[load]\nforce_N = [2, 1]\n", "falls from 2 to 1"),

@@ -1,0 +1,189 @@
+"""Pressures below ambient: closed integrals of walls that close, a tube that collapses onto itself, energy through zero.
+
+A vacuum inside an incompressible body does what the same pressure from outside does: an even pressure on all its faces adds
+nothing but itself to the stress. The ring's buckling pressure is therefore that of the exact incremental theory for a tube
+under pressure from outside. Its branch is held against the elastica of an inextensible ring (Flaherty, Keller and Rubinow 1972,
+doi 10.1137/0123047): closed with one constant, which is found here by shooting.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.optimize import root
+
+from geometries import HollowDisk
+from softmodels.components.walls import Walls
+from softmodels.materials.laws import NeoHookean, Yeoh
+from softmodels.materials.specimens import sphere_pressure
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
+from softmodels.path import schedule
+from softmodels.path.branching import follow
+from softmodels.path.program import Series
+from softmodels.runs.fields import Fields
+from tests.support import bodies, runs
+from tests.support.cavities import TubeBody
+from tests.support.closed_forms import tube_pressure
+from tests.support.ranks import mpirun
+
+CLOSED = "closed integral of a thick incompressible wall, radii 10 and 15 mm, under vacuum, inner stretch down to 0.8"
+RING = "elastica of an inextensible ring under vacuum"
+SOFT = NeoHookean(100e3, 0.5)
+STRETCHES = np.array([0.97, 0.9, 0.8])
+
+
+def to_vacuum(equations):
+    """The same equations for a path on which pressures and volumes fall."""
+    system = equations.system
+    system.direction = -1
+    system.coupling = system.inflating(np.empty(0))
+    return equations
+
+
+@pytest.mark.parametrize(
+    "body, kind, exact, power, most",
+    [
+        (bodies.Sphere(through=4, along=12), None, sphere_pressure, 3, 6e-5),
+        (bodies.Tube(through=4), TubeBody, tube_pressure, 2, 3e-5),
+    ],
+    ids=["sphere", "tube"],
+)
+@pytest.mark.parametrize("law", [SOFT, Yeoh(50e3, 1e3, 50.0, 0.5)], ids=["neo-hookean", "yeoh"])
+def test_walls_close_as_the_integral_says(body, kind, exact, power, most, law, equilibrium, solved, figure):
+    equations = to_vacuum(equilibrium(body, law, **({"kind": kind} if kind else {})))
+    try:
+        rest = -equations.system.rest().V
+        _, points, end = solved(equations, list((1 - STRETCHES**power) * rest), "volume", "volume")
+        assert end is None
+        found = -np.array([point.state.P for point in points if point.requested]) * equations.system.stress_unit
+        wanted = exact(law, body.inner, body.outer, STRETCHES)
+        assert (wanted < 0).all()
+        figure(CLOSED, f"pressure of the {type(body).__name__.lower()}", found / wanted - 1, most)
+    finally:
+        equations.system.direction = 1
+        equations.system.coupling = equations.system.inflating(np.empty(0))
+
+
+THICKNESS, RADIUS = 0.0008, 0.01
+
+
+def elastica():
+    """A quarter of an inextensible ring that pressure from outside flattens; lengths in R, pressures in EI / R^3.
+
+    Balance of the piece from the long half axis on gives the moment, and the curvature 1 + C + p r^2 / 2. The tangent turns by
+    a right angle until the piece meets the short axis: that closes C and the long axis.
+
+    Returns:
+        Rising pressures, and the short half axis at each.
+    """
+    pressures, shorts, unknown = np.linspace(3.1, 5.3, 23), [], np.array([1.175, -1.52])
+
+    def end(pressure, unknown):
+        long, constant = unknown
+
+        def slopes(s, y):
+            return [math.cos(y[2]), math.sin(y[2]), 1.0 + constant + pressure / 2 * (y[0] ** 2 + y[1] ** 2)]
+
+        return solve_ivp(slopes, (0.0, math.pi / 2), [long, 0.0, math.pi / 2], rtol=1e-10, atol=1e-12).y[:, -1]
+
+    for pressure in pressures:
+        found = root(lambda u, p=pressure: end(p, u)[[0, 2]] - [0.0, math.pi], unknown, tol=1e-10)
+        assert found.success
+        unknown = found.x
+        shorts.append(end(pressure, unknown)[1])
+    return pressures, np.array(shorts)
+
+
+@pytest.fixture(scope="module")
+def ring(body_of):
+    """A quarter of a ring with room for two waves, whose inner wall may touch itself."""
+    shape = bodies.Tube(
+        section="quarter", inner=RADIUS - THICKNESS / 2, outer=RADIUS + THICKNESS / 2, through=1, height=THICKNESS
+    )
+    return to_vacuum(Solver(System(body_of(shape, TubeBody), SOFT, "mixed", [Walls("cavity")])))
+
+
+@pytest.fixture(scope="module")
+def collapse(ring, solved):
+    """The ring's bifurcation, its branch until the walls have met, and the unit of pressure EI / R^3."""
+    unit = 4 * SOFT.shear_modulus_0 * (THICKNESS / RADIUS) ** 3 / 12 / ring.system.stress_unit  # E / (1 - 1/4) is 4 mu
+    path, points, _ = solved(ring, [3.3 * unit])
+    (first,) = (point for point in points if point.bifurcation)
+    return first, list(follow(path, first, farthest=5.6 * unit)), unit
+
+
+def test_tube_buckles_as_a_ring(ring, collapse, figure):
+    first, _, unit = collapse
+    figure(RING, "buckling pressure, 3 EI / R^3", first.state.P / unit / 3 - 1, 5e-3)
+    assert first.stable_under_pressure and (ring.system.volumes() > 0).all()
+
+
+def test_buckled_tube_flattens_as_the_elastica(ring, collapse, figure):
+    """Both ways along the mode are one, turned by a right angle."""
+    _, branch, unit = collapse
+    pressures, shorts = elastica()
+    fields = Fields(ring)
+    X = fields.grid.points[:, :2]
+    ends = [np.flatnonzero(np.abs(X[:, axis]) < 1e-9) for axis in (0, 1)]
+    wanted, found = CubicSpline(shorts[::-1], pressures[::-1]), []
+    for point in branch:
+        moved = X + fields.nodal(point.state)["displacement"][:, :2]
+        short = min(np.linalg.norm(moved[at], axis=1).mean() for at in ends) / RADIUS
+        if shorts[0] > short > 1.05 * THICKNESS / 2 / RADIUS:
+            found.append(point.state.P / unit / wanted(short) - 1)
+    assert len(found) > 2
+    figure(RING, "pressure at a flattened height", found, 2e-2)
+
+
+def test_flattened_tube_touches_itself(ring, collapse, figure):
+    """Opposite walls meet where the elastica's half axis is half of the thickness; from there on they press on each other."""
+    _, branch, unit = collapse
+    pressures, shorts = elastica()
+    wanted = float(CubicSpline(shorts[::-1], pressures[::-1])(THICKNESS / 2 / RADIUS))
+    (walls,) = (term for name, term in ring.system.potential.terms.items() if "walls" in name)
+    states = []
+    for point in branch:
+        ring.system.load(point.state)
+        states.append((point.state.P / unit, walls.figures(ring.system)))
+    pressed = [told["walls_contact_N"] > 0.0 for _, told in states]
+    at = pressed.index(True)
+    assert all(pressed[at:]) and max(told["walls_overlap_mm"] for _, told in states) == 0.0
+    assert states[at - 1][0] < wanted < states[at][0] < 1.02 * wanted
+
+
+def test_work_is_stored_through_zero(equilibrium, figure):
+    """Down to a vacuum, up through ambient pressure to as much above it: one smooth curve, whose area is the energy."""
+    equations = equilibrium(HollowDisk(section="axisymmetric"), NeoHookean(30e3, 0.49))
+    system, cm, goals = equations.system, 95.1, (-60.0, -45.0, -30.0, -15.0, 0.0, 15.0, 30.0, 45.0, 60.0)
+    down, up = [], []
+    for share, point in schedule.follow(equations, (Series("pressure_cm", goals),), schedule.Settings(cm)):
+        # On the way down P and V rise as pressure and volume fall.
+        P, sign = float(system.drives_at(point.state)[0]), 1 if share > 1.0 else -1
+        here = P, sign * point.state.V, point.tangent.P / point.tangent.V
+        system.load(point.state)
+        (up if share > 1.0 else down).append((*here, system.stored_energy()))
+    P, V, slope, energy = np.array([down[-1], *up]).T
+    step = np.diff(V)
+    work = np.cumsum(step * (P[:-1] + P[1:]) / 2 + step**2 * (slope[:-1] - slope[1:]) / 12)
+    assert P[0] == pytest.approx(-P[-1]) and energy[0] > 0.5 * energy[-1] and energy.min() < 1e-12
+    figure(
+        "work of the pressure", "stored energy from -60 cm to 60 cm", (energy[1:] - energy[0] - work) / energy[0], 1e-6
+    )
+
+
+def test_two_ranks_collapse_a_cavity_alike(tmp_path):
+    """Walls of the cavity meet at -60 cm by default, without a word in the case."""
+    words = ("-m", "softmodels.disk", "--section", "axisymmetric", "--pressure-cm", "0:-70", "--no-pictures", "--quiet")
+    for ranks in (1, 2):
+        launcher = (mpirun(), "-n", ranks) if ranks > 1 else ()
+        done = runs.run(*words, "--output", tmp_path / str(ranks), launcher=launcher)
+        assert done.status == 0, done.err
+    one, two = (runs.rows(tmp_path / str(ranks)) for ranks in (1, 2))
+    runs.same(two, one, 1e-8)
+    assert one[-1]["pressure_cm"] == -70.0 and one[-1]["added_volume_ml"] < 0.0 < one[-1]["walls_contact_N"]
+    assert all(row["stable_under_pressure"] for row in one)
