@@ -313,6 +313,7 @@ def limit(
     components: Component | Sequence[Component] = (),
     solver: str = "auto",
     hold: float | str = 0.0,
+    vacuum: bool = False,
 ) -> Limit:
     """Find how far a device can be inflated: its first limit point or bifurcation, and the place of the largest stretch there.
 
@@ -321,6 +322,7 @@ def limit(
         material: Its silicone, or the name of one.
         formulation, components, solver: As of a `Case`.
         hold: How long the pressure must be borne by a silicone with a memory, in s or a text such as ``"5 min"``; 0 for ever.
+        vacuum: Whether the pressure falls from ambient instead of rising.
 
     Raises:
         CaseError: Invalid input.
@@ -329,8 +331,10 @@ def limit(
     """
     # A case with a dummy load, so that the input is checked as for any case.
     how = {"components": components, "formulation": formulation, "solver": solver}
-    case = Case("limit", device, material, pressures_cm=(1.0,), **how)  # type: ignore[arg-type]
+    case = Case("limit", device, material, pressures_cm=(-1.0 if vacuum else 1.0,), **how)  # type: ignore[arg-type]
     seconds = check_hold(hold, [case.material])
+    if seconds and vacuum:
+        raise CaseError("a hold and a vacuum cannot be combined; leave out one of them")
     comm = start()
     with sentences():
         return find_limit(case, [case.material], comm, seconds)[0]

@@ -114,7 +114,7 @@ def row_of(name: str, found: Limit, column: LimitColumn) -> Row:
         "max_stretch": found.stretch, **{f"{axis}_mm": x * 1e3 for axis, x in zip("xyz", found.place, strict=True)},
     }  # fmt: skip
     row |= {"hold_s": found.held} if found.held else {}
-    return row if column.working is None else {**row, "margin": found.pressure / column.cm / column.working}
+    return row if column.working is None else {**row, "margin": abs(found.pressure) / column.cm / column.working}
 
 
 def sentence(name: str, found: Limit, column: LimitColumn) -> str:
@@ -127,14 +127,16 @@ def sentence(name: str, found: Limit, column: LimitColumn) -> str:
     what = {
         "limit": f"limit pressure {at}: {state}",
         "bifurcation": f"bifurcation at {at}: {state}",
-        "none": f"no limit up to a stretch of {LARGEST_STRETCH:g}, reached at {at}: {state}",
+        "none": f"no limit up to a stretch of {LARGEST_STRETCH:g}, reached at {at}: {state}"
+        if found.pressure > 0.0
+        else f"no limit down to {at}: {state}",
         "lost": f"no limit up to {at}, where the path was lost ({found.why}): {state}",
     }[found.kind]
     if found.held:
         what = f"{at} is borne for {found.held:g} s, and then: {state}"
     text = f"{name}: {what}"
     if column.working is not None:
-        margin = found.pressure / column.cm / column.working
+        margin = abs(found.pressure) / column.cm / column.working
         text += f"; {margin:.2f} times the working pressure, {'above' if margin > 1 else 'BELOW'} it"
     return text
 
@@ -222,6 +224,7 @@ class LimitArguments:
     normal: bool
     working_pressure: str | None
     hold: float | None
+    vacuum: bool
     water_density: float | None
     output: Path | None
 
@@ -271,7 +274,9 @@ class LimitRequest:
         hold = check_hold(given.hold or 0.0, list(materials.values()))
         if hold and tolerances:
             raise CaseError("--hold and --vary cannot be combined; leave out one of them")
-        around = _as_asked(case, device, materials, given.water_density)
+        if hold and given.vacuum:
+            raise CaseError("--hold and --vacuum cannot be combined; leave out one of them")
+        around = _as_asked(case, device, materials, given.water_density, -1.0 if given.vacuum else 1.0)
         count = given.count or SAMPLES
         working = _working_cm(given.working_pressure, around.cm)
         return cls(around, materials, tolerances, count, given.normal, LimitColumn(around.cm, working), hold)
@@ -296,7 +301,7 @@ def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
 
 
 def limit(kind: type[Actuator], **values: object) -> None:
-    """Find the largest pressure a device can take, and the place of its largest strain.
+    """Find the largest pressure (with --vacuum the largest vacuum) a device can take, and the place of its largest strain.
 
     The device is that of a case FILE or of the options below (as a section, unless --section is given; --device NAME
     has those of another one); every --material adds a row. With --vary the limit's scatter over fabrication tolerances is
@@ -312,6 +317,7 @@ def limit(kind: type[Actuator], **values: object) -> None:
       softmodels limit --variant shadow --material ecoflex-00-30 --material dragon-skin-20 --working-pressure 20cm
       softmodels limit --device Balloon --wall 1.5mm --material ecoflex-00-30
       softmodels limit --device Balloon --material memory.toml --hold 60s
+      softmodels limit --device Bellows --vacuum
       softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary offset=0mm+-0.2mm
       softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
     """
@@ -396,18 +402,18 @@ def _notes(question: LimitRequest, materials: Mapping[str, Material], limits: Ma
 
 
 def _as_asked(
-    case: Case | None, device: Actuator, materials: Mapping[str, Material], water_density: float | None
+    case: Case | None, device: Actuator, materials: Mapping[str, Material], water_density: float | None, dummy: float
 ) -> Case:
-    """Return a case of the device with a dummy load, to check the input as any case is checked.
+    """Return a case of the device with a dummy load in cm, to check the input as any case is checked.
 
     Raises:
         CaseError: See `Case`.
     """
     for material in materials.values():
-        around = case or Case("limit", device, material, pressures_cm=(1.0,))
+        around = case or Case("limit", device, material, pressures_cm=(dummy,))
         made = dataclasses.replace(
             around, name="limit", actuator=device, material=material, load_unload=False,
-            pressures_cm=(1.0,), volumes_ml=(), strokes_ml=(), program=(), supply=None, inertia=False,
+            pressures_cm=(dummy,), volumes_ml=(), strokes_ml=(), program=(), supply=None, inertia=False,
             water_density=around.water_density if water_density is None else water_density,
         )  # fmt: skip
     return made
@@ -464,6 +470,7 @@ def _limit_command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] =
     text = "Working pressure, for the margin: cm of water (20), or with a unit (2kPa)."
     made = click.option("--hold", type=QuantityType("s"), help="Time for which the pressure, applied at once, must be borne by "
                         "a silicone with a memory; default: for ever.")(made)  # fmt: skip
+    made = click.option("--vacuum", is_flag=True, help="How much vacuum it can take, instead of pressure.")(made)
     made = click.option("--working-pressure", metavar="PRESSURE", help=text)(made)
     if cls is not click.Command:
         text = f"A device, with options of its own: {', '.join(ACTUATORS)}.  [default: {kind.__name__}]"

@@ -800,7 +800,7 @@ def _pressures(case: Case) -> Array:
     """Return the requested pressures of each cavity in Pa, without those of the device at rest, shape (steps, cavities)."""
     if case.program:
         return case.cm * np.array([series.values for series in case.program]).T[begins_at_rest(case.program) :]
-    return np.outer([goal for goal in case.goals if goal > 0.0], case.actuator.ratios)
+    return np.outer([goal for goal in case.goals if goal], case.actuator.ratios)
 
 
 def _check_apart(supports: Supports, springs: tuple[Springs, ...]) -> None:
@@ -853,7 +853,7 @@ def check(case: Case) -> None:
             f'the case has an axisymmetric section of {type(device).__name__}; decks need a solid one (section = "wedge")'
         )
     pressed = case.program and all(series.key == "pressure_cm" for series in case.program)
-    if not (pressed or max(case.pressures_cm, default=0.0) > 0.0) or case.load_unload:
+    if not (pressed or any(case.pressures_cm)) or case.load_unload:
         raise CaseError(
             f"the case asks for {case.load.requested.words}; a deck takes pressures (pressure_cm), and no unloading"
         )

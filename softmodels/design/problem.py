@@ -735,6 +735,8 @@ def _check_load(case: Case) -> None:
     """Reject loads unsuitable for designs."""
     if not case.pressures_cm:
         raise DesignError(f"the case asks for {case.load.requested.words}; designs need pressures (pressure_cm)")
+    if case.load.draws(case.actuator.ratios):
+        raise DesignError("the case asks for a vacuum; designs need pressures above ambient (pressure_cm = '0:40')")
     if case.load_unload:
         raise DesignError("the case unloads (load_unload), but designs are evaluated during loading only; leave it out")
     for part in case.components:

@@ -36,6 +36,7 @@ from softmodels.materials.silicones import (
     spread_sentence,
 )
 from softmodels.mechanics.mpi import on_root
+from softmodels.path.supply import AMBIENT
 from softmodels.runs.grid import Cells
 from softmodels.runs.model import AtRest, Equilibrium, Mode, Model, meshed
 from softmodels.runs.notes import unseen
@@ -59,6 +60,8 @@ if TYPE_CHECKING:
 
 LONGEST_TEXT = 300
 """Maximum number of characters of a tolerance: patterns are slow on very long texts."""
+VACUUM = 0.999
+"""Share of ambient pressure at which the search ends below it."""
 LARGEST_STRETCH = 5.0
 """Stretch at which the search ends if it finds no limit: silicones fail at 3 to 10, and laws are mostly fitted to less."""
 
@@ -78,7 +81,8 @@ class Limit(Shown):
         kind: ``"limit"`` (the pressure has a maximum, or the device another end, see ``why``), ``"bifurcation"`` (it leaves its
             shape before that), ``"none"`` (the stretch of `LARGEST_STRETCH` came first), or ``"lost"`` (the path could not be
             followed so far).
-        pressure: Pressure in Pa there; for ``"none"`` at that stretch, for ``"lost"`` the last one known to be stable.
+        pressure: Pressure in Pa there, below 0 of a vacuum; for ``"none"`` at that stretch or at nearly absolute vacuum, for
+            ``"lost"`` the last one known to be stable.
         added_volume: Volume in m3 taken by then.
         rises: Rise of the probes in m.
         stretch: Largest principal stretch.
@@ -223,7 +227,8 @@ def _search(model: Model, hung: StageEnd | None = None) -> Limit:
     path, fields = model.continuation(hung=hung), model.fields
     kind, why, last, passed = "none", "", None, list[tuple[float, float]]()
     try:
-        for point in trace(path, [STIFFNESS_RANGE]):
+        goal = STIFFNESS_RANGE if model.system.direction > 0 else VACUUM * AMBIENT / model.system.stress_unit
+        for point in trace(path, [goal]):
             before, last = last, point
             passed.append(_volume_and_pressure(fields, point))
             if point.limit or point.bifurcation:

@@ -55,6 +55,8 @@ FOLLOWED_DISTANCE = 1e-3
 """Distance of a named point from the surface, relative to the device's size, above which it is reported."""
 LOCAL = 0.1
 """Fraction of that penetration which the force, spread over the device, would cause; below it only an edge penetrates."""
+REACHED = -85e3
+"""Pressure in Pa below which few sources of a vacuum come."""
 VOLUME_CHANGE = 0.05
 """Change of the silicone's volume (J - 1 at a vertex) above which the user is warned."""
 
@@ -69,6 +71,7 @@ def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxy
     """
     return [
         *typed_notes(case),
+        *vacuum_notes(case),
         *law_notes(case, rows),
         *stretch_notes(case, rows),
         *source_notes(case, sources),
@@ -254,6 +257,17 @@ def typed_notes(case: Case) -> list[str]:
     """Return a sentence on an ambiguous text of requested values, or none."""
     asked = (case.pressures_cm, case.volumes_ml, case.strokes_ml)
     return [doubt for values in asked if (doubt := getattr(values, "doubt", ""))]
+
+
+def vacuum_notes(case: Case) -> list[str]:
+    """Return a sentence on a vacuum that few sources reach, or none."""
+    lowest = case.load.lowest_cm(case.actuator.ratios)
+    if lowest * case.cm > REACHED:
+        return []
+    return [
+        f"{lowest:.4g} cm are {lowest * case.cm / 1e3:.4g} kPa: at sea level ejectors reach about -85 kPa, single-stage pumps "
+        "-90 kPa; check the source's data sheet"
+    ]
 
 
 def law_notes(case: Case, rows: Sequence[Row]) -> list[str]:
@@ -687,10 +701,11 @@ def explain(case: Case, end: PathEnd, fields: Fields, path: Continuation, petsc:
             f"gained {at.added_volume * 1e6:.4g} ml; beyond it {gas} expands and the device snaps "
             f"through. Stay below{f', or use {supply.gentler}' if supply.gentler else ''}"
         )
+    gained, happens = ("gained", "balloons") if at.added_volume > 0.0 else ("lost", "collapses")
     return (
         f"no equilibrium at {asked} on this path: the pressure has a limit point at {at.pressure / case.cm:.4g} cm "
         f"({at.pressure:.5g} Pa), where {_risen(device, at.rises)} and the cavity has "
-        f"gained {at.added_volume * 1e6:.4g} ml; beyond it the device balloons. Stay below (with 25 % margin: "
+        f"{gained} {abs(at.added_volume) * 1e6:.4g} ml; beyond it the device {happens}. Stay below (with 25 % margin: "
         f"{0.8 * at.pressure / case.cm:.4g} cm), use {device.stiffer} or a stiffer silicone, or drive it by volume "
         f"past the limit (--volume-ml, or --control volume)"
     )
