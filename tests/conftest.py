@@ -5,6 +5,7 @@ from __future__ import annotations
 import collections
 import math
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -55,6 +56,20 @@ def shared_data():
         return pytest.skip(f"{ABSENT}{name} beside the project")
 
     return folder_of
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Chromium, Playwright's own or the system's; skips where there is neither."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as started:
+        own = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+        try:
+            found = started.chromium.launch(executable_path=own, args=["--no-sandbox"])
+        except playwright.Error:
+            pytest.skip("no Chromium: install Debian's chromium, or run playwright install chromium")
+        yield found
+        found.close()
 
 
 @pytest.fixture

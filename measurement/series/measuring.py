@@ -23,8 +23,10 @@ from measurement.series.checks import CHECKS, COURSE, LIST, RUN, Check, Evidence
 from measurement.series.photo import AUTO, Refusal, draw_edge, find_zero, outline_of, trace, trace_image
 from measurement.series.photo_list import Column, Photograph, cut_out, read_photos
 from measurement.series.witness import Run, course_of
-from softmodels.common.files import image_uri, render
+from softmodels.common.files import image_uri
+from softmodels.common.pages import Cell, Fact, Gallery, Page, Picture, Provenance, Table
 from softmodels.common.processes import plain
+from softmodels.common.units import pascal_per_cm
 
 MOST_ASKED = 4
 """Raised photographs that are asked for what the camera does to an edge."""
@@ -509,21 +511,58 @@ def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
         ("steps.png", "The steps of one photograph"),
         ("animation.gif", "Animation"),
     )
-    pictures = [(title, image_uri(folder / name)) for name, title in titles if (folder / name).is_file()]
+    pictures = [Picture(image_uri(folder / name), title) for name, title in titles if (folder / name).is_file()]
     edges = [(result.photograph.file.name, folder / "edges" / f"{result.name}.png") for result in results]
-    photos = [(name, image_uri(file)) for name, file in edges if file.is_file()]
+    photos = [Picture(image_uri(file), name) for name, file in edges if file.is_file()]
     rows = [_overview_row(result) for result in results]
-    page = render("overview.html", title=TITLE, summary=summary, rows=rows, pictures=pictures, photos=photos)
-    path.write_text(page, encoding="utf-8")
+    outlines = [result.outcome for result in results if isinstance(result.outcome, Outline)]
+    pressures = [Cell(f"{name} (kPa)", unit="kPa") for name in ("pressure", "its error")]
+    head = ("photograph", *pressures, "height (mm)", "points", "remarks")
+    page = Page(
+        TITLE, summary,
+        [
+            ("Heights", pictures[:2]),
+            ("Photographs", [Table([row for _, row in rows], head, marks=[mark for mark, _ in rows])]),
+            ("Steps", pictures[2:]),
+            ("The edge in every photograph", [Gallery(photos)]),
+        ],
+        Provenance.now(), _facts(outlines),
+        _warnings(results), unit="kPa",
+    )  # fmt: skip
+    path.write_text(page.html(), encoding="utf-8")
 
 
-def _overview_row(result: Result) -> dict[str, str]:
-    """Return a photograph's row of the table."""
+def _warnings(results: Sequence[Result]) -> list[str]:
+    """Return which photographs were refused, each with its reason, and which are not trusted."""
+    refused = [f"{r.photograph.file.name}: {_remark(r.outcome)}" for r in results if isinstance(r.outcome, Refusal)]
+    weak = [r.photograph.file.name for r in results if isinstance(r.outcome, Outline) and not r.outcome.trusted]
+    return [*refused, *([f"untrusted, for the reasons in the table: {', '.join(weak)}"] if weak else [])]
+
+
+def _facts(outlines: Sequence[Outline]) -> list[Fact]:
+    """Return the highest outline, in figures."""
+    if not outlines:
+        return []
+    highest = max(outlines, key=lambda outline: outline.height)
+    height, error = highest.height * 1e3, highest.height_error * 1e3
+    column = f"{highest.pressure / pascal_per_cm():.4g} cm of water ({highest.pressure / 1e3:.4g} kPa)"
+    at = f"at {column}, {highest.source}"
+    return [Fact("Largest height", f"{height:.4f} ± {error:.4f} mm", at)]
+
+
+def _overview_row(result: Result) -> tuple[str, list[str | Cell]]:
+    """Return a photograph's row of the table, and what it is."""
     photo, outcome = result.photograph, result.outcome
-    row = {"name": photo.file.name, "pressure": f"{photo.pressure:.1f} ± {photo.pressure_error:.1f}"}
+    pressures = [Cell(f"{value / 1e3:.4f}", f"{value} Pa", value) for value in (photo.pressure, photo.pressure_error)]
+    row: list[str | Cell] = [photo.file.name, *pressures]
     if isinstance(outcome, Refusal):
-        return {**row, "kind": "refused", "height": "", "points": "", "remark": f"refused: {outcome.reason}"}
+        return "refused", [*row, "", "", _remark(outcome)]
     height = f"{outcome.height * 1e3:.4f} ± {outcome.height_error * 1e3:.4f}"
-    remark = "; ".join(outcome.reasons) or "trusted"
-    kind = "" if outcome.trusted else "weak"
-    return {**row, "kind": kind, "height": height, "points": str(np.size(outcome.x)), "remark": remark}
+    return "" if outcome.trusted else "weak", [*row, height, str(np.size(outcome.x)), _remark(outcome)]
+
+
+def _remark(outcome: Outline | Refusal) -> str:
+    """Return what is said of a photograph."""
+    if isinstance(outcome, Refusal):
+        return f"refused: {outcome.reason}"
+    return "; ".join(outcome.reasons) or "trusted"

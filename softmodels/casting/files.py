@@ -20,6 +20,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.files import image_uri, render, write_bytes, write_text
 from softmodels.common.folders import ResultFolder
 from softmodels.common.names import checked, place
+from softmodels.common.pages import Bullets, Fact, Page, Picture, Provenance, Table
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import shown
 from softmodels.materials.silicones import HOUR, MINUTE
@@ -425,12 +426,31 @@ def write_sheet(folder: Path, asked: Asked, made: Made, pictures: bool = True) -
     sheet = bench_sheet(asked, made)
     # Markdown text is inserted unescaped.
     write_text(folder / "sheet.md", render("mould.md", "softmodels.pictures", pictures=files, sheet=sheet))
-    inside = [(image_uri(folder / name), text) for name, text in files]
-    write_text(
-        folder / "sheet.html",
-        render("mould.html", "softmodels.pictures", pictures=inside, title=sheet.title, sheet=sheet),
-    )
+    pictures_inside = [Picture(image_uri(folder / name), text) for name, text in files]
+    write_text(folder / "sheet.html", sheet_page(sheet, pictures_inside, made))
     return drawn
+
+
+def sheet_page(sheet: BenchSheet, pictures: Sequence[Picture], made: Made) -> str:
+    """Return the sheet as a page; the first picture is the exploded view."""
+    of_casts = [Table(one.rows, one.head) for one in (sheet.amounts, sheet.walls, sheet.checks)]
+    return Page(
+        sheet.title, " ".join(sheet.about[:2]),
+        [
+            ("", [Bullets(sheet.about[2:]), *pictures[:1]]),
+            (sheet.amounts.heading, [of_casts[0]]),
+            ("Order of work", [Bullets(sheet.steps, ordered=True)]),
+            (sheet.walls.heading, [of_casts[1]]),
+            (sheet.checks.heading, [of_casts[2], *pictures[1:]]),
+            ("Notes", [Bullets(sheet.notes)]),
+        ],
+        Provenance.now(),
+        [
+            Fact("Silicone of the device", f"{made.volume * ML:.4g} ml"),
+            Fact("Thinnest silicone", f"{made.thinnest * MM:.3g} mm"),
+Fact("Silicone to mix", f"{sheet.amounts.rows[-1][2]} ml", sheet.amounts.head[2].partition(" (")[0]),
+        ],
+    ).html()  # fmt: skip
 
 
 def _draw(folder: Path, made: Made) -> None:

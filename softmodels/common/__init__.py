@@ -8,7 +8,7 @@ TOML files and command-line options).
 - `names`: arguments checked by name; classes by name, the user's own among them; public names loaded when used.
 - `errors`: errors whose message is a sentence, and how options are spelt in it.
 - `cards`: how results show themselves: a line on a terminal, a card in a notebook.
-- `files`: opening, writing beside and renaming; pages made from templates. `folders`: results folders: claimed, locked,
-  recorded, cleared, and those of a single command.
+- `files`: opening, writing beside and renaming. `folders`: results folders: claimed, locked, recorded, cleared, and those of a
+  single command. `pages`: reports, and where their numbers come from.
 - `commands`: how commands start and end. `processes`: cores, signal handlers, one thread at a time, the terminal.
 """

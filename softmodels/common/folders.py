@@ -38,6 +38,7 @@ from softmodels.common.files import (
     some,
     version,
 )
+from softmodels.common.pages import Provenance
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -487,7 +488,7 @@ class ResultFolder:
             OSError: There is no room; the earlier results stay.
         """
         yield self._own.prepare()
-        self._own.bring_in({"inputs": self._inputs})
+        self._own.bring_in({"inputs": self._inputs, "made": Provenance.now().table()})
 
     def leave(self) -> None:
         """Let go of it; nothing is left where nothing was written."""

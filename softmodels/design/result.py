@@ -22,6 +22,7 @@ from softmodels.case.entries import INPUT_ERRORS
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.names import keep_arrays
+from softmodels.common.pages import Provenance
 from softmodels.design.extremes import LeastGap
 from softmodels.design.formulation import INSIDE, ConstraintRow, Formulation
 from softmodels.design.problem import SURE, DesignProblem, Free, in_words, label, shown, shown_factor
@@ -725,6 +726,7 @@ class DesignTold(TypedDict):
     objective: ObjectiveTold
     limits: list[LimitTold]
     trials: list[TrialTold]
+    made: dict[str, object]
 
 
 def summary(result: DesignResult) -> str:
@@ -759,6 +761,7 @@ def summary(result: DesignResult) -> str:
             }
             for trial in result.trials
         ],
+        "made": Provenance.now().table(),
     }
     return json.dumps(told, indent=1)
 

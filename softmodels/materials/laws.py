@@ -89,6 +89,7 @@ class Material:
     Attributes:
         name: What command lines and files call it.
         title: What sentences call it; the name if empty.
+        source: Its publication, for reports; empty if there is none.
         linear: Whether the energy is linear in all parameters but Poisson's ratio.
         most_terms: Most terms that a fit can tell apart, of a law that is a sum of terms of one form; 0 for other laws. Each
             term has one factor in Pa, which enters linearly, and one shape parameter, which has a grid.
@@ -105,6 +106,7 @@ class Material:
 
     name: ClassVar[str]
     title: ClassVar[str] = ""
+    source: ClassVar[str] = ""
     linear: ClassVar[bool] = False
     most_terms: ClassVar[int] = 0
     usual_terms: ClassVar[int] = 0
@@ -371,6 +373,7 @@ class NeoHookean(Material):
     """
 
     name: ClassVar[str] = "neo-hookean"
+    source: ClassVar[str] = "Bonet & Wood 2008, Nonlinear continuum mechanics, doi 10.1017/CBO9780511755446"
     linear: ClassVar[bool] = True
     isochoric: ClassVar[bool] = False
     alternatives: ClassVar[Mapping[str, tuple[str, str]]] = {
@@ -437,6 +440,7 @@ class MooneyRivlin(Material):
     """Mooney-Rivlin: W = c10 (I1_bar - 3) + c01 (I2_bar - 3); mu = 2 (c10 + c01). Rivlin 1948, doi 10.1098/rsta.1948.0024."""
 
     name: ClassVar[str] = "mooney-rivlin"
+    source: ClassVar[str] = "Rivlin 1948, Phil. Trans. R. Soc. A 241:379, doi 10.1098/rsta.1948.0024"
     linear: ClassVar[bool] = True
     c10: float = parameter("Pa", "factor of I1 - 3")
     c01: float = parameter("Pa", "factor of I2 - 3", 0.0)
@@ -465,6 +469,7 @@ class Yeoh(Material):
     """Yeoh: W = c1 k + c2 k^2 + c3 k^3 with k = I1_bar - 3; mu = 2 c1. Yeoh 1993, doi 10.5254/1.3538343."""
 
     name: ClassVar[str] = "yeoh"
+    source: ClassVar[str] = "Yeoh 1993, Rubber Chem. Technol. 66:754, doi 10.5254/1.3538343"
     linear: ClassVar[bool] = True
     c1: float = parameter("Pa", "factor of I1 - 3: half the shear modulus", bounds=(0.0, math.inf))
     c2: float = parameter("Pa", "factor of (I1 - 3)^2", 0.0)
@@ -499,6 +504,7 @@ class Ogden(Material):
     """
 
     name: ClassVar[str] = "ogden"
+    source: ClassVar[str] = "Ogden 1972, Proc. R. Soc. A 326:565, doi 10.1098/rspa.1972.0026"
     title: ClassVar[str] = "Ogden's law"
     most_terms: ClassVar[int] = 4
     usual_terms: ClassVar[int] = 2
@@ -595,6 +601,7 @@ class Gent(Material):
     """Gent: W = -mu/2 Jm ln(1 - (I1_bar - 3)/Jm); chains lock at I1_bar = 3 + Jm. Gent 1996, doi 10.5254/1.3538357."""
 
     name: ClassVar[str] = "gent"
+    source: ClassVar[str] = "Gent 1996, Rubber Chem. Technol. 69:59, doi 10.5254/1.3538357"
     shear_modulus: float = parameter("Pa", "shear modulus mu", bounds=MODULUS_BOUNDS)
     limit: float = parameter("", "Jm: the I1 - 3 at which the chains lock", bounds=(1e-2, 1e5))
     poisson: float = poissons_ratio()  # type: ignore[assignment]

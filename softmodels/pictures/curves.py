@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import re
 import textwrap
@@ -16,8 +17,9 @@ from matplotlib.figure import Figure
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
+from softmodels.common.pages import UNITS, inline_svg, pascal
 from softmodels.materials.silicones import product_of
-from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, LINES, SPAN, WARNING, WIDTH, number
+from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, LINES, SPAN, STYLE, WARNING, WIDTH, number
 from softmodels.runs.columns import SourceRows, StateLabels, key_of, load_columns, term
 from softmodels.runs.fields import Row, at_rise, split
 from softmodels.runs.grid import parabolas
@@ -95,6 +97,40 @@ def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
         return np.asarray(pressure) / k
 
     axes.secondary_xaxis("top", functions=(in_kPa, in_cm)).set_xlabel("pressure in kPa", labelpad=8)
+
+
+SVG_STYLE = {**STYLE, "svg.hashsalt": "softmodels"}
+"""Style of drawings in pages."""
+
+
+def drawing(figure: Figure, pascal_per_cm: float) -> str:
+    """Return a figure for a page, marked as HTML, with axes for each unit of pressure that the page can have.
+
+    Args:
+        figure: Made in `SVG_STYLE`; its axes of pressure are in cm of water, as their labels say.
+        pascal_per_cm: Pa in one cm of the column.
+    """
+    for axes in list(figure.axes):
+        for name in ("x", "y"):
+            axis = axes.xaxis if name == "x" else axes.yaxis
+            if "cm of water" not in (label := axis.label.get_text()):
+                continue
+            axis.set_gid("pu-cm")
+            for unit in UNITS:
+                twin = axes.twiny() if name == "x" else axes.twinx()
+                other = twin.xaxis if name == "x" else twin.yaxis
+                other.set_ticks_position("bottom" if name == "x" else "left")
+                other.set_label_position("bottom" if name == "x" else "left")
+                ends = [
+                    end * pascal_per_cm / pascal(unit) for end in (axes.get_xlim() if name == "x" else axes.get_ylim())
+                ]
+                twin.set_xlim(*ends) if name == "x" else twin.set_ylim(*ends)
+                other.set_label_text(label.replace("cm of water", unit))
+                other.set_gid(f"pu-{unit}")
+                twin.spines[:].set_visible(False)
+    stream = io.StringIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    return inline_svg(stream.getvalue())
 
 
 def curves(

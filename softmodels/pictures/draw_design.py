@@ -23,11 +23,13 @@ from softmodels.case.case import Case
 from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
-from softmodels.common.files import image_uri, read_text, render, write_text
+from softmodels.common.files import image_uri, read_text, write_text
+from softmodels.common.pages import Bullets, Fact, Listing, Page, Picture, Provenance, Table, Text
 from softmodels.common.processes import say
 from softmodels.design.result import CAPTIONS, REPORT, DesignTold, ParameterTold, TrialTold
 from softmodels.pictures.curves import kilopascals, limits, smooth
 from softmodels.pictures.offscreen import PIXELS, Image, Look, ViewCamera, can_render, look, studio
+from softmodels.pictures.report import sources_of
 from softmodels.pictures.style import (
     BRANCH,
     CURVE,
@@ -281,17 +283,46 @@ def draw(folder: Path) -> list[Path]:
             out.save("sections", sections((before, after)))
         if can_render():
             out.save("shapes", shapes((before, after)))
-    pictures = [(image_uri(folder / name), text) for name, text in CAPTIONS.items() if (folder / name) in out.written]
+    drawn = [name for name in CAPTIONS if (folder / name) in out.written]
+    write_text(folder / REPORT, page(folder, told, drawn, (before, after)))
+    return [*out.written, folder / REPORT]
+
+
+def page(folder: Path, told: DesignTold, drawn: Sequence[str], pair: tuple[States, States]) -> str:
+    """Return the report of a design: ``told`` is its ``design.json``, ``drawn`` are its pictures' files."""
     rows = [
-        (one["name"], *(f"{one[name]:.5g} {one['unit']}".strip() for name in ("low", "before", "after", "high")))
+        (one["name"], *(f"{one[name]:.5g} {one['unit']}".strip() for name in ("low", "before", "after", "high")))  # type: ignore[literal-required]
         for one in told["parameters"]
     ]
-    page = render(
-        "design.html", "softmodels.pictures", title=told["name"], told=told, pictures=pictures, rows=rows,
-        case=read_text(folder / "design.toml"),
-    )  # fmt: skip
-    write_text(folder / REPORT, page)
-    return [*out.written, folder / REPORT]
+    finer = f", refined {told['finer']} times" if told["finer"] != 1.0 else ""
+    downloads = {name: read_text(folder / name) for name in ("iterates.csv",) if (folder / name).is_file()}
+    given, best = (states.rows[states.main] for states in pair)
+    gauge, limit = pair[0].actuator.gauge, next(iter(limits(pair[1].rows)), None)
+    return Page(
+        told["name"], f"{told['headline']}.",
+        [
+            ("Pictures", [Picture(image_uri(folder / name), CAPTIONS[name]) for name in drawn]),
+            ("Limits on the design", [
+                Bullets(told["reasons"]), Text(f"{told['agreement']}." if told["agreement"] else ""),
+                Table(rows, ("parameter", "from", "as given", "design", "to")),
+            ]),
+            (f"Check on a new mesh{finer}", [Bullets(told["confirmation"])]),
+            ("Sensitivity of the target to the parameters", [Bullets(told["recovered"])]),
+            ("Tolerances and material errors", [Bullets(told["margins"])]),
+            ("Notes", [Bullets(told["notes"])]),
+            ("The case of the design (design.toml)", [Listing(read_text(folder / "design.toml"))]),
+        ],
+        Provenance.from_table(told.get("made")),
+        [
+            Fact("Limits of the design", "all kept" if told["feasible"] else "violated",
+                 "" if told["feasible"] else "see the warnings and reasons below", not told["feasible"]),
+            *(Fact(f"Rise of the {gauge}, {name}", f"{row[f'{gauge}_mm']:.4g} mm", headline(row, states.words).split(", ")[0])
+              for name, row, states in (("as given", given, pair[0]), ("design", best, pair[1]))),
+            *([Fact("Limit point of the design", f"{limit['pressure_cm']:.4g} cm of water")] if limit else []),
+        ],
+        [*([f"{told['trouble']}."] if told["trouble"] else []), *told["missed"]],
+        sources_of(pair[1].case), downloads, pair[1].case.cm,
+    ).html()  # fmt: skip
 
 
 def _states(folder: Path) -> States:

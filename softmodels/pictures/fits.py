@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 
 from measurement.outline.outline import reached
 from softmodels.common.arrays import Array
-from softmodels.common.files import data_uri, render
+from softmodels.common.files import data_uri
+from softmodels.common.pages import Bullets, Fact, Page, Part, Picture, Provenance, Table, Text
 from softmodels.common.processes import plain
 from softmodels.common.units import with_prefix
 from softmodels.fitting.comparison import FitReport, FittedLaw, parameter_rows
@@ -300,28 +301,66 @@ def page(report: FitReport, images: dict[str, bytes]) -> str:
     ranked = [
         (one.fit.label, str(len(one.fit.free)), f"+{one.aicc:.4g}", f"{one.bic:+.4g}") for one in report.comparison.ranked
     ] if len(report.laws) > 1 else []  # fmt: skip
-    return render(
-        "fit.html", "softmodels.pictures", title="Fitted material", verdict=report.verdict,
-        unsound="" if report.chosen.sound else report.chosen.warnings[0],
-        separate=report.separate.sentences if report.separate else (), remarks=[*report.ranges, report.how],
-        ranked=ranked, pictures=[(name, source) for name, source in sources.items() if not name.startswith("profiles-")],
-        laws=[_law(one, sources) for one in report.laws],
-    )  # fmt: skip
+    chosen = report.chosen
+    known = {one.choice.name: one.material.source for one in report.laws}
+    return Page(
+        "Fitted material", f"{report.verdict}.",
+        [
+            ("Pictures", [Picture(sources[name], _caption(name)) for name in sources if not name.startswith("profiles-")]),
+            ("Laws compared", [Table(ranked, ("law", "parameters", "AICc", "BIC")) if ranked else None]),
+            *((one.choice.name, _law(one, sources)) for one in report.laws),
+            ("Measurements", [Bullets([*report.ranges, report.how])]),
+        ],
+        Provenance.now(), _facts(chosen),
+        [*([] if chosen.sound else [f"Unreliable fit: {chosen.warnings[0]}"]),
+         *(report.separate.sentences if report.separate else ())],
+        [f"{name}: {source}" for name, source in known.items() if source],
+    ).html()  # fmt: skip
 
 
-def _law(one: FittedLaw, sources: dict[str, str]) -> dict[str, object]:
+CAPTIONS = {
+    "curves": "Measured curves and the fitted laws",
+    "residuals": "Residuals of the curves (fit - measured)",
+    "outlines": "Outlines, measured and simulated",
+    "photographs": "Residuals of the outlines (simulated - measured)",
+    "creep": "Heights over the time held",
+    "profiles": "Profile likelihoods of the parameters",
+}
+"""Captions of the pictures, by the beginning of their names."""
+
+
+def _caption(file: str) -> str:
+    kind, _, law = file.removesuffix(".png").partition("-")
+    return f"{CAPTIONS[kind]}{f': {law}' if law else ''}"
+
+
+def _facts(one: FittedLaw) -> list[Fact]:
+    """Return the answer of a fit: the chosen law, its stiffness and its parameters with their intervals."""
+    values = [
+        Fact(name, f"{value} {unit}".strip(), interval if interval == "fixed" else f"95 %: {interval} {unit}".strip())
+        for name, value, unit, interval in parameter_rows(one)
+    ]
+    modulus = " ".join(with_prefix(one.material.shear_modulus_0, "Pa"))
+    note = "" if one.sound else "the fit was rejected"
+    return [Fact("Law", one.choice.name, note, not one.sound), Fact("Shear modulus at small strain", modulus), *values]
+
+
+def _law(one: FittedLaw, sources: dict[str, str]) -> list[Part | None]:
     """Return the report's section on a law."""
     correlations = correlation_rows(one)
     width = max(map(len, correlations), default=0)
     told = (one.material.remark, *one.judgement.notes, *unseen(one.fit), *one.verdict.notes)
-    return {
-        "name": one.choice.name, "modulus": " ".join(with_prefix(one.material.shear_modulus_0, "Pa")),
-        "parameters": parameter_rows(one), "residuals": residual_rows(one),
-        "correlated": ["correlation", *(p.name for p in one.fit.free[: max(width - 1, 0)])],
-        "correlations": [[*row, *[""] * (width - len(row))] for row in correlations],
-        "warnings": one.warnings, "remarks": [text for text in told if text],
-        "profiles": sources.get(f"profiles-{one.choice.name}.png", ""),
-    }  # fmt: skip
+    profiles = f"profiles-{one.choice.name}.png"
+    names = ["correlation", *(p.name for p in one.fit.free[: max(width - 1, 0)])]
+    return [
+        Text(f"Shear modulus at small strain {' '.join(with_prefix(one.material.shear_modulus_0, 'Pa'))}."),
+        Bullets(one.warnings, alarm=True),
+        Table(parameter_rows(one), ("parameter", "value", "unit", "95 % interval")),
+        Table([[*row, *[""] * (width - len(row))] for row in correlations], names),
+        Table(residual_rows(one), ("residuals", "rms", "mean", "largest", "correlation length")),
+        Bullets([text for text in told if text]),
+        Picture(sources[profiles], _caption(profiles)) if profiles in sources else None,
+    ]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -6,9 +6,11 @@ Pictures, film, curves and the 3-D view are inside the file. Whatever columns ``
 from __future__ import annotations
 
 import base64
+import dataclasses
 import gzip
 import io
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypedDict
@@ -17,24 +19,43 @@ import matplotlib
 import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
-from matplotlib.figure import Figure
-from PIL import Image as Picture
+from PIL import Image
 
 from geometries import registry as geometry_table
 from softmodels.case import materials
+from softmodels.case.case import Case
 from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.files import check_file, data_uri, image_uri, read_text, render, write_text
+from softmodels.common.pages import (
+    Bullets,
+    Cell,
+    Charts,
+    Fact,
+    Folded,
+    Listing,
+    Page,
+    Picture,
+    Program,
+    Provenance,
+    Section,
+    Table,
+    Terms,
+    Text,
+)
 from softmodels.common.schema import about
 from softmodels.common.units import readable
 from softmodels.components.contact import obstacle_of
 from softmodels.materials.laws import parameter_fields
+from softmodels.materials.silicones import SILICONES, named as named_silicone, stretch_at_break, stretches_of
+from softmodels.mechanics.newton import TOLERANCE
 from softmodels.path.program import named
 from softmodels.pictures import curves
+from softmodels.pictures.curves import SVG_STYLE, drawing
 from softmodels.pictures.offscreen import Look
-from softmodels.pictures.style import COLOURS, STYLE, Scale, headline, load
-from softmodels.runs.columns import StateLabels, term
-from softmodels.runs.fields import Cell, Row, coloured
+from softmodels.pictures.style import COLOURS, Scale, headline, load
+from softmodels.runs.columns import StateLabels, overlap_text, term
+from softmodels.runs.fields import Cell as Value, Row, coloured
 from softmodels.runs.grid import CUT, OUTSIDE
 from softmodels.runs.notes import left_out, notes_of, stability_text
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM
@@ -44,16 +65,16 @@ from softmodels.runs.store import States
 # The case of a report: device, material, load and solver as tables with units.
 
 
-Table = tuple[str, list[tuple[str, str, str]]]
+type CaseTable = tuple[str, list[tuple[str, str, str]]]
 """A heading, and for each parameter its name, value and description."""
 
 
-def case_tables(states: States) -> list[Table]:
+def case_tables(states: States) -> list[CaseTable]:
     """Return all tables of a case."""
     return [_device(states), _material(states), _load(states)]
 
 
-def _device(states: States) -> Table:
+def _device(states: States) -> CaseTable:
     device = states.actuator
     table = geometry_table.to_table(device, readable)
     fields = about(device)
@@ -61,7 +82,7 @@ def _device(states: States) -> Table:
     return _parameters(f"Device: {type(device).__name__}", rows)
 
 
-def _material(states: States) -> Table:
+def _material(states: States) -> CaseTable:
     material = states.case.material
     table = materials.to_table(material, readable)
     texts = {field.name: field.metadata["help"] for field in parameter_fields(material)}
@@ -73,7 +94,7 @@ def _material(states: States) -> Table:
     )
 
 
-def _load(states: States) -> Table:
+def _load(states: States) -> CaseTable:
     case = states.case
     asked = [(case.load.requested.words, case.values, case.unit)]
     if case.program:
@@ -103,7 +124,7 @@ def _load(states: States) -> Table:
     return _parameters("Load and solver", rows)
 
 
-def _parameters(title: str, rows: Sequence[tuple[str, object, str]]) -> Table:
+def _parameters(title: str, rows: Sequence[tuple[str, object, str]]) -> CaseTable:
     return title, [(name.replace("_", " "), _text(value), words) for name, value, words in rows]
 
 
@@ -289,22 +310,30 @@ class Report:
     def __init__(self, look: Look, folder: Path, name: str):
         self.folder = folder
         states, told = look.states, summary(folder)
+        viewer = Markup(render("web_view.html", "softmodels.pictures", view=view(look)))
         asked = [row for row in states.rows if row["requested"]] or [states.rows[-1]]
         terms = [(name, term(name, states.actuator, states.case.load.driver)) for name in states.rows[0]]
-        self._values: dict[str, object] = {
-            "title": name,
-            "ending": ending(states, told),
-            "warnings": told["notes"] if "notes" in told else notes_of(states.case, states.rows, states.sources),
-            "view": view(look),
-            "curves": _curves(states),
-            "contact": _contact(states),
-            "requested": _lines(asked, states),
-            "every": _lines(states.rows, states),
-            "case": case_tables(states),
-            "notes": _notes(states),
-            "toml": states.case.to_toml(),
-            "columns": [(name, meaning) for name, meaning in terms if meaning.text],
-        }
+        warnings = told["notes"] if "notes" in told else notes_of(states.case, states.rows, states.sources)
+        self._head: list[Section] = [
+            ("3-D view", [Program(viewer)]),
+            ("The path", [Charts(_curves(states)), Text(_contact(states))]),
+        ]
+        case = [Table(rows, numbers=False, caption=heading) for heading, rows in case_tables(states)]
+        self._tail: list[Section] = [
+            ("Requested values", [_lines(asked, states)]),
+            ("The case", [*case, Folded("case.toml", [Listing(states.case.to_toml())])]),
+            ("Convergence", [Bullets(convergence(states))]),
+            ("Notes", [Bullets(_notes(states))]),
+            ("All steps", [
+                Folded("Columns", [Terms([(str(meaning), name, meaning.text) for name, meaning in terms if meaning.text])]),
+                Folded("Every state", [_lines(states.rows, states)]),
+            ]),
+        ]  # fmt: skip
+        self._page = Page(
+            name, ending(states, told), (), Provenance.from_table(states.results.own.about.get("made")),
+            facts(states, told), warnings if isinstance(warnings, list) else [], sources_of(states.case),
+            {"path.csv": read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.cm,
+        )  # fmt: skip
 
     def write(self, ready: Mapping[str, str]) -> Path:
         """Write the report with the available pictures.
@@ -316,10 +345,80 @@ class Report:
             The file.
         """
         shown = [file for file in CAPTIONS if (self.folder / file).exists()]
-        pictures = [(ready.get(file) or _source(self.folder / file), CAPTIONS[file]) for file in shown]
-        page = render("report.html", "softmodels.pictures", pictures=pictures, **self._values)
-        write_text(self.folder / REPORT, page)
+        pictures = [
+            Picture(ready.get(file) or _source(self.folder / file), CAPTIONS[file], _last_frame(self.folder / file))
+            for file in shown
+        ]
+        page = dataclasses.replace(self._page, sections=[*self._head, ("Pictures", pictures), *self._tail])
+        write_text(self.folder / REPORT, page.html())
         return self.folder / REPORT
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The answer, and what it rests on.
+
+
+def facts(states: States, told: dict[str, object]) -> list[Fact]:
+    """Return the figures that a run was made for: rise, limit, largest stretch."""
+    row, words = states.rows[states.main], states.words
+    overlap = overlap_text(row)
+    under = load(row, words).removesuffix(f" - {overlap}") if overlap else load(row, words)
+    rise = Fact(
+        f"Rise of the {words.gauge}", f"{row[f'{words.gauge}_mm']:.4g} mm", overlap or f"at {under}", bool(overlap)
+    )
+    return [rise, _limit(states, told), *_stretch(states)]
+
+
+def _limit(states: States, told: dict[str, object]) -> Fact:
+    """Return the limit point that was met and the margin to it, or how far none was."""
+    rows, words, row = states.rows, states.words, states.rows[states.main]
+    name, column = f"Limit point of the {words.kept[0]}", words.along[0]
+    if states.case.program:
+        name = "Limit point of the loads"
+    if found := curves.limits(rows):
+        beyond = told.get("status") == NO_EQUILIBRIUM
+        note = "there is no equilibrium at what was requested beyond it" if beyond else ""
+        if not beyond and not states.case.program and row["requested"] and row[column] > 0:
+            note = f"{found[0][column] / row[column]:.3g} times the last requested {words.kept[0]}"
+        return Fact(name, load(found[0], words), note, beyond)
+    highest = max(rows, key=lambda one: float(one[column]))
+    note = "the margin is not known from this run: softmodels limit case.toml finds it"
+    return Fact(name, f"none up to {load(highest, words)}", note if words.kept[0] == "pressure" else "")
+
+
+def _stretch(states: States) -> list[Fact]:
+    """Return the largest stretch beside those that the material was fitted to and broke at."""
+    if "max_stretch" not in states.rows[0]:
+        return []
+    most, material = max(float(row["max_stretch"]) for row in states.rows), states.case.material
+    fitted, breaks = stretches_of(material), stretch_at_break(material)
+    known = [f"fitted up to {fitted[1]:.4g}"] if fitted else ["the range of the material's fit is unknown"]
+    known += [f"broke at {breaks:.4g}"] if breaks else []
+    beyond = most > min(fitted[1] if fitted else math.inf, breaks or math.inf)
+    return [Fact("Largest stretch", f"{most:.4g}", "; ".join(known), beyond)]
+
+
+def sources_of(case: Case) -> list[str]:
+    """Return the publications of a case's law and silicone."""
+    law = case.material
+    found = [f"law: {law.source}"] if law.source else []
+    name = named_silicone(law)
+    return [*found, f"material: {name}, {SILICONES[name].source}"] if name else found
+
+
+def convergence(states: States) -> list[str]:
+    """Return what is known of the errors of a run's numbers, in sentences."""
+    rows = [row for row in states.rows if not row.get("bifurcation")]
+    text = f"Newton's method converged in every state: residual below {TOLERANCE:g} of the pressure's load"
+    if "newton_iterations" in states.rows[0]:
+        text += f", {sum(int(row['newton_iterations']) for row in rows)} iterations in {len(rows)} states"
+    count = f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
+    return [
+        f"{text}.",
+        f"Mesh: {count}. The mesh error was not estimated: halve the cell size in a copy of case.toml, run it, and hold both "
+        "results against each other by softmodels compare.",
+        "The largest stress and stretch converge only at rounded corners; at sharp ones they grow with mesh refinement.",
+    ]
 
 
 def summary(folder: Path) -> dict[str, object]:
@@ -355,21 +454,18 @@ def _taken(row: Row, words: StateLabels) -> str:
     return f" and {taker} gained {row['added_volume_ml']:.4g} ml" if count else ""
 
 
-def _curves(states: States) -> list[Markup]:
-    with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
+def _curves(states: States) -> list[tuple[str, str]]:
+    """Return the curves of a path: names of files and drawings."""
+    with matplotlib.rc_context(SVG_STYLE):
         rows, words = states.rows, states.words
         if states.case.program:
             looped = states.case.timed and curves.cycles(rows)
-            return [_svg(curves.steps(rows, words)), *([_svg(curves.loop(rows, words))] if looped else [])]
-        over = curves.over_of(states.case)
-        return [_svg(figure) for figure in curves.curves(rows, words, states.branch, over, states.sources)]
-
-
-def _svg(figure: Figure) -> Markup:
-    stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    text = stream.getvalue()
-    return Markup(text[text.index("<svg") :])
+            drawn = {"steps": curves.steps(rows, words), **({"loop": curves.loop(rows, words)} if looped else {})}
+            figures = list(drawn.items())
+        else:
+            found = curves.curves(rows, words, states.branch, curves.over_of(states.case), states.sources)
+            figures = [(f"path-{number}", figure) for number, figure in enumerate(found, 1)]
+        return [(f"{states.name}-{name}.svg", drawing(figure, states.case.cm)) for name, figure in figures]
 
 
 def _contact(states: States) -> str:
@@ -389,22 +485,36 @@ def _contact(states: States) -> str:
     return text
 
 
-def _lines(rows: Sequence[Row], states: States) -> list[dict[str, object]]:
+def _lines(rows: Sequence[Row], states: States) -> Table:
     """Return the rows of ``path.csv`` side by side: one line per column of the file, with exact and displayed values."""
-    return [
-        {
-            "term": term(name, states.actuator, states.case.load.driver),
-            "cells": [(row.cells.get(name, ""), _shown(row.cells.get(name))) for row in rows],
-        }
-        for name in states.rows[0]
-        if name != "requested" and not states.words.hides(name)
-    ]
+    lines = []
+    for name in states.rows[0]:
+        if name == "requested" or states.words.hides(name):
+            continue
+        meaning = term(name, states.actuator, states.case.load.driver)
+        factor = states.case.cm if meaning.unit == "cm" else math.nan
+        cells = [(row.cells.get(name, ""), _shown(row.cells.get(name))) for row in rows]
+        values = [
+            Cell(shown, str(exact), factor * exact if isinstance(exact, float) and meaning.unit == "cm" else None)
+            for exact, shown in cells
+        ]
+        lines.append([Cell(str(meaning), meaning.text, unit=meaning.unit if meaning.unit == "cm" else ""), *values])
+    return Table(lines)
 
 
-def _shown(value: Cell) -> str:
+def _shown(value: Value) -> str:
     if isinstance(value, float):
         return f"{value:.6g}" if abs(value) > ROUNDING else "0"
     return "" if value is None else str(value)
+
+
+def _last_frame(path: Path) -> str:
+    """Return the last frame of a film as embedded in the page; empty for a picture."""
+    if path.suffix != ".webp":
+        return ""
+    with Image.open(path) as film:
+        film.seek(getattr(film, "n_frames", 1) - 1)
+        return shrunk(film)
 
 
 def _source(path: Path) -> str:
@@ -412,15 +522,15 @@ def _source(path: Path) -> str:
     if path.suffix == ".webp":
         return image_uri(path)
     check_file(path)
-    with Picture.open(path) as image:
+    with Image.open(path) as image:
         return shrunk(image)
 
 
-def shrunk(image: Picture.Image) -> str:
+def shrunk(image: Image.Image) -> str:
     """Return a picture as embedded in the page, at most `WIDEST` wide."""
     small = image.convert("RGB")
     if small.width > WIDEST:
-        small = small.resize((WIDEST, round(small.height * WIDEST / small.width)), Picture.Resampling.HAMMING)
+        small = small.resize((WIDEST, round(small.height * WIDEST / small.width)), Image.Resampling.HAMMING)
     stream = io.BytesIO()
     small.save(stream, "WEBP", quality=88, method=2)  # 4 takes three times as long and saves 5 %
     return data_uri(stream.getvalue(), "image/webp")
@@ -441,16 +551,7 @@ def _notes(states: States) -> list[str]:
         f"there"
         for limit in curves.limits(states.rows)
     ]
-    notes.append(
-        f"{len(states.cells)} cells of second order, {len(states.points)} nodes"
-        + (
-            f"; one of {actuator.copies} equal parts was computed, the others are mirror images"
-            if actuator.copies > 1
-            else ""
-        )
-    )
-    notes.append(
-        "the largest stress and stretch converge only at rounded corners; at sharp ones they grow with mesh refinement"
-    )
+    if actuator.copies > 1:
+        notes.append(f"one of {actuator.copies} equal parts was computed, the others are mirror images")
     notes.append(left_out(states.case))
     return [note for note in notes if note]

@@ -13,6 +13,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Protocol, TypedDict
 
 import numpy as np
@@ -23,6 +24,7 @@ from softmodels.common.commands import FULL
 from softmodels.common.errors import Spoken, reason
 from softmodels.common.files import file_digest, is_same, read_text, write_text
 from softmodels.common.folders import OwnFolder, OwnFolderError, numbered, take_default
+from softmodels.common.pages import Provenance
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import is_root, largest, on_root
 from softmodels.path.program import goes_on
@@ -327,7 +329,9 @@ def gather(case: Case, results: Results, ended: Ended) -> Summary:
         "notes": notes_of(case, results.rows, results.sources(case)),
         "stability": stability_text(results.rows, case.actuator, words, branch_rows(results)),
     }  # fmt: skip
-    results.own.claim(["summary.json"])
+    started = results.started
+    made = Provenance.now(None if started is None else monotonic() - started)
+    results.own.claim(["summary.json"], {"made": made.table()})
     write_text(results.folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     return summary
 
@@ -383,7 +387,7 @@ def solved_into(
         `Ended.error` has the error of the input, PETSc, the memory or the disk.
     """
     results: Results | None = None
-    ended, observer = Ended(), observer or Observer()
+    ended, observer, begun = Ended(), observer or Observer(), monotonic()
     try:
         with solving() as stopped:
             simulation = Simulation(case, comm, listener, stopped)
@@ -391,6 +395,7 @@ def solved_into(
                 with sentences(unwritten):
                     results, resumed = begin_together(case, place, comm)
                     if is_root(comm):
+                        results.started = begun
                         observer.opened(results)
                     record(simulation, results, resumed, branch, observer.begun)
             except Exception as error:

@@ -81,6 +81,7 @@ class Results:
     Attributes:
         own: The folder's record.
         folder: Where the files are: in ``own``, or aside of the earlier results until the first step is there.
+        started: When the run that writes them began (`time.monotonic`); None if unknown.
     """
 
     def __init__(self, folder: Path, name: str, gauge: str = "apex", kind: str = RUN):
@@ -88,6 +89,7 @@ class Results:
         self.folder, self.name, self.gauge = folder, name, gauge
         self.stored: list[formats.StoredStep] = []
         self._about: dict[str, object] = {}
+        self.started: float | None = None
 
     @property
     def heavy(self) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -44,20 +43,6 @@ def served(project, *options, stop=signal.SIGINT):
 def server(tmp_path_factory):
     with served(tmp_path_factory.mktemp("bench") / "project") as (_, address):
         yield address
-
-
-@pytest.fixture(scope="session")
-def browser():
-    """Chromium, Playwright's own or the system's; skips where there is neither."""
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as started:
-        own = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-        try:
-            found = started.chromium.launch(executable_path=own, args=["--no-sandbox"])
-        except playwright.Error:
-            pytest.skip("no Chromium: install Debian's chromium, or run playwright install chromium")
-        yield found
-        found.close()
 
 
 @pytest.fixture

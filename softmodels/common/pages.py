@@ -1,0 +1,340 @@
+"""Reports: pages of one style, each a single file that needs no network.
+
+A page has the answer first, then warnings, sections, and where its numbers come from. What is put into it is escaped, but for
+what is marked as HTML. It fits a phone's width, a dark screen and paper; pressures change their unit on the page, which a
+small program in it does. Without that program all stands there in the unit it was written in.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import dataclasses
+import datetime
+import functools
+import json
+import re
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+from softmodels.common.files import render, version
+from softmodels.common.units import FACTORS, pascal_per_cm, quantity
+
+UNITS = {"kPa": "kPa", "mbar": "mbar", "psi": "psi"}
+"""Units of pressure beside the column of water, by their names in `softmodels.common.units`."""
+_STARTED = time.monotonic()
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where the numbers of a page come from.
+
+
+@functools.cache
+def commit() -> str:
+    """Return the commit of the checkout that runs, with ``+`` if files differ from it; empty where there is none."""
+    top = Path(__file__).parents[2]
+    if not (top / ".git").exists():
+        return ""
+    words = ["git", "-C", str(top), "describe", "--always", "--exclude=*", "--abbrev=12", "--dirty=+"]
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        done = subprocess.run(words, capture_output=True, text=True, timeout=5, check=False)
+        return done.stdout.strip() if done.returncode == 0 else ""
+    return ""
+
+
+def command_line() -> str:
+    """Return the command that runs, as it can be pasted; empty in a Python program."""
+    import click
+
+    context = click.get_current_context(silent=True)
+    name = context.find_root().info_name if context else None
+    return shlex.join([*name.split(), *sys.argv[1:]]) if name else ""
+
+
+def _libraries() -> dict[str, str]:
+    """Return the versions of DOLFINx and PETSc if they were used; nothing is imported for it."""
+    found = {}
+    if (dolfinx := sys.modules.get("dolfinx")) is not None:
+        found["DOLFINx"] = str(getattr(dolfinx, "__version__", "unknown"))
+    if (PETSc := sys.modules.get("petsc4py.PETSc")) is not None:
+        found["PETSc"] = ".".join(map(str, PETSc.Sys.getVersion()))
+    return found
+
+
+@dataclasses.dataclass(frozen=True)
+class Provenance:
+    """Where results come from; empty texts where that is unknown.
+
+    Attributes:
+        date: When they were made, UTC.
+        version, commit: Of softmodels.
+        libraries: Versions of DOLFINx and PETSc, if they were used.
+        seconds: How long it took; None if unknown.
+        command: The command that made them.
+    """
+
+    date: str = ""
+    version: str = ""
+    commit: str = ""
+    libraries: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    seconds: float | None = None
+    command: str = ""
+
+    @classmethod
+    def now(cls, seconds: float | None = None) -> Provenance:
+        """Return that of results made now; a command's time counts from the start of its process unless given."""
+        command = command_line()
+        if seconds is None and command:
+            seconds = time.monotonic() - _STARTED
+        date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
+        return cls(date, version(), commit(), _libraries(), None if seconds is None else round(seconds, 1), command)
+
+    @classmethod
+    def from_table(cls, table: object) -> Provenance:
+        """Return that of a folder's record; unknown where the record has none, or another's."""
+        given = table if isinstance(table, dict) else {}
+        texts = {
+            name: value
+            for name in ("date", "version", "commit", "command")
+            if isinstance(value := given.get(name), str)
+        }
+        libraries, seconds = given.get("libraries"), given.get("seconds")
+        return cls(
+            **texts,
+            libraries={str(k): str(v) for k, v in libraries.items()} if isinstance(libraries, dict) else {},
+            seconds=float(seconds) if isinstance(seconds, int | float) else None,
+        )
+
+    def table(self) -> dict[str, Any]:
+        """Return it for a folder's record."""
+        return dataclasses.asdict(self)
+
+    @property
+    def rows(self) -> list[tuple[str, str]]:
+        """What is known of it: names and texts."""
+        program = f"softmodels {self.version}" if self.version else ""
+        if program and self.commit:
+            edited = ", with local changes" if self.commit.endswith("+") else ""
+            program += f", commit {self.commit.removesuffix('+')}{edited}"
+        time_taken = "" if self.seconds is None else f"{self.seconds:.1f} s"
+        libraries = ", ".join(f"{name} {version}" for name, version in self.libraries.items())
+        rows = [("date", self.date), ("program", program), ("libraries", libraries), ("wall time", time_taken),
+                ("command", self.command)]  # fmt: skip
+        return [row for row in rows if row[1]] or [("origin", "not recorded in this folder")]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What a page consists of. Each part is written by the macro of ``parts.html`` that its ``kind`` names.
+
+
+@dataclasses.dataclass(frozen=True)
+class Fact:
+    """A figure of the answer.
+
+    Attributes:
+        label, value: What it is, and the value with its unit.
+        note: What to hold it against.
+        alarm: Whether it is a warning.
+    """
+
+    label: str
+    value: str
+    note: str = ""
+    alarm: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell:
+    """A cell of a table.
+
+    Attributes:
+        text: What is shown.
+        title: The exact value.
+        pascal: The pressure in Pa that is shown in the unit which its table's row or column names; None for all else.
+        unit: The unit of pressure that its text, a heading, has in brackets; empty for none.
+    """
+
+    text: str
+    title: str = ""
+    pascal: float | None = None
+    unit: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """A table, which scrolls by itself where the screen is narrower.
+
+    Attributes:
+        rows: Rows of cells, or of their texts; the first cell of a row names it.
+        head: Names of the columns; empty for none.
+        numbers: Whether the cells are numbers, which stand at the right.
+        marks: What the rows are: ``"refused"``, ``"weak"`` or ``""``; empty if none is anything.
+        caption: What it shows.
+    """
+
+    kind: ClassVar[str] = "table"
+    rows: Sequence[Sequence[str | Cell]]
+    head: Sequence[str | Cell] = ()
+    numbers: bool = True
+    marks: Sequence[str] = ()
+    caption: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Text:
+    """A paragraph; ``alarm`` is whether it is a warning."""
+
+    kind: ClassVar[str] = "text"
+    text: str
+    alarm: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Bullets:
+    """A list of sentences; ``alarm`` is whether they are warnings, ``ordered`` whether they are steps."""
+
+    kind: ClassVar[str] = "bullets"
+    texts: Sequence[str]
+    alarm: bool = False
+    ordered: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """A picture: its source as `softmodels.common.files.data_uri` makes it, and its caption.
+
+    Attributes:
+        still: For a film its last frame, which is printed.
+    """
+
+    kind: ClassVar[str] = "picture"
+    source: str
+    caption: str
+    still: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Charts:
+    """Drawings beside each other, or below on a narrow screen: name of the file to download, and SVG marked as HTML."""
+
+    kind: ClassVar[str] = "charts"
+    drawings: Sequence[tuple[str, str]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Gallery:
+    """Small pictures beside each other."""
+
+    kind: ClassVar[str] = "gallery"
+    pictures: Sequence[Picture]
+
+
+@dataclasses.dataclass(frozen=True)
+class Terms:
+    """Terms with their key and meaning."""
+
+    kind: ClassVar[str] = "terms"
+    terms: Sequence[tuple[str, str, str]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Listing:
+    """A file's text."""
+
+    kind: ClassVar[str] = "listing"
+    text: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Folded:
+    """Parts behind a line that opens them."""
+
+    kind: ClassVar[str] = "folded"
+    title: str
+    parts: Sequence[Part]
+
+
+@dataclasses.dataclass(frozen=True)
+class Program:
+    """Something interactive, as HTML marked as such."""
+
+    kind: ClassVar[str] = "program"
+    html: str
+
+
+type Part = Table | Text | Bullets | Picture | Charts | Gallery | Terms | Listing | Folded | Program
+type Section = tuple[str, Sequence[Part | None]]
+"""A heading and what stands below it; None and parts without content are left out, and so is a section of only those."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Page:
+    """A report.
+
+    Attributes:
+        title: Its name.
+        answer: The answer in a sentence or two.
+        facts: Its figures.
+        warnings: What a reader must know before using them.
+        sections: What follows.
+        provenance: Where the numbers come from.
+        sources: Publications of the laws and data used.
+        downloads: Tables to download from the page: text by the name of the file.
+        pascal_per_cm: Pa in one cm of the column of water.
+        unit: Unit of pressure that its texts and tables are written in: ``"cm"`` or one of `UNITS`.
+    """
+
+    title: str
+    answer: str
+    sections: Sequence[Section]
+    provenance: Provenance
+    facts: Sequence[Fact] = ()
+    warnings: Sequence[str] = ()
+    sources: Sequence[str] = ()
+    downloads: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    pascal_per_cm: float = pascal_per_cm()
+    unit: str = "cm"
+
+    def html(self) -> str:
+        """Return the page."""
+        sections = [(heading, [part for part in parts if _filled(part)]) for heading, parts in self.sections]
+        links = [
+            (name, f"data:text/csv;base64,{base64.b64encode(text.encode()).decode('ascii')}")
+            for name, text in self.downloads.items()
+        ]
+        factors = json.dumps({"cm": self.pascal_per_cm, **{unit: pascal(unit) for unit in UNITS}})
+        return render(
+            "page.html", "softmodels.common", page=self, links=links, factors=factors,
+            sections=[(heading, parts) for heading, parts in sections if parts],
+        )  # fmt: skip
+
+
+def pascal(unit: str) -> float:
+    """Return how many Pa one of a unit of pressure has."""
+    return FACTORS["Pa"].get(unit) or quantity(f"1 {unit}", "Pa")
+
+
+def _filled(part: Part | None) -> bool:
+    """Return whether a part shows anything."""
+    return part is not None and any(getattr(part, field.name) for field in dataclasses.fields(part)[:1])
+
+
+INKS = {"#000000": "currentColor", "#ffffff": "var(--paper, #ffffff)", "#2f6f9f": "var(--accent, #2f6f9f)"}
+"""Colours of drawings, and those of a page, which change on a dark screen."""
+
+
+def inline_svg(text: str) -> str:
+    """Return a drawing of matplotlib, marked as HTML, for a page, in whose colours it is.
+
+    Groups whose identifier is ``pu-`` and a unit of pressure are shown while the page has that unit.
+    """
+    from markupsafe import Markup
+
+    text = text[text.index("<svg") :]
+    for colour, own in INKS.items():
+        text = text.replace(colour, own)
+    return Markup(re.sub(r'id="(pu-\w+)"', r'class="pu \1"', text))
