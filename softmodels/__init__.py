@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         SeminarActuator as SeminarActuator,
     )
     from softmodels.api.calls import (
+        compare as compare,
         export as export,
         inflate as inflate,
         limit as limit,
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
     from softmodels.mechanics.mpi import StartError as StartError
     from softmodels.path.air_flow import Reservoir as Reservoir
     from softmodels.path.supply import SupplyError as SupplyError, Syringe as Syringe
+    from softmodels.pictures.comparison import Comparison as Comparison, ComparisonError as ComparisonError
     from softmodels.runs.analyses import Limit as Limit, NaturalFrequencies as NaturalFrequencies
     from softmodels.runs.model import Equilibrium as Equilibrium, Mode as Mode, Model as Model
     from softmodels.runs.outcomes import RunError as RunError
@@ -120,6 +122,7 @@ _PLACES = {
     "softmodels.components.walls": ("Walls",),
     "softmodels.path.air_flow": ("Reservoir",),
     "softmodels.path.supply": ("SupplyError", "Syringe"),
+    "softmodels.pictures.comparison": ("Comparison", "ComparisonError"),
     "softmodels.case.case": ("Case",),
     "softmodels.case.entries": ("CaseError",),
     "softmodels.case.materials": ("Region",),
@@ -138,7 +141,7 @@ _PLACES = {
     "softmodels.runs.store": ("ResultsError",),
     "softmodels.casting.settings": ("MouldError",),
     "softmodels.casting.files": ("mould",),
-    "softmodels.api.calls": ("export", "inflate", "run", "load", "limit", "modes"),
+    "softmodels.api.calls": ("compare", "export", "inflate", "run", "load", "limit", "modes"),
     "softmodels.api.run": ("Run", "SolvedState"),
 }
 _NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)

@@ -19,6 +19,10 @@ PLACES = {
         "softmodels.cli.app_command", "command",
         "Open the bench as a page in the browser: photographs, material, device, mould.",
     ),
+    "compare": CommandPlace(
+        "softmodels.cli.results", "compare_command",
+        "Compare results: what differs in their cases, and their main figures, paths and outlines side by side.",
+    ),
     "curve": CommandPlace(
         "softmodels.cli.material_commands", "curve",
         "Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.",
@@ -54,6 +58,9 @@ PLACES = {
         "softmodels.cli.exports", "mould_command",
         "Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.",
     ),
+    "open": CommandPlace(
+        "softmodels.cli.results", "open_command", "Open the report of a folder of results in the browser.",
+    ),
     "run": CommandPlace(
         "softmodels.cli.run_command", "run",
         "Run a case FILE, such as the case.toml in a folder of results, or a device by its options.",
@@ -84,6 +91,8 @@ def softmodels() -> None:
     softmodels design problem.toml      the device that does best what is asked for, within its limits
     softmodels mould case.toml          the bodies to cast a device in, and a sheet for the bench
     softmodels export case.toml -o x.inp    the same case for CalculiX or FEBio
+    softmodels open results/disk        open a report in the browser
+    softmodels compare results/a results/b  what differs, and by how much
     softmodels draw results/disk        make the pictures, film and report of a run anew
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
     softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, its unstable range

@@ -1,4 +1,4 @@
-"""The Python calls for notebooks: `inflate`, `run`, `load`, `limit` and `modes`. They print nothing."""
+"""The Python calls for notebooks: `inflate`, `run`, `load`, `compare`, `limit` and `modes`. They print nothing."""
 
 from __future__ import annotations
 
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from softmodels.mechanics.system import System
+    from softmodels.pictures.comparison import Comparison
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -301,6 +302,33 @@ def load(folder: str | Path) -> Run:
     except (OSError, ArithmeticError, ValueError, KeyError, TypeError, RecursionError):
         ended = Ended()  # a run that is still going, or was interrupted
     return run_of(where, ended)
+
+
+@checked
+@one_at_a_time
+def compare(*results: Run | str | Path) -> Comparison:
+    """Compare runs: what differs in their cases, and their main figures side by side.
+
+    Args:
+        results: Two or more runs, or folders of results; the others are held against the first.
+
+    Returns:
+        The comparison: ``print`` shows it, `Comparison.plot` overlays the paths, `Comparison.save` writes a report.
+
+    Raises:
+        ComparisonError: Fewer than two, or of loads that cannot be compared.
+        ResultsError, CaseError: A folder holds no results, or none that can be read.
+    """
+    from softmodels.pictures.comparison import Compared, compared
+
+    def of(number: int, one: Run | str | Path) -> Compared:
+        if not isinstance(one, Run):
+            return Compared.from_folder(place(f"results[{number}]", one, "a run, or a folder of results"))
+        first = one[0]
+        return Compared(f"{one.case.name} ({number + 1})", one.case, one.rows, first.points, len(first.cells),
+                        lambda step: one[step].displacement)  # fmt: skip
+
+    return compared([of(number, one) for number, one in enumerate(results)])
 
 
 @checked

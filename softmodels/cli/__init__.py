@@ -4,6 +4,6 @@
 - `app_command`: the bench on a page. `run_command`: the options of a run. `run`: what it prints, and the process that draws.
 - `analyses`: limit pressure and natural frequencies. `fit_command`: fits. `design`: the search for a device.
 - `material_commands`: a material's curves and scores. `silicone_command`: named silicones.
-- `exports`: moulds, and cases for other programs. `doctor`: the installation.
+- `results`: opening and comparing results. `exports`: moulds, and cases for other programs. `doctor`: the installation.
 - `examples`: small files to try everything with, and the demonstration of the whole workflow.
 """

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import io
 import json
+import math
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,6 +19,7 @@ import numpy.typing as npt
 
 from geometries import ACTUATORS, Actuator, GeometryError, HollowDisk, MeshingError
 from geometries.options import QuantityType, check_meaning, device_options, device_told
+from geometries.registry import to_table
 from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS, CaseError, SeriesError, one_of_text, series, split_text
 from softmodels.case.materials import material_from
@@ -35,13 +37,14 @@ from softmodels.cli.options import (
 )
 from softmodels.cli.run_command import case_of_file
 from softmodels.common.commands import FolderType
-from softmodels.common.files import write_bytes, write_text
+from softmodels.common.files import image_uri, read_text, write_bytes, write_text
 from softmodels.common.folders import ResultFolder
+from softmodels.common.pages import Bullets, Cell, Charts, Fact, Folded, Listing, Page, Picture, Provenance, Table, Text
 from softmodels.common.processes import say
 from softmodels.common.schema import shown
-from softmodels.common.units import WATER_DENSITY, UnitError, quantity
+from softmodels.common.units import WATER_DENSITY, UnitError, quantity, readable
 from softmodels.materials.laws import Material, MaterialError
-from softmodels.materials.silicones import extrapolated
+from softmodels.materials.silicones import extrapolated, publications
 from softmodels.materials.stability import check_rest, weakest, weakness
 from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.mpi import abort_on_error, is_root, start
@@ -66,6 +69,7 @@ from softmodels.runs.notes import NEAR_STRETCH_LIMIT, unseen
 from softmodels.runs.outcomes import FAILED, Ended, RunError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from mpi4py import MPI
 
 
@@ -180,8 +184,8 @@ def _regressor(tolerance: Tolerance, value: float) -> float:
     return (value - tolerance.middle) / tolerance.half if tolerance.signed else float(np.log(value))
 
 
-def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: LimitColumn) -> None:
-    """Write ``limit.json`` and ``limit.csv``, and of a scatter its table and picture.
+def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: LimitColumn) -> Figure | None:
+    """Write ``limit.json`` and ``limit.csv``, and of a scatter its table and picture, which is returned.
 
     Raises:
         OSError: The folder cannot be written.
@@ -190,16 +194,68 @@ def write(folder: Path, limits: Mapping[str, Limit], scatter: Scatter, column: L
     write_text(folder / "limit.json", json.dumps(table, indent=2) + "\n")
     _csv(folder / "limit.csv", table)
     if not scatter.sampled:
-        return
+        return None
     _csv(folder / "scatter.csv", [{**changes, **row_of("", found, column)} for changes, found in scatter.sampled])
     what, counted = scatter.borne
-    if counted:
-        from softmodels.pictures.analyses import scatter_figure
+    if not counted:
+        return None
+    from softmodels.pictures.analyses import scatter_figure
 
-        pressures = [(changes, found.pressure / column.cm) for changes, found in counted]
-        nominal = next(iter(limits.values())).pressure / column.cm
-        figure = scatter_figure(pressures, scatter.tolerances, what, nominal, column.working)
-        figure.savefig(folder / "scatter.png")
+    pressures = [(changes, found.pressure / column.cm) for changes, found in counted]
+    nominal = next(iter(limits.values())).pressure / column.cm
+    figure = scatter_figure(pressures, scatter.tolerances, what, nominal, column.working)
+    figure.savefig(folder / "scatter.png")
+    return figure
+
+
+NO_MESH_ERROR = "The mesh error was not estimated: repeat the command with half the cell size (cell_size in the case)."
+KINDS = {"limit": "limit pressure", "bifurcation": "bifurcation", "none": "no limit up to", "lost": "path lost at"}
+
+
+def write_page(
+    folder: Path, question: LimitRequest, limits: Mapping[str, Limit], scatter: Scatter, notes: Sequence[str]
+) -> None:
+    """Write the tables and their report.
+
+    Args:
+        folder: Where to.
+        question: What was asked.
+        limits: By material.
+        scatter: The devices within the tolerances.
+        notes: What to know, sentences.
+    """
+    from softmodels.pictures.curves import drawing
+
+    figure = write(folder, limits, scatter, question.column)
+    column, device = question.column, question.case.actuator
+    facts, told = [], to_table(device, readable)
+    for name, found in limits.items():
+        margin = math.inf if column.working is None else found.pressure / column.cm / column.working
+        notes_of_it = (
+            [] if column.working is None else [f"{margin:.2f} times the working pressure of {column.working:g} cm"]
+        )
+        what = f"borne for {found.held:g} s" if found.held else KINDS[found.kind]
+        pressure = f"{found.pressure / column.cm:.4g} cm of water ({found.pressure / 1e3:.4g} kPa)"
+        note = "; ".join([*notes_of_it, f"largest stretch there {found.stretch:.4g}"])
+        facts.append(Fact(f"{name}: {what}", pressure, note, margin < 1 or found.kind == "lost"))
+    sentences = [f"{sentence(name, found, column)}." for name, found in limits.items()]
+    names = ("limit.csv", "scatter.csv")
+    page = Page(
+        f"Limit of {type(device).__name__}", sentences[0],
+        [
+            ("Other materials", [Bullets(sentences[1:])]),
+            ("Scatter within the tolerances", [
+                Charts([("scatter.svg", drawing(figure, column.cm))] if figure else []),
+                Bullets(scatter_text(scatter, column).split("\n  ") if scatter.sampled else []),
+            ]),
+            ("Convergence", [Text(NO_MESH_ERROR)]),
+            ("Device", [Table([(name.replace("_", " "), str(value)) for name, value in told.items()], numbers=False)]),
+        ],
+        Provenance.now(), facts, [note.removeprefix("note: ") for note in notes],
+        [text for material in question.materials.values() for text in publications(material)],
+        {name: read_text(folder / name) for name in names if (folder / name).exists()}, column.cm,
+    )  # fmt: skip
+    write_text(folder / "report.html", page.html())
 
 
 def _csv(path: Path, rows: Sequence[Row]) -> None:
@@ -337,13 +393,14 @@ def limit(kind: type[Actuator], **values: object) -> None:
         say(sentence(name, found, question.column))
     for text in band_texts(bands, limits, question.column.cm):
         say(text)
-    for text in _notes(question, named, limits):
+    notes = list(_notes(question, named, limits))
+    for text in notes:
         say(text)
     if scattered.sampled:
         say(scatter_text(scattered, question.column))
     if folder is not None:
-        write_into(folder, lambda place: write(place, limits, scattered, question.column), "the tables")
-        say(f"tables in {folder.path}")
+        write_into(folder, lambda place: write_page(place, question, limits, scattered, notes), "the tables")
+        say(f"tables and report.html in {folder.path}")
 
 
 def _open(
@@ -599,7 +656,9 @@ def _report_modes(case: Case, found: NaturalFrequencies, how: ModesOptions, fold
     def write(place: Path) -> None:
         write_text(place / "modes.csv", modes_table(found, case.cm))
         if not how.no_pictures:
-            _draw_modes(case, found, how.sealed, place)
+            write_text(
+                place / "report.html", _modes_page(case, found, _draw_modes(case, found, how.sealed, place), place)
+            )
 
     write_into(folder, write, "the results")
     if how.quiet:
@@ -633,13 +692,47 @@ def modes_table(found: NaturalFrequencies, cm: float) -> str:
     return "".join(",".join(row) + "\n" for row in rows)
 
 
-def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path) -> None:
-    """Draw the frequencies, and the modes of the last state; say so if that fails."""
+def _modes_page(case: Case, found: NaturalFrequencies, figure: Figure, place: Path) -> str:
+    """Return the report; ``place`` has the tables and the shapes already, ``figure`` are the frequencies."""
+    from softmodels.pictures.curves import drawing
+
+    shapes, asked = place / "shapes.png", [0, *np.flatnonzero(found.requested)[-1:]]
+    facts = [
+        Fact(f"Lowest frequency, {_pressure_text(found, state, case.cm)}", f"{found.frequency[state, 0]:.4g} Hz"
+             if np.isfinite(found.frequency[state, 0]) else "unstable", "", not np.isfinite(found.frequency[state, 0]))
+        for state in dict.fromkeys(asked)
+    ]  # fmt: skip
+    rows = [
+        [Cell(f"{p / case.cm:.5g}", f"{p} Pa", p), f"{V * 1e6:.5g}", *(f"{f:.5g}" for f in values)]
+        for p, V, values in zip(found.pressure, found.added_volume, found.frequency, strict=True)
+    ]
+    head = [
+        Cell("pressure (cm)", unit="cm"),
+        "added volume (ml)",
+        *(f"f{k + 1} (Hz)" for k in range(found.frequency.shape[1])),
+    ]
+    return Page(
+        f"Natural frequencies of {case.name}", f"{found.ended.message}." if found.ended.message else "",
+        [
+            ("Pictures", [Charts([("frequencies.svg", drawing(figure, case.cm))]),
+                          Picture(image_uri(shapes), "The modes of the last state") if shapes.exists() else None]),
+            ("Frequencies", [Table(rows, head)]),
+            ("Notes", [Bullets([*found.notes, NO_MESH_ERROR])]),
+            ("The case", [Folded("case.toml", [Listing(case.to_toml())])]),
+        ],
+        Provenance.now(), facts, found.unstable, publications(case.material),
+        {"modes.csv": read_text(place / "modes.csv")}, case.cm,
+    ).html()  # fmt: skip
+
+
+def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path) -> Figure:
+    """Draw the frequencies, which are returned, and the modes of the last state; say so if that fails."""
     from softmodels.cli.run import end, start_drawing, tell_not_drawn
     from softmodels.pictures.analyses import DRAWN, frequency_figure, section_shapes, solid_shapes
     from softmodels.pictures.style import png
 
-    write_bytes(place / "frequencies.png", png(frequency_figure(found.pressure / case.cm, found.frequency, sealed)))
+    figure = frequency_figure(found.pressure / case.cm, found.frequency, sealed)
+    write_bytes(place / "frequencies.png", png(figure))
     last, state = found.modes[-1][:DRAWN], len(found.modes) - 1
     at = _pressure_text(found, state, case.cm)
     titles = [f"f{k} = {mode.frequency:.4g} Hz" if mode.stable else f"f{k}: unstable" for k, mode in enumerate(last, 1)]
@@ -647,7 +740,7 @@ def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path
     moved, shapes = found.points + found.displacement[-1], [mode.displacement for mode in last]
     if case.actuator.dimension == 2:
         write_bytes(place / "shapes.png", png(section_shapes(moved, shapes, found.cells, titles)))
-        return
+        return figure
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "shapes.npz"
         np.savez(file, **vars(solid_shapes(found.points, found.cells, found.cell_name, case.actuator, moved, shapes)))
@@ -658,3 +751,4 @@ def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path
             end(process)
     if process.returncode:
         tell_not_drawn(out, errors, process.returncode, "the frequencies are complete")
+    return figure

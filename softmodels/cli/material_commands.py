@@ -18,7 +18,9 @@ from geometries.options import QuantityType
 from softmodels.case.materials import material_from
 from softmodels.cli.options import fail, write_into
 from softmodels.common.commands import FolderType, open_folder
+from softmodels.common.files import read_text, write_text
 from softmodels.common.folders import OwnFolderError
+from softmodels.common.pages import Fact, Page, Provenance, Table
 from softmodels.common.processes import say
 from softmodels.common.units import UnitError, brief, exact_text, number, quantity, with_prefix
 from softmodels.fitting.curves.curve import EQUILIBRIUM, Specimen, TensileCurve, TensileError, read_curve
@@ -26,6 +28,7 @@ from softmodels.fitting.curves.fit import prepared
 from softmodels.fitting.problem import HEIGHTS_FROM, FitError
 from softmodels.fitting.scoring import Score, against_outlines, error_of, score_curve, write_scores
 from softmodels.materials.laws import Material, MaterialError
+from softmodels.materials.silicones import publications
 from softmodels.materials.specimens import MODE_NAMES
 from softmodels.materials.stability import MaterialCurves
 from softmodels.mechanics.mpi import speaks
@@ -389,7 +392,12 @@ def score(
         scores += _outline_scores(materials, device, outlines, errors)
     if folder is None:
         return
-    write_into(folder, lambda place: write_scores(place / "scores.csv", scores), "the results")
+
+    def write(place: Path) -> None:
+        write_scores(place / "scores.csv", scores)
+        write_text(place / "report.html", score_page(scores, materials, read_text(place / "scores.csv")))
+
+    write_into(folder, write, "the results")
     if not quiet:
         say(score_table(scores))
         say(f"written to {folder.path}")
@@ -447,6 +455,38 @@ def _outline_scores(
         raise
 
 
+def score_page(scores: list[Score], materials: Mapping[str, Material], table: str) -> str:
+    """Return the report; ``table`` is the text of ``scores.csv``."""
+    sections, facts = [], []
+    head = (
+        "material",
+        "values",
+        "rms",
+        "chi squared per value",
+        "of measurement",
+        "of material",
+        "in 95 % band",
+        "furthest off",
+    )
+    for data in dict.fromkeys(one.data for one in scores):
+        ranked = sorted((one for one in scores if one.data == data), key=lambda one: one.chi2)
+        rows = [
+            (one.material, str(one.count), _rms(one), f"{one.chi2:.4g}", f"{one.chi2_measurement:.3g}",
+             f"{one.chi2_material:.3g}" if math.isfinite(one.chi2_material) else "unknown", f"{one.coverage:.1%}", one.worst)
+            for one in ranked
+        ]  # fmt: skip
+        sections.append((data, [Table(rows, head)]))
+        facts.append(Fact(f"Best for {data}", ranked[0].material, f"chi squared per value {ranked[0].chi2:.4g} (1: as exact as "
+                          f"the measurement), rms {_rms(ranked[0])}"))  # fmt: skip
+    sources = [f"{name}: {text}" for name, material in materials.items() for text in publications(material)]
+    answer = "Materials against measurements they were not fitted to, the best one first."
+    return Page("Scores", answer, sections, Provenance.now(), facts, (), sources, {"scores.csv": table}).html()
+
+
+def _rms(one: Score) -> str:
+    return f"{one.rms / 1e3:.3g} kPa" if one.unit == "Pa" else f"{one.rms * 1e3:.3g} mm"
+
+
 def score_table(scores: list[Score]) -> str:
     """Return the table for a terminal, the best material of each measurement first."""
     lines = []
@@ -457,9 +497,8 @@ def score_table(scores: list[Score]) -> str:
             f"{'of material':>12s} {'in 95 % band':>13s}  furthest off"
         )
         for one in sorted((s for s in scores if s.data == data), key=lambda s: s.chi2):
-            rms = f"{one.rms / 1e3:.3g} kPa" if one.unit == "Pa" else f"{one.rms * 1e3:.3g} mm"
             material = f"{one.chi2_material:.3g}" if math.isfinite(one.chi2_material) else "unknown"
             chi2 = f"{one.chi2:11.4g} {one.chi2_measurement:15.3g} {material:>12s}"
-            numbers = f"{one.count:6d} {rms:>11s} {chi2} {100 * one.coverage:11.1f} %"
+            numbers = f"{one.count:6d} {_rms(one):>11s} {chi2} {100 * one.coverage:11.1f} %"
             lines.append(f"  {one.material:34s} {numbers}  {one.worst}")
     return "\n".join(lines)

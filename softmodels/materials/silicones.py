@@ -245,6 +245,12 @@ def stretches_of(material: Material) -> tuple[float, float] | None:
     return material.fitted_stretch or (SILICONES[name].stretches if name else None)
 
 
+def publications(material: Material) -> list[str]:
+    """Return the sources of a material's law and, if it is a named silicone, of its numbers."""
+    found, name = [f"law: {material.source}"] if material.source else [], named(material)
+    return [*found, f"material: {name}, {SILICONES[name].source}"] if name else found
+
+
 def extrapolated(material: Material, stretch: float) -> str:
     """Return a warning if a stretch exceeds a material's fitted range; empty if not, or if the range is
     unknown."""

@@ -99,38 +99,37 @@ def kilopascals(axes: Axes, pascal_per_cm: float) -> None:
     axes.secondary_xaxis("top", functions=(in_kPa, in_cm)).set_xlabel("pressure in kPa", labelpad=8)
 
 
-SVG_STYLE = {**STYLE, "svg.hashsalt": "softmodels"}
-"""Style of drawings in pages."""
-
-
 def drawing(figure: Figure, pascal_per_cm: float) -> str:
     """Return a figure for a page, marked as HTML, with axes for each unit of pressure that the page can have.
 
     Args:
-        figure: Made in `SVG_STYLE`; its axes of pressure are in cm of water, as their labels say.
+        figure: Its axes of pressure are in cm of water, as their labels say.
         pascal_per_cm: Pa in one cm of the column.
     """
-    for axes in list(figure.axes):
-        for name in ("x", "y"):
-            axis = axes.xaxis if name == "x" else axes.yaxis
-            if "cm of water" not in (label := axis.label.get_text()):
-                continue
-            axis.set_gid("pu-cm")
-            for unit in UNITS:
-                twin = axes.twiny() if name == "x" else axes.twinx()
-                other = twin.xaxis if name == "x" else twin.yaxis
-                other.set_ticks_position("bottom" if name == "x" else "left")
-                other.set_label_position("bottom" if name == "x" else "left")
-                ends = [
-                    end * pascal_per_cm / pascal(unit) for end in (axes.get_xlim() if name == "x" else axes.get_ylim())
-                ]
-                twin.set_xlim(*ends) if name == "x" else twin.set_ylim(*ends)
-                other.set_label_text(label.replace("cm of water", unit))
-                other.set_gid(f"pu-{unit}")
-                twin.spines[:].set_visible(False)
     stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    with matplotlib.rc_context({**STYLE, "svg.hashsalt": "softmodels"}):
+        for axes in list(figure.axes):
+            _add_units(axes, pascal_per_cm)
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     return inline_svg(stream.getvalue())
+
+
+def _add_units(axes: Axes, pascal_per_cm: float) -> None:
+    """Mark the axes of pressure with their unit, and lay others over them, which the page shows in their place."""
+    for axis, side in ((axes.xaxis, "bottom"), (axes.yaxis, "left")):
+        if "cm of water" not in (label := axis.label.get_text()):
+            continue
+        axis.set_gid("pu-cm")
+        for unit in UNITS:
+            twin = axes.twiny() if side == "bottom" else axes.twinx()
+            other = twin.xaxis if side == "bottom" else twin.yaxis
+            low, high = (end * pascal_per_cm / pascal(unit) for end in axis.get_view_interval())
+            twin.set_xlim(low, high) if side == "bottom" else twin.set_ylim(low, high)
+            other.set_ticks_position(side)
+            other.set_label_position(side)
+            other.set_label_text(label.replace("cm of water", unit))
+            other.set_gid(f"pu-{unit}")
+            twin.spines[:].set_visible(False)
 
 
 def curves(

@@ -27,9 +27,9 @@ from softmodels.common.files import image_uri, read_text, write_text
 from softmodels.common.pages import Bullets, Fact, Listing, Page, Picture, Provenance, Table, Text
 from softmodels.common.processes import say
 from softmodels.design.result import CAPTIONS, REPORT, DesignTold, ParameterTold, TrialTold
+from softmodels.materials.silicones import publications
 from softmodels.pictures.curves import kilopascals, limits, smooth
 from softmodels.pictures.offscreen import PIXELS, Image, Look, ViewCamera, can_render, look, studio
-from softmodels.pictures.report import sources_of
 from softmodels.pictures.style import (
     BRANCH,
     CURVE,
@@ -321,7 +321,7 @@ def page(folder: Path, told: DesignTold, drawn: Sequence[str], pair: tuple[State
             *([Fact("Limit point of the design", f"{limit['pressure_cm']:.4g} cm of water")] if limit else []),
         ],
         [*([f"{told['trouble']}."] if told["trouble"] else []), *told["missed"]],
-        sources_of(pair[1].case), downloads, pair[1].case.cm,
+        publications(pair[1].case.material), downloads, pair[1].case.cm,
     ).html()  # fmt: skip
 
 

@@ -23,7 +23,6 @@ from PIL import Image
 
 from geometries import registry as geometry_table
 from softmodels.case import materials
-from softmodels.case.case import Case
 from softmodels.common import schema
 from softmodels.common.arrays import Array
 from softmodels.common.files import check_file, data_uri, image_uri, read_text, render, write_text
@@ -47,13 +46,13 @@ from softmodels.common.schema import about
 from softmodels.common.units import readable
 from softmodels.components.contact import obstacle_of
 from softmodels.materials.laws import parameter_fields
-from softmodels.materials.silicones import SILICONES, named as named_silicone, stretch_at_break, stretches_of
+from softmodels.materials.silicones import publications, stretch_at_break, stretches_of
 from softmodels.mechanics.newton import TOLERANCE
 from softmodels.path.program import named
 from softmodels.pictures import curves
-from softmodels.pictures.curves import SVG_STYLE, drawing
+from softmodels.pictures.curves import drawing
 from softmodels.pictures.offscreen import Look
-from softmodels.pictures.style import COLOURS, Scale, headline, load
+from softmodels.pictures.style import COLOURS, STYLE, Scale, headline, load
 from softmodels.runs.columns import StateLabels, overlap_text, term
 from softmodels.runs.fields import Cell as Value, Row, coloured
 from softmodels.runs.grid import CUT, OUTSIDE
@@ -331,7 +330,7 @@ class Report:
         ]  # fmt: skip
         self._page = Page(
             name, ending(states, told), (), Provenance.from_table(states.results.own.about.get("made")),
-            facts(states, told), warnings if isinstance(warnings, list) else [], sources_of(states.case),
+            facts(states, told), warnings if isinstance(warnings, list) else [], publications(states.case.material),
             {"path.csv": read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.cm,
         )  # fmt: skip
 
@@ -398,14 +397,6 @@ def _stretch(states: States) -> list[Fact]:
     return [Fact("Largest stretch", f"{most:.4g}", "; ".join(known), beyond)]
 
 
-def sources_of(case: Case) -> list[str]:
-    """Return the publications of a case's law and silicone."""
-    law = case.material
-    found = [f"law: {law.source}"] if law.source else []
-    name = named_silicone(law)
-    return [*found, f"material: {name}, {SILICONES[name].source}"] if name else found
-
-
 def convergence(states: States) -> list[str]:
     """Return what is known of the errors of a run's numbers, in sentences."""
     rows = [row for row in states.rows if not row.get("bifurcation")]
@@ -456,7 +447,7 @@ def _taken(row: Row, words: StateLabels) -> str:
 
 def _curves(states: States) -> list[tuple[str, str]]:
     """Return the curves of a path: names of files and drawings."""
-    with matplotlib.rc_context(SVG_STYLE):
+    with matplotlib.rc_context(STYLE):
         rows, words = states.rows, states.words
         if states.case.program:
             looped = states.case.timed and curves.cycles(rows)

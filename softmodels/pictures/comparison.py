@@ -1,0 +1,384 @@
+"""Results side by side: what differs in their cases, their figures at common loads, and their paths and outlines overlaid."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import math
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+
+from softmodels.case.case import Case
+from softmodels.common.arrays import Array
+from softmodels.common.errors import Spoken
+from softmodels.common.files import write_text
+from softmodels.common.folders import fingerprint
+from softmodels.common.pages import Bullets, Cell, Charts, Fact, Page, Part, Provenance, Table, Text
+from softmodels.materials.silicones import publications
+from softmodels.pictures.curves import drawing, limits, over_of, profile, smooth
+from softmodels.pictures.style import DPI, LINE_COLOURS, STYLE, WIDTH, load
+from softmodels.runs.columns import state_labels, term
+from softmodels.runs.fields import Row
+from softmodels.runs.store import ResultsError, States
+
+COMPARED = ("added_volume_ml", "max_stretch", "peak_stretch", "max_von_mises_kPa", "blocked_force_N", "contact_force_N")
+"""Columns compared at the highest common load, beside the rise."""
+MOST_LOADS = 6
+"""Common loads at most whose rises are compared."""
+MISSING = "not given"
+
+
+class ComparisonError(Spoken, ValueError):
+    """What cannot be compared; the message is for the user."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Compared:
+    """One of the results.
+
+    Attributes:
+        name: What it is called in the comparison.
+        case: What was run.
+        rows: Rows of ``path.csv``.
+        points: Undeformed nodes in device coordinates, m, shape (n, 3).
+        cells: How many there are.
+        displacement: Gives the displacement of a state's nodes in m, shape (n, 3).
+        made: Where it comes from.
+    """
+
+    name: str
+    case: Case
+    rows: Sequence[Row]
+    points: Array
+    cells: int
+    displacement: Callable[[int], Array]
+    made: Provenance = dataclasses.field(default_factory=Provenance)
+
+    @classmethod
+    def from_folder(cls, folder: Path) -> Compared:
+        """Return the results of a folder.
+
+        Raises:
+            ResultsError: It holds none, or none that can be read.
+            CaseError: Its case file is wrong.
+        """
+        if not (folder / "case.toml").is_file():
+            raise ResultsError(f"{folder} holds no results of a run (there is no case.toml in it)")
+        states = States(folder, Case.from_file(folder / "case.toml").name)
+        made = Provenance.from_table(states.results.own.about.get("made"))
+        name, field = folder.resolve().name, functools.partial(_displacement, states)
+        return cls(name, states.case, states.rows, states.points, len(states.cells), field, made)
+
+    @property
+    def gauge(self) -> str:
+        """Column of the rise that stands for the device's motion."""
+        return f"{self.case.actuator.gauge}_mm"
+
+    @functools.cached_property
+    def rising(self) -> tuple[Array, Sequence[Row]]:
+        """Loads and rows up to the highest load of the first part of the path, where it only rises."""
+        loads = np.array([float(row[over_of(self.case)[0]]) for row in self.rows])
+        falls = np.flatnonzero(np.diff(loads) <= 0.0)
+        end = int(falls[0]) + 1 if len(falls) else len(loads)
+        return loads[:end], self.rows[:end]
+
+
+def _displacement(states: States, step: int) -> Array:
+    return states.field(step, "displacement")
+
+
+@dataclasses.dataclass(frozen=True)
+class Difference:
+    """A field of the case files that differs: its dotted name, and its text in each."""
+
+    field: str
+    values: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Figures:
+    """A figure of each of the results; nan where one has none.
+
+    Attributes:
+        what: The figure.
+        unit: Its unit; ``""`` for pure numbers.
+        values: One for each.
+        pascal: Pa in one of its unit for a pressure in cm of water; 0 for all else.
+    """
+
+    what: str
+    unit: str
+    values: tuple[float, ...]
+    pascal: float = 0.0
+
+    @property
+    def changes(self) -> tuple[float, ...]:
+        """Differences to the first, as shares of it; nan where there is none."""
+        first = self.values[0]
+        return tuple(value / first - 1.0 if first else math.nan for value in self.values[1:])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Comparison:
+    """Results side by side; the first is what the others are held against.
+
+    Attributes:
+        results: At least two.
+        differences: What differs in their cases.
+        figures: Their main figures.
+        common: The highest load that all of them reach, in the unit of its column; None without a common one.
+    """
+
+    results: tuple[Compared, ...]
+    differences: tuple[Difference, ...]
+    figures: tuple[Figures, ...]
+    common: float | None
+
+    def __str__(self) -> str:
+        """The comparison for a terminal."""
+        names = [one.name for one in self.results]
+        told = ["the cases are the same" if not self.differences else "cases:"]
+        told += (
+            _aligned([["", *names], *([one.field, *one.values] for one in self.differences)])
+            if self.differences
+            else []
+        )
+        rows = [["", *names]]
+        for one in self.figures:
+            changed = ["", *(f" ({text})" if (text := _change(change)) else "" for change in one.changes)]
+            values = [f"{_value(value)}{change}" for value, change in zip(one.values, changed, strict=True)]
+            rows.append([f"{one.what}{f' ({one.unit})' if one.unit else ''}", *values])
+        return "\n".join([*told, "figures:", *_aligned(rows)])
+
+    def plot(self) -> Figure:
+        """Plot the paths over each other: the rise of the gauge over the load."""
+        with matplotlib.rc_context(STYLE):
+            figure = Figure((WIDTH, 5.6), dpi=DPI, layout="constrained")
+            axes = figure.subplots()
+            for one, colour in zip(self.results, itertools.cycle(LINE_COLOURS), strict=False):
+                column = over_of(one.case)[0]
+                path = np.array([[row[column], row[one.gauge]] for row in one.rows], dtype=float)
+                axes.plot(*smooth(path).T, color=colour, label=one.name)
+                axes.plot(*path.T, "o", color=colour, markersize=3.5)
+                for row in limits(one.rows):
+                    axes.plot(row[column], row[one.gauge], "D", color=colour, markersize=8)
+            axes.set(xlabel=over_of(self.results[0].case)[1], ylabel=f"{' and '.join(self._gauges)} in mm")
+            axes.set_title("Paths; a diamond is a limit point")
+            axes.legend(loc="best")
+        return figure
+
+    @property
+    def _gauges(self) -> list[str]:
+        return list(dict.fromkeys(f"rise of the {one.case.actuator.gauge}" for one in self.results))
+
+    def outlines(self) -> Figure | None:
+        """Plot the outlines at rest and at the highest load that all have a state at; None where there is none."""
+        steps = [_step_at(one, self.common) for one in self.results]
+        if any(step is None for step in steps) or not all(
+            one.case.actuator.on_profile(one.points).any() for one in self.results
+        ):
+            return None
+        with matplotlib.rc_context(STYLE):
+            figure = Figure((WIDTH, 4.4), dpi=DPI, layout="constrained")
+            axes = figure.subplots()
+            for one, step, colour in zip(self.results, steps, itertools.cycle(LINE_COLOURS), strict=False):
+                assert step is not None
+                for moved, style, label in (
+                    (np.zeros_like(one.points), ":", f"{one.name}, undeformed"),
+                    (one.displacement(step), "-", f"{one.name}, {load(one.rows[step], state_labels(one.case))}"),
+                ):
+                    line = profile(one.points, moved, one.case.actuator) * 1e3
+                    axes.plot(*line.T, style, color=colour, label=label)
+            axes.set(xlabel="distance in mm", ylabel="height in mm", aspect="equal", title="Outlines from the side")
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, fontsize=10)
+        return figure
+
+    def html(self) -> str:
+        """Return the report as one self-contained page."""
+        names, first = [one.name for one in self.results], self.results[0]
+        outlines = self.outlines()
+        drawings = [("paths.svg", drawing(self.plot(), first.case.cm))]
+        drawings += [("outlines.svg", drawing(outlines, first.case.cm))] if outlines else []
+        same: list[Part | None] = [Text("The cases are the same.")]
+        rows = [[one.field, *one.values] for one in self.differences]
+        head = ["", *names[:1], *itertools.chain(*((name, "difference") for name in names[1:]))]
+        figures = self.figures[:1] if self.common is not None else ()
+        facts = [
+            Fact(f"{one.what}: {name}", f"{_value(value)} {one.unit}", _change(change))
+            for one in figures
+            for name, value, change in zip(names, one.values, (math.nan, *one.changes), strict=True)
+        ]
+        made = [Bullets([f"{one.name}: {', '.join(f'{a} {b}' for a, b in one.made.rows)}" for one in self.results])]
+        sources = dict.fromkeys(text for one in self.results for text in publications(one.case.material))
+        return Page(
+            " and ".join(names), f"{len(self.differences)} fields of the cases differ." if rows else "The cases are the same.",
+            [
+                ("Paths", [Charts(drawings[:1])]),
+                ("Outlines", [Charts(drawings[1:])]),
+                ("Figures", [Table([_cells(one) for one in self.figures], head)]),
+                ("What differs in the cases", [Table(rows, ["", *names], numbers=False)] if rows else same),
+                ("Where the results come from", made),
+            ],
+            Provenance.now(), facts, (), list(sources), {}, first.case.cm,
+        ).html()  # fmt: skip
+
+    def save(self, path: str | Path) -> None:
+        """Write the report to an HTML file."""
+        write_text(Path(path), self.html())
+
+
+def _cells(one: Figures) -> list[str | Cell]:
+    """Return a row of the table of figures: each value, and behind all but the first its difference."""
+    name = f"{one.what} ({one.unit})" if one.unit else one.what
+    cells: list[str | Cell] = [Cell(name, unit="cm" if one.pascal else "")]
+    for value, change in zip(one.values, (None, *one.changes), strict=True):
+        exact = value * one.pascal if one.pascal and math.isfinite(value) else None
+        cells += [Cell(_value(value), str(value), exact), *([] if change is None else [_change(change)])]
+    return cells
+
+
+def _value(value: float) -> str:
+    return f"{value:.5g}" if math.isfinite(value) else "none"
+
+
+def _change(share: float) -> str:
+    """Return a difference in percent; empty where there is none."""
+    return f"{100 * share:+.3g} %" if math.isfinite(share) else ""
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the rows of a table as lines, each column as wide as its widest text."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]
+
+
+def compared(results: Sequence[Compared]) -> Comparison:
+    """Compare results.
+
+    Args:
+        results: At least two; names that are the same get numbers.
+
+    Raises:
+        ComparisonError: Fewer than two, or of loads that cannot be compared.
+    """
+    if len(results) < 2:
+        raise ComparisonError("nothing to compare; give two results or more")
+    counted, seen = Counter(one.name for one in results), Counter[str]()
+    unique = []
+    for one in results:
+        seen[one.name] += 1
+        name = one.name if counted[one.name] == 1 else f"{one.name} ({seen[one.name]})"
+        unique.append(dataclasses.replace(one, name=name))
+    columns = {over_of(one.case) for one in unique}
+    if len(columns) > 1:
+        texts = " and ".join(sorted(label for _, label in columns))
+        raise ComparisonError(
+            f"the results are over different loads ({texts}); compare runs with the same kind of load"
+        )
+    return Comparison(tuple(unique), tuple(_differences(unique)), *_figures(unique, next(iter(columns))[0]))
+
+
+def _differences(results: Sequence[Compared]) -> list[Difference]:
+    """Return the fields of the case files that differ, in the files' order; files count by their content."""
+    tables = [_flat(tomllib.loads(one.case.to_toml())) for one in results]
+    found = []
+    for field in dict.fromkeys(itertools.chain(*tables)):
+        texts = tuple(table.get(field, MISSING) for table in tables)
+        if field != "name" and len(set(texts)) > 1:
+            short = tuple(re.sub(r"\d+\.\d{7,}", lambda digits: f"{float(digits[0]):.6g}", text) for text in texts)
+            found.append(Difference(field, short if len(set(short)) == len(set(texts)) else texts))
+    return found
+
+
+def _flat(table: Mapping[str, object], where: str = "") -> dict[str, str]:
+    """Return the texts of a table's fields by dotted names."""
+    found: dict[str, str] = {}
+    for key, value in table.items():
+        if isinstance(value, dict):
+            found |= _flat(value, f"{where}{key}.")
+        else:
+            found[f"{where}{key}"] = _text(value)
+    return found
+
+
+def _text(value: object) -> str:
+    if isinstance(value, list):
+        return ", ".join(map(_text, value)) or "none"
+    if isinstance(value, str) and len(value) < 1000 and "/" in value and Path(value).is_file():
+        return f"{Path(value).name} (SHA-256 {fingerprint(Path(value))[:12]})"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _figures(results: Sequence[Compared], column: str) -> tuple[tuple[Figures, ...], float | None]:
+    """Return the main figures, and the highest common load; see `Comparison`."""
+    meaning, cm = term(column), results[0].case.cm
+    found, common = [], min(float(one.rising[0][-1]) for one in results)
+    if common > 0.0:
+        stored = all(_step_at(one, common) is not None for one in results)
+        where = f"at {common:.5g} {meaning.unit}{'' if stored else ', interpolated'}"
+        found.append(Figures(f"rise {where}", "mm", tuple(_between(one, one.gauge, common) for one in results)))
+        for name in COMPARED:
+            values = tuple(_between(one, name, common) for one in results)
+            if any(map(math.isfinite, values)):
+                found.append(Figures(f"{term(name).name} {where}", term(name).unit, values))
+        for value in _shared(results, column, common):
+            found.append(
+                Figures(
+                    f"rise at {value:.5g} {meaning.unit}",
+                    "mm",
+                    tuple(_between(one, one.gauge, value) for one in results),
+                )
+            )
+    pascal = cm if meaning.unit == "cm" else 0.0
+    first = [next(iter(limits(one.rows)), None) for one in results]
+    if any(first):
+        values = tuple(math.nan if row is None else float(row[column]) for row in first)
+        found.append(Figures("limit point", meaning.unit, values, pascal))
+    highest = tuple(max(float(row[column]) for row in one.rows) for one in results)
+    found.append(Figures(f"highest {meaning.name}", meaning.unit, highest, pascal))
+    found.append(Figures("cells", "", tuple(float(one.cells) for one in results)))
+    if all(one.made.seconds is not None for one in results):
+        found.append(Figures("wall time", "s", tuple(one.made.seconds or 0.0 for one in results)))
+    return tuple(found), common if common > 0.0 else None
+
+
+def _shared(results: Sequence[Compared], column: str, common: float) -> list[float]:
+    """Return loads below the highest common one that all were asked to stop at, evenly chosen if there are many."""
+    asked = [{round(float(row[column]), 9) for row in one.rising[1] if row["requested"]} for one in results]
+    shared = sorted(value for value in set.intersection(*asked) if 0.0 < value < common * (1 - 1e-9))
+    if len(shared) <= MOST_LOADS:
+        return shared
+    return [shared[round(k)] for k in np.linspace(0, len(shared) - 1, MOST_LOADS)]
+
+
+def _step_at(one: Compared, value: float | None) -> int | None:
+    """Return the state at a load of the first, rising part of the path; None if there is none."""
+    loads: npt.NDArray[np.float64] = one.rising[0]
+    if value is None:
+        return None
+    nearest = int(np.argmin(np.abs(loads - value)))
+    return nearest if math.isclose(loads[nearest], value, rel_tol=1e-6) else None
+
+
+def _between(one: Compared, column: str, value: float) -> float:
+    """Return a column at a load of the rising part: of the state there, else between its neighbours (monotone cubic); nan if
+    the results have no such column."""
+    loads, rows = one.rising
+    if column not in rows[0]:
+        return math.nan
+    if (step := _step_at(one, value)) is not None:
+        return float(rows[step][column])
+    from scipy.interpolate import PchipInterpolator
+
+    return float(PchipInterpolator(loads, [float(row[column]) for row in rows])(value))
