@@ -517,7 +517,7 @@ def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
     rows = [_overview_row(result) for result in results]
     outlines = [result.outcome for result in results if isinstance(result.outcome, Outline)]
     pressures = [Cell(f"{name} (kPa)", unit="kPa") for name in ("pressure", "its error")]
-    head = ("photograph", *pressures, "height (mm)", "points", "remarks")
+    head: tuple[str | Cell, ...] = ("photograph", *pressures, "height (mm)", "points", "remarks")
     page = Page(
         TITLE, summary,
         [

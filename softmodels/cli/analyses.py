@@ -702,11 +702,11 @@ def _modes_page(case: Case, found: NaturalFrequencies, figure: Figure, place: Pa
              if np.isfinite(found.frequency[state, 0]) else "unstable", "", not np.isfinite(found.frequency[state, 0]))
         for state in dict.fromkeys(asked)
     ]  # fmt: skip
-    rows = [
+    rows: list[list[str | Cell]] = [
         [Cell(f"{p / case.cm:.5g}", f"{p} Pa", p), f"{V * 1e6:.5g}", *(f"{f:.5g}" for f in values)]
         for p, V, values in zip(found.pressure, found.added_volume, found.frequency, strict=True)
     ]
-    head = [
+    head: list[str | Cell] = [
         Cell("pressure (cm)", unit="cm"),
         "added volume (ml)",
         *(f"f{k + 1} (Hz)" for k in range(found.frequency.shape[1])),

@@ -25,8 +25,8 @@ from softmodels.common.folders import fingerprint
 from softmodels.common.pages import Bullets, Cell, Charts, Fact, Page, Part, Provenance, Table, Text
 from softmodels.materials.silicones import publications
 from softmodels.pictures.curves import drawing, limits, over_of, profile, smooth
-from softmodels.pictures.style import DPI, LINE_COLOURS, STYLE, WIDTH, load
-from softmodels.runs.columns import state_labels, term
+from softmodels.pictures.style import DPI, LINE_COLOURS, STYLE, WIDTH
+from softmodels.runs.columns import term
 from softmodels.runs.fields import Row
 from softmodels.runs.store import ResultsError, States
 
@@ -35,6 +35,8 @@ COMPARED = ("added_volume_ml", "max_stretch", "peak_stretch", "max_von_mises_kPa
 MOST_LOADS = 6
 """Common loads at most whose rises are compared."""
 MISSING = "not given"
+FLAT = 0.3
+"""Height of outlines over their width below which both axes have scales of their own."""
 
 
 class ComparisonError(Spoken, ValueError):
@@ -162,7 +164,7 @@ class Comparison:
     def plot(self) -> Figure:
         """Plot the paths over each other: the rise of the gauge over the load."""
         with matplotlib.rc_context(STYLE):
-            figure = Figure((WIDTH, 5.6), dpi=DPI, layout="constrained")
+            figure = Figure((0.6 * WIDTH, 4.6), dpi=DPI, layout="constrained")
             axes = figure.subplots()
             for one, colour in zip(self.results, itertools.cycle(LINE_COLOURS), strict=False):
                 column = over_of(one.case)[0]
@@ -188,18 +190,23 @@ class Comparison:
         ):
             return None
         with matplotlib.rc_context(STYLE):
-            figure = Figure((WIDTH, 4.4), dpi=DPI, layout="constrained")
+            figure = Figure((0.6 * WIDTH, 4.6), dpi=DPI, layout="constrained")
             axes = figure.subplots()
             for one, step, colour in zip(self.results, steps, itertools.cycle(LINE_COLOURS), strict=False):
                 assert step is not None
+                rest = np.zeros_like(one.points)
                 for moved, style, label in (
-                    (np.zeros_like(one.points), ":", f"{one.name}, undeformed"),
-                    (one.displacement(step), "-", f"{one.name}, {load(one.rows[step], state_labels(one.case))}"),
+                    (rest, ":", f"{one.name}, undeformed"),
+                    (one.displacement(step), "-", one.name),
                 ):
                     line = profile(one.points, moved, one.case.actuator) * 1e3
                     axes.plot(*line.T, style, color=colour, label=label)
-            axes.set(xlabel="distance in mm", ylabel="height in mm", aspect="equal", title="Outlines from the side")
-            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, fontsize=10)
+            axes.margins(0.05)
+            wide, tall = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+            if tall > FLAT * wide:
+                axes.set_aspect("equal")
+            axes.set(xlabel="distance in mm", ylabel="height in mm")
+            figure.legend(loc="outside lower center", ncols=2, fontsize=10)
         return figure
 
     def html(self) -> str:
@@ -212,6 +219,7 @@ class Comparison:
         rows = [[one.field, *one.values] for one in self.differences]
         head = ["", *names[:1], *itertools.chain(*((name, "difference") for name in names[1:]))]
         figures = self.figures[:1] if self.common is not None else ()
+        where = f"The outlines are those {figures[0].what.removeprefix('rise ')}." if outlines else ""
         facts = [
             Fact(f"{one.what}: {name}", f"{_value(value)} {one.unit}", _change(change))
             for one in figures
@@ -222,8 +230,9 @@ class Comparison:
         return Page(
             " and ".join(names), f"{len(self.differences)} fields of the cases differ." if rows else "The cases are the same.",
             [
-                ("Paths", [Charts(drawings[:1])]),
-                ("Outlines", [Charts(drawings[1:])]),
+                ("Paths and outlines", [
+                    Charts(drawings), Text(where),
+                ]),
                 ("Figures", [Table([_cells(one) for one in self.figures], head)]),
                 ("What differs in the cases", [Table(rows, ["", *names], numbers=False)] if rows else same),
                 ("Where the results come from", made),

@@ -27,6 +27,7 @@ from softmodels.runs.notes import cycles, jumped_over
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.typing import ColorType
 
     from softmodels.case.case import Case
@@ -116,17 +117,24 @@ def drawing(figure: Figure, pascal_per_cm: float) -> str:
 
 def _add_units(axes: Axes, pascal_per_cm: float) -> None:
     """Mark the axes of pressure with their unit, and lay others over them, which the page shows in their place."""
-    for axis, side in ((axes.xaxis, "bottom"), (axes.yaxis, "left")):
+    for axis in (axes.xaxis, axes.yaxis):
         if "cm of water" not in (label := axis.label.get_text()):
             continue
         axis.set_gid("pu-cm")
         for unit in UNITS:
-            twin = axes.twiny() if side == "bottom" else axes.twinx()
-            other = twin.xaxis if side == "bottom" else twin.yaxis
             low, high = (end * pascal_per_cm / pascal(unit) for end in axis.get_view_interval())
-            twin.set_xlim(low, high) if side == "bottom" else twin.set_ylim(low, high)
-            other.set_ticks_position(side)
-            other.set_label_position(side)
+            if axis is axes.xaxis:
+                twin = axes.twiny()
+                other: Axis = twin.xaxis
+                twin.set_xlim(low, high)
+                twin.xaxis.set_ticks_position("bottom")
+                twin.xaxis.set_label_position("bottom")
+            else:
+                twin = axes.twinx()
+                other = twin.yaxis
+                twin.set_ylim(low, high)
+                twin.yaxis.set_ticks_position("left")
+                twin.yaxis.set_label_position("left")
             other.set_label_text(label.replace("cm of water", unit))
             other.set_gid(f"pu-{unit}")
             twin.spines[:].set_visible(False)
