@@ -24,7 +24,7 @@ from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.common.files import image_uri, read_text, write_text
-from softmodels.common.pages import Bullets, Fact, Listing, Page, Picture, Provenance, Table, Text
+from softmodels.common.pages import Bullets, Fact, Folded, Listing, Page, Picture, Provenance, Table, Text
 from softmodels.common.processes import say
 from softmodels.design.result import CAPTIONS, REPORT, DesignTold, ParameterTold, TrialTold
 from softmodels.materials.silicones import publications
@@ -44,6 +44,7 @@ from softmodels.pictures.style import (
     DrawnFolder,
     Scale,
     headline,
+    load,
     wrapped,
 )
 from softmodels.runs.fields import Row
@@ -310,13 +311,13 @@ def page(folder: Path, told: DesignTold, drawn: Sequence[str], pair: tuple[State
             ("Sensitivity of the target to the parameters", [Bullets(told["recovered"])]),
             ("Tolerances and material errors", [Bullets(told["margins"])]),
             ("Notes", [Bullets(told["notes"])]),
-            ("The case of the design (design.toml)", [Listing(read_text(folder / "design.toml"))]),
+            ("The case of the design", [Folded("design.toml", [Listing(read_text(folder / "design.toml"))])]),
         ],
         Provenance.from_table(told.get("made")),
         [
             Fact("Limits of the design", "all kept" if told["feasible"] else "violated",
                  "" if told["feasible"] else "see the warnings and reasons below", not told["feasible"]),
-            *(Fact(f"Rise of the {gauge}, {name}", f"{row[f'{gauge}_mm']:.4g} mm", headline(row, states.words).split(", ")[0])
+            *(Fact(f"Rise of the {gauge}, {name}", f"{row[f'{gauge}_mm']:.4g} mm", load(row, states.words))
               for name, row, states in (("as given", given, pair[0]), ("design", best, pair[1]))),
             *([Fact("Limit point of the design", f"{limit['pressure_cm']:.4g} cm of water")] if limit else []),
         ],
