@@ -337,7 +337,7 @@ def _caption(file: str) -> str:
 def _facts(one: FittedLaw) -> list[Fact]:
     """Return the answer of a fit: the chosen law, its stiffness and its parameters with their intervals."""
     values = [
-        Fact(name, f"{value} {unit}".strip(), interval if interval == "fixed" else f"95 %: {interval} {unit}".strip())
+        Fact(name, f"{value} {unit}".strip(), f"95 %: {interval} {unit}".strip() if " to " in interval else interval)
         for name, value, unit, interval in parameter_rows(one)
     ]
     modulus = " ".join(with_prefix(one.material.shear_modulus_0, "Pa"))

@@ -11,6 +11,7 @@ import gzip
 import io
 import json
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypedDict
@@ -328,8 +329,14 @@ class Report:
                 Folded("Every state", [_lines(states.rows, states)]),
             ]),
         ]  # fmt: skip
+        made, repeat = (
+            Provenance.from_table(states.results.own.about.get("made")),
+            ["softmodels", "run", f"{folder}/case.toml"],
+        )
+        if made.date and not made.command:  # run by a Python program
+            made = dataclasses.replace(made, command=shlex.join(repeat))
         self._page = Page(
-            name, ending(states, told), (), Provenance.from_table(states.results.own.about.get("made")),
+            name, ending(states, told), (), made,
             facts(states, told), warnings if isinstance(warnings, list) else [], publications(states.case.material),
             {"path.csv": read_text(folder / "path.csv")} if (folder / "path.csv").exists() else {}, states.case.cm,
         )  # fmt: skip
