@@ -86,9 +86,15 @@ class Compared:
         return f"{self.case.actuator.gauge}_mm"
 
     @functools.cached_property
+    def sign(self) -> float:
+        """-1 if the largest load is a negative one, such as a vacuum; else 1."""
+        loads = [float(row[over_of(self.case)[0]]) for row in self.rows]
+        return -1.0 if -min(loads) > max(loads) else 1.0
+
+    @functools.cached_property
     def rising(self) -> tuple[Array, Sequence[Row]]:
-        """Loads and rows up to the highest load of the first part of the path, where it only rises."""
-        loads = np.array([float(row[over_of(self.case)[0]]) for row in self.rows])
+        """Sizes of the loads, and rows, up to the highest one of the first part of the path, where it only rises."""
+        loads = self.sign * np.array([float(row[over_of(self.case)[0]]) for row in self.rows])
         falls = np.flatnonzero(np.diff(loads) <= 0.0)
         end = int(falls[0]) + 1 if len(falls) else len(loads)
         return loads[:end], self.rows[:end]
@@ -184,7 +190,7 @@ class Comparison:
 
     def outlines(self) -> Figure | None:
         """Plot the outlines at rest and at the highest load that all have a state at; None where there is none."""
-        steps = [_step_at(one, self.common) for one in self.results]
+        steps = [None if self.common is None else _step_at(one, abs(self.common)) for one in self.results]
         if any(step is None for step in steps) or not all(
             one.case.actuator.on_profile(one.points).any() for one in self.results
         ):
@@ -332,10 +338,11 @@ def _text(value: object) -> str:
 def _figures(results: Sequence[Compared], column: str) -> tuple[tuple[Figures, ...], float | None]:
     """Return the main figures, and the highest common load; see `Comparison`."""
     meaning, cm = term(column), results[0].case.cm
-    found, common = [], min(float(one.rising[0][-1]) for one in results)
+    found, common, sign = [], min(float(one.rising[0][-1]) for one in results), results[0].sign
+    common = common if len({one.sign for one in results}) == 1 else 0.0
     if common > 0.0:
         stored = all(_step_at(one, common) is not None for one in results)
-        where = f"at {common:.5g} {meaning.unit}{'' if stored else ', interpolated'}"
+        where = f"at {sign * common:.5g} {meaning.unit}{'' if stored else ', interpolated'}"
         found.append(Figures(f"rise {where}", "mm", tuple(_between(one, one.gauge, common) for one in results)))
         for name in COMPARED:
             values = tuple(_between(one, name, common) for one in results)
@@ -344,7 +351,7 @@ def _figures(results: Sequence[Compared], column: str) -> tuple[tuple[Figures, .
         for value in _shared(results, column, common):
             found.append(
                 Figures(
-                    f"rise at {value:.5g} {meaning.unit}",
+                    f"rise at {sign * value:.5g} {meaning.unit}",
                     "mm",
                     tuple(_between(one, one.gauge, value) for one in results),
                 )
@@ -354,40 +361,40 @@ def _figures(results: Sequence[Compared], column: str) -> tuple[tuple[Figures, .
     if any(first):
         values = tuple(math.nan if row is None else float(row[column]) for row in first)
         found.append(Figures("limit point", meaning.unit, values, pascal))
-    highest = tuple(max(float(row[column]) for row in one.rows) for one in results)
+    highest = tuple(one.sign * max(one.sign * float(row[column]) for row in one.rows) for one in results)
     found.append(Figures(f"highest {meaning.name}", meaning.unit, highest, pascal))
     found.append(Figures("cells", "", tuple(float(one.cells) for one in results)))
     if all(one.made.seconds is not None for one in results):
         found.append(Figures("wall time", "s", tuple(one.made.seconds or 0.0 for one in results)))
-    return tuple(found), common if common > 0.0 else None
+    return tuple(found), sign * common if common > 0.0 else None
 
 
 def _shared(results: Sequence[Compared], column: str, common: float) -> list[float]:
     """Return loads below the highest common one that all were asked to stop at, evenly chosen if there are many."""
-    asked = [{round(float(row[column]), 9) for row in one.rising[1] if row["requested"]} for one in results]
+    asked = [{round(one.sign * float(row[column]), 9) for row in one.rising[1] if row["requested"]} for one in results]
     shared = sorted(value for value in set.intersection(*asked) if 0.0 < value < common * (1 - 1e-9))
     if len(shared) <= MOST_LOADS:
         return shared
     return [shared[round(k)] for k in np.linspace(0, len(shared) - 1, MOST_LOADS)]
 
 
-def _step_at(one: Compared, value: float | None) -> int | None:
+def _step_at(one: Compared, size: float) -> int | None:
     """Return the state at a load of the first, rising part of the path; None if there is none."""
     loads: npt.NDArray[np.float64] = one.rising[0]
-    if value is None:
-        return None
-    nearest = int(np.argmin(np.abs(loads - value)))
-    return nearest if math.isclose(loads[nearest], value, rel_tol=1e-6) else None
+    nearest = int(np.argmin(np.abs(loads - size)))
+    return nearest if math.isclose(loads[nearest], size, rel_tol=1e-6) else None
 
 
-def _between(one: Compared, column: str, value: float) -> float:
+def _between(one: Compared, column: str, size: float) -> float:
     """Return a column at a load of the rising part: of the state there, else between its neighbours (monotone cubic); nan if
     the results have no such column."""
     loads, rows = one.rising
     if column not in rows[0]:
         return math.nan
-    if (step := _step_at(one, value)) is not None:
+    if (step := _step_at(one, size)) is not None:
         return float(rows[step][column])
+    if size < loads[0]:
+        return math.nan
     from scipy.interpolate import PchipInterpolator
 
-    return float(PchipInterpolator(loads, [float(row[column]) for row in rows])(value))
+    return float(PchipInterpolator(loads, [float(row[column]) for row in rows])(size))

@@ -111,6 +111,22 @@ def test_between_stored_states_figures_are_interpolated_and_said_to_be(half_sect
     assert "interpolated" in found.html()
 
 
+def test_a_vacuum_is_compared_by_its_size(half_section, thinner):
+    from softmodels.pictures.comparison import Compared, compared
+    from softmodels.runs.fields import Row
+
+    def emptied(folder):
+        one = Compared.from_folder(folder)
+        return dataclasses.replace(
+            one, rows=[Row({**row.cells, "pressure_cm": -row["pressure_cm"]}) for row in one.rows]
+        )
+
+    found = compared([emptied(half_section), emptied(thinner)])
+    assert found.common == -120.0 and found.figures[0].what == "rise at -120 cm"
+    assert found.figures[0].values == sm.compare(half_section, thinner).figures[0].values
+    assert compared([emptied(half_section), Compared.from_folder(thinner)]).common is None
+
+
 def test_the_command_prints_the_comparison_and_writes_a_report(ended, half_section, thinner, tmp_path):
     page = tmp_path / "compared.html"
     status, out, err = ended(softmodels, "compare", half_section, thinner, "-o", page)
