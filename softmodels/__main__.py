@@ -21,7 +21,7 @@ PLACES = {
     ),
     "compare": CommandPlace(
         "softmodels.cli.results", "compare_command",
-        "Compare results: what differs in their cases, and their main figures, paths and outlines side by side.",
+        "Compare the results in FOLDERS with those in the first: their cases, main figures, paths and outlines.",
     ),
     "curve": CommandPlace(
         "softmodels.cli.material_commands", "curve",
@@ -59,7 +59,7 @@ PLACES = {
         "Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.",
     ),
     "open": CommandPlace(
-        "softmodels.cli.results", "open_command", "Open the report of a folder of results in the browser.",
+        "softmodels.cli.results", "open_command", "Open the report of the results in FOLDER in the browser.",
     ),
     "run": CommandPlace(
         "softmodels.cli.run_command", "run",

@@ -40,9 +40,10 @@ MARK = b'<meta name="generator" content="softmodels">'
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--no-browser", is_flag=True, help="Only print the address.")
 def open_command(folder: Path, no_browser: bool) -> None:
-    """Open the report of the results in FOLDER in the browser; if there is none, its best file.
+    """Open the report of the results in FOLDER in the browser.
 
-    The missing report of a run or a design is made first, from what is stored in the folder.
+    The missing report of a run or a design is made first, from what is stored in the folder. Where none can be made, the best
+    other file is opened.
 
     \b
     Exit status: 0 opened; 2 the folder holds no results.
@@ -106,7 +107,7 @@ def _made(folder: Path) -> bool:
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write a report as HTML to this file.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -> None:
-    """Hold the results in FOLDERS against those in the first: what differs in their cases, and in their main figures.
+    """Compare the results in FOLDERS with those in the first: their cases, main figures, paths and outlines.
 
     Figures are compared at the highest load that all reach, and at the loads that all were asked for. Where a run has no state
     at such a load, its figures are interpolated between neighbouring states.
