@@ -306,29 +306,30 @@ def load(folder: str | Path) -> Run:
 
 @checked
 @one_at_a_time
-def compare(*results: Run | str | Path) -> Comparison:
+def compare(first: Run | str | Path, second: Run | str | Path, *more: Run | str | Path) -> Comparison:
     """Compare runs: what differs in their cases, and their main figures side by side.
 
     Args:
-        results: Two or more runs, or folders of results; the others are held against the first.
+        first, second, more: Runs, or folders of results; the others are compared with the first.
 
     Returns:
         The comparison: ``print`` shows it, `Comparison.plot` overlays the paths, `Comparison.save` writes a report.
 
     Raises:
-        ComparisonError: Fewer than two, or of loads that cannot be compared.
+        ComparisonError: They are over loads that cannot be compared.
         ResultsError, CaseError: A folder holds no results, or none that can be read.
     """
     from softmodels.pictures.comparison import Compared, compared
 
     def of(number: int, one: Run | str | Path) -> Compared:
         if not isinstance(one, Run):
-            return Compared.from_folder(place(f"results[{number}]", one, "a run, or a folder of results"))
-        first = one[0]
-        return Compared(f"{one.case.name} ({number + 1})", one.case, one.rows, first.points, len(first.cells),
+            name = ("first", "second")[number] if number < 2 else "more"
+            return Compared.from_folder(place(name, one, "a run, or a folder of results"))
+        rest = one[0]
+        return Compared(f"{one.case.name} ({number + 1})", one.case, one.rows, rest.points, len(rest.cells),
                         lambda step: one[step].displacement)  # fmt: skip
 
-    return compared([of(number, one) for number, one in enumerate(results)])
+    return compared([of(number, one) for number, one in enumerate((first, second, *more))])
 
 
 @checked

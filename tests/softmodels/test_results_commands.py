@@ -148,8 +148,8 @@ def test_what_cannot_be_compared_is_refused_with_a_sentence(ended, half_section,
                           ((half_section, tmp_path / "missing"), "holds no results of a run")):  # fmt: skip
         status, out, err = ended(softmodels, "compare", *words)
         assert (status, out) == (2, "") and reason in err and "Traceback" not in err
-    with pytest.raises(sm.ComparisonError, match="nothing to compare"):
-        sm.compare(half_section)
+    with pytest.raises(sm.ResultsError, match="holds no results of a run"):
+        sm.compare(half_section, tmp_path)
     with pytest.raises(sm.ArgumentError):
         sm.compare(half_section, 3)
 

@@ -224,6 +224,7 @@ def calls(loaded):
     )
     yield Call(sm.run, {"case": case}, {"case": "path", **RUN})
     yield Call(sm.load, {"folder": "no-such-folder"}, {"folder": "path"})
+    yield Call(sm.compare, {"first": "no-such", "second": "no-such"}, {"first": "path", "second": "path"})
     yield Call(
         sm.mould, {"device": DISK},
         {"device": "device", "silicone": "choice", "folder": "path", "draft": "quantity", "shrinkage": "number",
@@ -417,7 +418,17 @@ def test_every_public_name_is_called_wrongly(loaded):
     errors = {
         name for name in public if isinstance(getattr(sm, name), type) and issubclass(getattr(sm, name), Exception)
     }
-    results = {"Leak", "Run", "SolvedState", "Score", "Limit", "NaturalFrequencies", "Equilibrium", "Mode"}
+    results = {
+        "Comparison",
+        "Leak",
+        "Run",
+        "SolvedState",
+        "Score",
+        "Limit",
+        "NaturalFrequencies",
+        "Equilibrium",
+        "Mode",
+    }
     below = {
         "Material",
         "ImportedActuator",
