@@ -23,7 +23,7 @@ from measurement.series.checks import CHECKS, COURSE, LIST, RUN, Check, Evidence
 from measurement.series.photo import AUTO, Refusal, draw_edge, find_zero, outline_of, trace, trace_image
 from measurement.series.photo_list import Column, Photograph, cut_out, read_photos
 from measurement.series.witness import Run, course_of
-from softmodels.common.files import image_uri
+from softmodels.common.files import image_uri, read_text
 from softmodels.common.pages import Cell, Fact, Gallery, Page, Picture, Provenance, Table
 from softmodels.common.processes import plain
 from softmodels.common.units import pascal_per_cm
@@ -515,7 +515,7 @@ def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
     edges = [(result.photograph.file.name, folder / "edges" / f"{result.name}.png") for result in results]
     photos = [Picture(image_uri(file), name) for name, file in edges if file.is_file()]
     rows = [_overview_row(result) for result in results]
-    outlines = [result.outcome for result in results if isinstance(result.outcome, Outline)]
+    outlines, table = [r.outcome for r in results if isinstance(r.outcome, Outline)], folder / "heights.csv"
     pressures = [Cell(f"{name} (kPa)", unit="kPa") for name in ("pressure", "its error")]
     head: tuple[str | Cell, ...] = ("photograph", *pressures, "height (mm)", "points", "remarks")
     page = Page(
@@ -527,7 +527,7 @@ def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
             ("The edge in every photograph", [Gallery(photos)]),
         ],
         Provenance.now(), _facts(outlines),
-        _warnings(results), unit="kPa",
+        _warnings(results), downloads={table.name: read_text(table)} if table.is_file() else {}, unit="kPa",
     )  # fmt: skip
     path.write_text(page.html(), encoding="utf-8")
 

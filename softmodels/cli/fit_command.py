@@ -25,6 +25,7 @@ from softmodels.cli.material_commands import (
 )
 from softmodels.cli.options import fail, write_into
 from softmodels.common.commands import FolderType, open_folder, status_of
+from softmodels.common.files import read_text
 from softmodels.common.folders import OwnFolderError, ResultFolder
 from softmodels.common.processes import say
 from softmodels.common.units import UnitError, quantity
@@ -434,4 +435,5 @@ def write(report: FitReport, folder: Path, draw: bool) -> None:
         images = pictures(report)
         for name, data in images.items():
             (folder / name).write_bytes(data)
-        (folder / "report.html").write_text(page(report, images), encoding="utf-8")
+        tables = {file.name: read_text(file) for file in [folder / "curves.csv"] if file.exists()}
+        (folder / "report.html").write_text(page(report, images, tables), encoding="utf-8")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, TypedDict
 
 import matplotlib
@@ -295,8 +295,14 @@ def as_png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def page(report: FitReport, images: dict[str, bytes]) -> str:
-    """Return the report as one self-contained page."""
+def page(report: FitReport, images: Mapping[str, bytes], tables: Mapping[str, str]) -> str:
+    """Return the report as one self-contained page.
+
+    Args:
+        report: The fit.
+        images: Its pictures as PNG, by file name.
+        tables: Texts of CSV files to download, by file name.
+    """
     sources = {name: data_uri(data, "image/png") for name, data in images.items()}
     ranked = [
         (one.fit.label, str(len(one.fit.free)), f"+{one.aicc:.4g}", f"{one.bic:+.4g}") for one in report.comparison.ranked
@@ -314,7 +320,7 @@ def page(report: FitReport, images: dict[str, bytes]) -> str:
         Provenance.now(), _facts(chosen),
         [*([] if chosen.sound else [f"Unreliable fit: {chosen.warnings[0]}"]),
          *(report.separate.sentences if report.separate else ())],
-        [f"{name}: {source}" for name, source in known.items() if source],
+        [f"{name}: {source}" for name, source in known.items() if source], tables,
     ).html()  # fmt: skip
 
 
@@ -353,7 +359,10 @@ def _law(one: FittedLaw, sources: dict[str, str]) -> list[Part | None]:
     profiles = f"profiles-{one.choice.name}.png"
     names = ["correlation", *(p.name for p in one.fit.free[: max(width - 1, 0)])]
     return [
-        Text(f"Shear modulus at small strain {' '.join(with_prefix(one.material.shear_modulus_0, 'Pa'))}."),
+        Text(
+            f"Shear modulus at small strain {' '.join(with_prefix(one.material.shear_modulus_0, 'Pa'))}. "
+            f"The least squares {'converged' if one.fit.converged else 'did not converge'}."
+        ),
         Bullets(one.warnings, alarm=True),
         Table(parameter_rows(one), ("parameter", "value", "unit", "95 % interval")),
         Table([[*row, *[""] * (width - len(row))] for row in correlations], names),
