@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import operator
 import os
 import sys
 import tempfile
@@ -137,6 +138,7 @@ def _mould(mould: Made) -> Drawing:
 
 DRAWINGS: Mapping[str, Callable[..., Drawing]] = {
     "Limit": _limit, "FitReport": _fit, "DesignResult": _design, "Made": _mould,
+    "Comparison": operator.methodcaller("plot"),
 }  # fmt: skip
 """By class, so that a run's card does not import fits, designs and moulds."""
 

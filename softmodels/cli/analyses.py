@@ -230,11 +230,12 @@ def write_page(
     column, device = question.column, question.case.actuator
     facts, told = [], to_table(device, readable)
     for name, found in limits.items():
-        margin = math.inf if column.working is None else found.pressure / column.cm / column.working
+        margin = math.inf if column.working is None else abs(found.pressure) / column.cm / column.working
         notes_of_it = (
             [] if column.working is None else [f"{margin:.2f} times the working pressure of {column.working:g} cm"]
         )
-        what = f"borne for {found.held:g} s" if found.held else KINDS[found.kind]
+        kind = KINDS[found.kind] if found.pressure > 0.0 else KINDS[found.kind].replace("up to", "down to")
+        what = f"borne for {found.held:g} s" if found.held else kind
         pressure = f"{found.pressure / column.cm:.4g} cm of water ({found.pressure / 1e3:.4g} kPa)"
         note = "; ".join([*notes_of_it, f"largest stretch there {found.stretch:.4g}"])
         facts.append(Fact(f"{name}: {what}", pressure, note, margin < 1 or found.kind == "lost"))

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 from softmodels.case.case import Case
 from softmodels.common.arrays import Array
+from softmodels.common.cards import Shown, Table as CardRows
 from softmodels.common.errors import Spoken
 from softmodels.common.files import write_text
 from softmodels.common.folders import fingerprint
@@ -134,9 +135,17 @@ class Figures:
         first = self.values[0]
         return tuple(value / first - 1.0 if first else math.nan for value in self.values[1:])
 
+    @property
+    def texts(self) -> list[str]:
+        """The values with their unit, and with their differences in brackets."""
+        changes = ["", *(f" ({text})" if (text := _change(change)) else "" for change in self.changes)]
+        return [
+            f"{_value(value)} {self.unit}".strip() + change for value, change in zip(self.values, changes, strict=True)
+        ]
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Comparison:
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Shown):
     """Results side by side; the first is what the others are held against.
 
     Attributes:
@@ -160,12 +169,20 @@ class Comparison:
             if self.differences
             else []
         )
-        rows = [["", *names]]
-        for one in self.figures:
-            changed = ["", *(f" ({text})" if (text := _change(change)) else "" for change in one.changes)]
-            values = [f"{_value(value)}{change}" for value, change in zip(one.values, changed, strict=True)]
-            rows.append([f"{one.what}{f' ({one.unit})' if one.unit else ''}", *values])
+        rows = [["", *names], *([one.what, *one.texts] for one in self.figures)]
         return "\n".join([*told, "figures:", *_aligned(rows)])
+
+    def _line(self) -> str:
+        count, rows = len(self.differences), self._figures()
+        first = f"; {rows[0][0]}: {rows[0][1]}" if rows else ""
+        names = " and ".join(one.name for one in self.results)
+        return f"of {names}: {count} field{'s' * (count != 1)} of the cases differ{'s' * (count == 1)}{first}"
+
+    def _figures(self) -> CardRows:
+        return [(one.what, "; ".join(one.texts)) for one in self.figures]
+
+    def _remarks(self) -> list[str]:
+        return [f"{one.field}: {'; '.join(one.values)}" for one in self.differences]
 
     def plot(self) -> Figure:
         """Plot the paths over each other: the rise of the gauge over the load."""

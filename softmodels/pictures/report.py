@@ -384,12 +384,13 @@ def _limit(states: States, told: dict[str, object]) -> Fact:
     if found := curves.limits(rows):
         beyond = told.get("status") == NO_EQUILIBRIUM
         note = "there is no equilibrium at what was requested beyond it" if beyond else ""
-        if not beyond and not states.case.program and row["requested"] and row[column] > 0:
+        if not beyond and not states.case.program and row["requested"] and row[column]:
             note = f"{found[0][column] / row[column]:.3g} times the last requested {words.kept[0]}"
         return Fact(name, load(found[0], words), note, beyond)
-    highest = max(rows, key=lambda one: float(one[column]))
+    highest = max(rows, key=lambda one: abs(float(one[column])))
+    way = "up" if highest[column] >= 0.0 else "down"
     note = "the margin is not known from this run: softmodels limit case.toml finds it"
-    return Fact(name, f"none up to {load(highest, words)}", note if words.kept[0] == "pressure" else "")
+    return Fact(name, f"none {way} to {load(highest, words)}", note if words.kept[0] == "pressure" else "")
 
 
 def _stretch(states: States) -> list[Fact]:

@@ -92,6 +92,8 @@ def test_what_differs_and_by_how_much(half_section, thinner):
     assert re.search(
         rf"cells +{cells.values[0]:.5g} +{cells.values[1]:.5g} \({100 * cells.changes[0]:+.3g} %\)", str(found)
     )
+    line = "<Comparison of half0 and thinner0: 2 fields of the cases differ; rise at 120 cm: 3.2 mm; 3.2 mm (+0 %)>"
+    assert repr(found) == line and "geometry.membrane: 6 mm; 5 mm" in found._repr_html_()
     assert len(found.plot().axes[0].lines) >= 4 and len(found.outlines().axes[0].lines) == 4
 
 
@@ -130,7 +132,7 @@ def test_a_vacuum_is_compared_by_its_size(half_section, thinner):
 def test_the_command_prints_the_comparison_and_writes_a_report(ended, half_section, thinner, tmp_path):
     page = tmp_path / "compared.html"
     status, out, err = ended(softmodels, "compare", half_section, thinner, "-o", page)
-    assert (status, err) == (0, "") and "geometry.membrane" in out and "limit point (cm)" in out
+    assert (status, err) == (0, "") and "geometry.membrane" in out and "limit point" in out and "120 cm" in out
     text = page.read_text()
     assert text.count("<svg") == 2 and "geometry.cell_size" in text and "rise at 120 cm" in text
     assert ended(softmodels, "compare", half_section, thinner, "-o", page, "--quiet") == (
