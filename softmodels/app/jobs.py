@@ -161,6 +161,10 @@ Command = tuple[list[str], str, bool] | str
 """The words of a command, its folder of results and whether it has ``--resume``; or the sentence why it cannot be given."""
 
 
+ALLOWED = "allow-scripts allow-popups allow-downloads allow-modals"
+"""What a report may do inside the page: its 3-D view, and saving and printing what it shows."""
+
+
 def job_panel(jobs: Jobs, output: str, title: str, command: Callable[[], Command], report: str = "") -> None:
     """Add a button that starts a command in the current place of a page, with what it prints, and its report.
 
@@ -214,7 +218,7 @@ def job_panel(jobs: Jobs, output: str, title: str, command: Callable[[], Command
         whole.set_content(f"$ {job.command}\n{text}")
         if report and not active and (jobs.project / report).is_file():
             address = f"/files/{quote(report)}?{int((jobs.project / report).stat().st_mtime)}"
-            frame.set_content(f'<iframe src="{address}" title="{title}" sandbox="allow-scripts allow-popups"></iframe>')
+            frame.set_content(f'<iframe src="{address}" title="{title}" sandbox="{ALLOWED}"></iframe>')
 
     jobs.changed.subscribe(lambda job: show() if job.output == output else None)
     ui.timer(1.0, lambda: show() if (job := jobs.latest(output)) is not None and job.active else None)
