@@ -12,8 +12,8 @@ Every name is loaded when it is first used.
 
 Begin with `actuator`: a device is a frozen dataclass of it that is registered (`registry`).
 
-- `disk`, `seminar`, `pneunet`, `membrane`, `balloon`, `bellows`, `bending_bellows`, `cylinder`, `beam`: one file for
-  each device: its lengths, their checks, its mesh and its outline.
+- `disk`, `seminar`, `pneunet`, `membrane`, `balloon`, `bellows`, `bending_bellows`, `cylinder`, `beam`, `suction_cup`: one
+  file for each device: its lengths, their checks, its mesh and its outline.
 - `imported`: parts from files: faces and points chosen by short texts. `imported_step`: STEP files. `imported_mesh`: meshes of
   Gmsh, Abaqus or CalculiX, and STL surfaces.
 - `revolved`: half sections of bodies of revolution. `meshing`: Gmsh, in a process of its own where it takes long.
@@ -38,6 +38,7 @@ PLACES = {
     "Membrane": "geometries.membrane",
     "PneuNet": "geometries.pneunet",
     "SeminarActuator": "geometries.seminar",
+    "SuctionCup": "geometries.suction_cup",
 }
 """The modules of the library's own devices, which register them when they are loaded."""
 
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from geometries.pneunet import PneuNet as PneuNet
     from geometries.registry import ACTUATORS as ACTUATORS, register_device as register_device
     from geometries.seminar import SeminarActuator as SeminarActuator
+    from geometries.suction_cup import SuctionCup as SuctionCup
     from softmodels.common.errors import (
         GeometryError as GeometryError,
         MeshFileError as MeshFileError,

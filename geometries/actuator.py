@@ -202,6 +202,9 @@ class Actuator(Designable, Castable, Presented, ABC):
     faces: ClassVar[tuple[str, ...]] = ()
     """Physical groups on the outside for bonding a thin sheet."""
 
+    standing: ClassVar[str] = ""
+    """Role of a held face that only stands there: it presses on what holds it, and lifts off where it would be pulled."""
+
     meshed: ClassVar[bool] = False
     """Whether `build` creates the mesh itself, which is used unchanged."""
 

@@ -358,7 +358,7 @@ def below(plane: RigidShape, device: Array) -> tuple[RigidShape, float]:
     """Return a plane with its point next to the centre of a device, points of shape (n, 3), and its drawn
     radius."""
     middle, normal = (device.min(axis=0) + device.max(axis=0)) / 2, plane.direction
-    foot = middle - ((middle - np.asarray(plane.at)) @ normal) * normal
+    foot = np.round(middle - ((middle - np.asarray(plane.at)) @ normal) * normal, 12)  # no rounding beside the axis
     beside = device - foot
     beside = beside - np.outer(beside @ normal, normal)
     return dataclasses.replace(plane, at=tuple(map(float, foot))), 1.1 * float(np.linalg.norm(beside, axis=1).max())

@@ -605,14 +605,21 @@ def _force_unit(eq: System) -> float:
 
 def blocked_force(sampling: Sampling, state: State) -> dict[str, float]:
     """Return the blocked force in N of the whole device, if it is blocked."""
-    eq = sampling.system
-    role = eq.body.actuator.blocked
-    if role is None:
-        return {}
+    role = sampling.system.body.actuator.blocked
+    return {} if role is None else {"blocked_force_N": _held_along_lift(sampling.system, role)}
+
+
+def standing_force(sampling: Sampling, state: State) -> dict[str, float]:
+    """Return the force in N with which the whole device presses on what it stands on, if it stands."""
+    role = sampling.system.body.actuator.standing
+    return {f"{role}_force_N": -_held_along_lift(sampling.system, role)} if role else {}
+
+
+def _held_along_lift(eq: System, role: str) -> float:
+    """Return the force in N of the whole device along the lift on what holds a face."""
     # Held along the lift, so one row of the skew basis is the lift.
     along = in_section(eq.body.actuator.lift, eq.body.actuator.dimension)
-    component = int(np.argmax(eq.body.skew @ along))
-    return {"blocked_force_N": held_force(eq, role, component) * _force_unit(eq)}
+    return held_force(eq, role, int(np.argmax(eq.body.skew @ along))) * _force_unit(eq)
 
 
 def part_figures(sampling: Sampling, state: State) -> dict[str, float]:
@@ -648,6 +655,14 @@ for _measure in (
     ForceMeasure(
         "blocked force", blocked_force,
         {"blocked_force_N": ("blocked force", "blocked force of the whole device along its lift")},
+    ),
+    ForceMeasure(
+        "standing", standing_force,
+        {
+            r"(lip)_force_N": (
+                "force of the {0}", "force with which the {0} of the whole device presses on the plane; at 0 it lifts off",
+            ),
+        },
     ),
     ForceMeasure(
         "stiffness", stiffness,

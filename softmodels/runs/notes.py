@@ -79,6 +79,7 @@ def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxy
         *bonded_notes(case),
         *volume_notes(rows),
         *contact_notes(case, rows),
+        *lifted_notes(case, rows),
         *depth_notes(case, rows),
         *place_notes(case, rows),
         *band_notes(rows),
@@ -267,6 +268,21 @@ def vacuum_notes(case: Case) -> list[str]:
     return [
         f"{lowest:.4g} cm are {lowest * case.cm / 1e3:.4g} kPa: at sea level ejectors reach about -85 kPa, single-stage pumps "
         "-90 kPa; check the source's data sheet"
+    ]
+
+
+def lifted_notes(case: Case, rows: Sequence[Row]) -> list[str]:
+    """Return where a face that only stands on its plane lifts off, as a sentence; none if it does not."""
+    role = case.actuator.standing
+    forces = [row[f"{role}_force_N"] for row in rows] if role else []
+    at = next((k for k, (one, two) in enumerate(itertools.pairwise(forces)) if one > 0.0 >= two), None)
+    if at is None:
+        return []
+    share = forces[at] / (forces[at] - forces[at + 1])
+    before, after = (rows[k][case.column] for k in (at, at + 1))
+    return [
+        f"the {role} LIFTS OFF at about {before + share * (after - before):.4g} {case.unit}, between states {at} and {at + 1} "
+        f"({role}_force_N falls to 0): beyond it the seal leaks, and the states are invalid"
     ]
 
 
