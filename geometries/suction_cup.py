@@ -111,10 +111,10 @@ class SuctionCup(Revolved):
     """
 
     radius: float = length_field(0.015, "inner radius of the lip, within which the cup seals")
-    lip: float = length_field(0.002, "width of the lip")
-    depth: float = length_field(0.006, "height of the cavity above the lip")
+    lip: float = length_field(0.004, "width of the lip")
+    depth: float = length_field(0.005, "height of the cavity above the lip")
     ceiling: float = length_field(0.009, "radius of the cavity's flat ceiling")
-    roof: float = length_field(0.003, "thickness of the roof")
+    roof: float = length_field(0.004, "thickness of the roof")
     stem_radius: float = length_field(0.005, "radius of the stem")
     stem_height: float = length_field(0.008, "height of the stem above the roof")
     cell_size: float = length_field(0.001, "edge length of the cells along the wall", shape=False)
@@ -123,7 +123,7 @@ class SuctionCup(Revolved):
     angle: float = wedge_field()
 
     stem: ClassVar = "cup"
-    pressures: ClassVar = "0:-40"
+    pressures: ClassVar = "0:-10"
     stiffer: ClassVar = "a thicker roof (--roof), a smaller cup (--radius)"
     examples: ClassVar = ("--radius 10mm --ceiling 6mm --depth 4mm --stem-radius 3mm",)
     faces: ClassVar = ("top", "outer")

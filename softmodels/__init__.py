@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         MeshingError as MeshingError,
         PneuNet as PneuNet,
         SeminarActuator as SeminarActuator,
+        SuctionCup as SuctionCup,
     )
     from softmodels.api.calls import (
         compare as compare,
@@ -105,6 +106,7 @@ _PLACES = {
         "Balloon",
         "Bellows",
         "PneuNet",
+        "SuctionCup",
         "GeometryError",
         "MeshFileError",
         "MeshingError",

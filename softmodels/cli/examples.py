@@ -903,5 +903,25 @@ spring = "5 N/mm"
 [load]
 pressure = "0:5 kPa"
 """,
+    "cup.toml": f"""# a suction cup at a vacuum of 2 kPa, pulled off the plane by its stem
+name = "cup"
+
+[geometry]
+device = "SuctionCup"
+{_MATERIAL}
+[contact.plane]                 # where the roof comes down
+shape = "plane"
+faces = "cavity"
+at = ["0 mm", "0 mm", "-0.05 mm"]
+along = [0, 0, 1]
+
+[force.pull]
+face = "top"
+direction = "z"
+
+[load]
+at_pressure_cm = -20            # first; then the force, until the lip lifts off and beyond
+force_N = "0:1.6"
+""",
 }
 """File texts by file name."""
