@@ -847,8 +847,8 @@ def _doubt_pressures(pressures: Values | None, case: Case) -> None:
     plain = isinstance(pressures, int | float) or (
         pressures is not None and not isinstance(pressures, str) and not any(isinstance(one, str) for one in pressures)
     )
-    highest = float(np.max(np.asarray(pressures, dtype=float))) if plain else LEAST_PRESSURE
-    if highest < LEAST_PRESSURE:
+    highest = float(max(np.asarray(pressures, dtype=float).flat, key=abs)) if plain else LEAST_PRESSURE
+    if abs(highest) < LEAST_PRESSURE:
         doubt(
             f"the highest pressure is {highest:.4g} Pa, {highest / case.cm:.2g} cm of water; numbers are in Pa, so write "
             f"another unit as a text such as '{highest:g} kPa' or '{highest:g} cm'"
