@@ -100,6 +100,7 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
     (the levels of both tubes), and optionally error. Files are named relative to it, or by their camera's number.
     The columns hold and rise (10 s, 5 min) say how long the pressure was held before the photograph and how long the change
     to it took, in the order in which they were taken: softmodels fit --memory then fits relaxation.
+    A row with anyway in the column use is used in spite of doubts, which stay in the record.
     One photograph at zero pressure shows the surface from which heights are counted.
 
     \b
@@ -169,7 +170,9 @@ def _report(made: Measurement, folder: Path, width: tuple[float, float] | None) 
         say(_line(result))
     say(_scale_words(made.setup, made.zero, width))
     weak = sum(not outline.trusted for outline in made.outlines)
+    insisted = sum(outline.trust == "anyway" for outline in made.outlines)
     remark = f", {weak} of them untrusted" if weak else ""
+    remark += f" ({insisted} to be used anyway)" if insisted else ""
     say(f"{len(made.outlines)} of {len(made.results)} measured{remark}; written to {folder}")
     for result in made.results:
         file = result.photograph.file
@@ -203,7 +206,8 @@ def _line(result: Result) -> str:
     outcome, pressure = result.outcome, result.photograph.pressure
     if isinstance(outcome, Refusal):
         return f"{result.photograph.file.name}  {pressure:9.1f} Pa  refused"
-    remark = "" if outcome.trusted else f"  not trusted: {'; '.join(outcome.reasons)}"
+    words = {"no": "not trusted", "anyway": "not trusted, to be used anyway"}
+    remark = "" if outcome.trusted else f"  {words[outcome.trust]}: {'; '.join(outcome.reasons)}"
     height = f"{outcome.height * 1e3:8.4f} mm +- {outcome.height_error * 1e6:.1f} um"
     return f"{result.photograph.file.name}  {pressure:9.1f} Pa  {height}{remark}"
 

@@ -539,6 +539,7 @@ class Traced:
         tone_error: Distance in m by which the edge may be off because another tone fits as well.
         doubts: What speaks against trusting it, one sentence each.
         camera: Shape of a raised body's edge by the same camera, if this may be the edge of a level surface.
+        anyway: Whether it shall be used in spite of doubts.
     """
 
     image: Pixels
@@ -547,6 +548,7 @@ class Traced:
     tone_error: float = 0.0
     doubts: tuple[str, ...] = ()
     camera: EdgeShape | None = None
+    anyway: bool = False
 
     def of_level(self, raised: Traced) -> Traced:
         """Return this photograph of a level surface, traced again with what a raised body's shows of the camera."""

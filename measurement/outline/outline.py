@@ -66,6 +66,7 @@ class Outline:
         level_error: Standard error in m by which all heights of the run may be off together: a lamp or a body that is not
             level, as far as the photographs do not show it.
         history: Pressures up to the photograph; empty if the times are not known.
+        anyway: Whether it shall be used in spite of what speaks against it.
 
     Raises:
         OutlineError: Arrays that do not fit, values that are not finite, errors that are not positive, x not sorted, or times
@@ -86,6 +87,7 @@ class Outline:
     scale_error: float = 0.0
     level_error: float = 0.0
     history: History = ()
+    anyway: bool = False
 
     def __post_init__(self) -> None:
         for name in ("x", "z", "error"):
@@ -115,6 +117,11 @@ class Outline:
             raise OutlineError(f"{self.source}: the times of its pressures run backwards, or a number is not finite")
         if self.trusted == bool(self.reasons):
             raise OutlineError(f"{self.source}: an outline must have reasons if and only if it is untrusted")
+
+    @property
+    def trust(self) -> str:
+        """``"yes"``, ``"no"``, or ``"anyway"`` where it shall be used in spite of what speaks against it."""
+        return "yes" if self.trusted else "anyway" if self.anyway else "no"
 
     @property
     def apex(self) -> int:
@@ -171,7 +178,7 @@ class Outline:
             f"scale_error = {self.scale_error:.4g}",
             f"level_error_m = {self.level_error:.4g}",
             *([f"history_s_Pa = {'; '.join(f'{time!r} {p!r}' for time, p in self.history)}"] if self.history else []),
-            f"trusted = {'yes' if self.trusted else 'no'}",
+            f"trusted = {self.trust}",
             *(f"reason = {' '.join(reason.split())}" for reason in self.reasons),
         ]
         rows = [
@@ -219,7 +226,8 @@ class Outline:
         if any(len(pair) != 2 for pair in history):
             raise OutlineError(f"{path}: history_s_Pa is not pairs of time and pressure, such as 0 0; 2 1500; 12 1500")
         points = np.array(rows, dtype=np.float64).reshape(-1, 4)
-        trusted = notes.get("trusted", "no") == "yes"
+        trust = notes.get("trusted", "no")
+        trusted = trust == "yes"
         if not trusted and not reasons:
             reasons = ["its file does not mark it as trusted"]
         return cls(
@@ -237,6 +245,7 @@ class Outline:
             scale_error,
             level_error,
             tuple((time, pressure) for time, pressure in history),
+            trust == "anyway",
         )
 
 

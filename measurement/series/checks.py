@@ -46,6 +46,9 @@ BELOW = 4.0
 READING = 0.1
 """Movement in px that the grid's lines can tell from none."""
 
+OR_MASK = "or cover it with setup --mask"
+"""Of a thing that hides a part of the edge."""
+
 STATED = 4.5
 """Ripple in its own scatter from which the stated error has to carry it: the largest of good outlines reach 4."""
 
@@ -58,11 +61,13 @@ class Doubt:
         verdict: What is wrong, with its value.
         remedy: What to do about it.
         rejects: Whether there is no outline at all; otherwise it is only untrusted.
+        lasting: Whether there is none even of a photograph that shall be used anyway, since nothing is left to measure.
     """
 
     verdict: str
     remedy: str = ""
     rejects: bool = False
+    lasting: bool = False
 
     def __str__(self) -> str:
         return f"{self.verdict}; {self.remedy}" if self.remedy else self.verdict
@@ -227,12 +232,12 @@ def doubts(stage: str, evidence: Evidence) -> tuple[str, ...]:
     """Return what the checks of a stage have against a photograph, one sentence each.
 
     Raises:
-        Unmeasurable: One of them rejects it.
+        Unmeasurable: One of them rejects it, although it is not to be used anyway, or leaves nothing to measure.
     """
     found = []
     for check in asked(stage):
         if doubt := check.doubt(evidence):
-            if doubt.rejects:
+            if doubt.lasting or (doubt.rejects and not evidence.traced.anyway):
                 raise Unmeasurable(str(doubt))
             found.append(str(doubt))
     return tuple(found)
@@ -248,7 +253,7 @@ class Repeated(Check, stage=LIST):
 
     def doubt(self, e: Evidence) -> Doubt | None:
         same = e.run.repeated.get(e.run.rows[e.number].file)
-        return Doubt(same, rejects=True) if same else None
+        return Doubt(same, rejects=True, lasting=True) if same else None
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -326,7 +331,7 @@ class Sharp(Check, stage=EDGE):
             return Doubt(
                 f"only {len(edge.px)} points of the edge are clear enough; at least {FEWEST_POINTS} are needed",
                 "photograph it again with more light and contrast, and with no grid line along the surface",
-                rejects=True)  # fmt: skip
+                rejects=True, lasting=True)  # fmt: skip
         slope = e.traced.setup.jacobian(edge.px)
         width = edge.width * np.linalg.norm(slope @ edge.normal[..., None], axis=(1, 2))
         wide = float(np.percentile(width, 90))
@@ -409,7 +414,9 @@ class Thread(Check, stage=EDGE):
     """Is the shadow free of thin things?"""
 
     def doubt(self, e: Evidence) -> Doubt | None:
-        return Doubt("a thin dark thing (hair, thread, tube, a speck) touches the shadow") if e.traced.touched else None
+        if not e.traced.touched:
+            return None
+        return Doubt("a thin dark thing (hair, thread, tube, a speck) touches the shadow", f"take it away, {OR_MASK}")
 
 
 @register_check
@@ -424,7 +431,8 @@ class Noise(Check, stage=EDGE):
         if not np.isfinite(traced.points).all():
             return Doubt(
                 "the shadow lies where the lens correction is not defined",
-                "calibrate with boards up to the picture's corners, or aim the camera at the shadow", rejects=True)  # fmt: skip
+                "calibrate with boards up to the picture's corners, or aim the camera at the shadow",
+                rejects=True, lasting=True)  # fmt: skip
         errors = traced.setup.error(traced.line.px, traced.line.error, traced.normals)
         typical = float(np.median(errors[~traced.line.bridged]))
         if typical <= self.MOST:
@@ -558,22 +566,26 @@ class Moved(Check, stage=OUTLINE):
         if e.above.sum() < FEWEST_POINTS:
             return Doubt(
                 "the shadow is below the surface at zero pressure: the actuator has moved, or the zero is wrong",
-                "photograph it at zero pressure again and list that", rejects=True)  # fmt: skip
+                "photograph it at zero pressure again and list that, or correct setup --zero",
+                rejects=True, lasting=True)  # fmt: skip
         if not e.standing and np.median(e.upwards[e.above]) < 0.5:
             return Doubt(
                 "the edge on the surface's line is not level: the actuator has moved or is not in the picture",
-                "photograph it at zero pressure again and list that", rejects=True)  # fmt: skip
+                "photograph it at zero pressure again and list that, or correct setup --zero",
+                rejects=True)  # fmt: skip
         seen = e.displaced
         if seen is None:
             return Doubt(
                 "the shadow is beside the surface at zero pressure: the actuator has moved, or the zero is wrong",
-                "photograph it at zero pressure again and list that", rejects=True)  # fmt: skip
+                "photograph it at zero pressure again and list that, or correct setup --zero",
+                rejects=True, lasting=True)  # fmt: skip
         off = abs(seen.off)
         if seen.seen and off > max(ON_SURFACE, seen.tolerance):
             return Doubt(
                 f"beside the bulge the surface lies {off * 1e3:.2f} mm {'above' if seen.off > 0.0 else 'below'} the zero "
                 "plane: the actuator, the lamp or the camera has moved since the zero was taken",
-                "photograph it at zero pressure again", rejects=off > max(self.MOST, seen.tolerance))  # fmt: skip
+                "photograph it at zero pressure again, or correct setup --zero",
+                rejects=off > max(self.MOST, seen.tolerance))  # fmt: skip
         if not seen.seen and seen.aslant > ON_SURFACE:
             return Doubt(
                 f"one end of the surface lies {2e3 * seen.aslant:.2f} mm lower than the other: the actuator, the lamp or the "
@@ -601,16 +613,17 @@ class Membrane(Check):
         if turn > self.CORNER:
             return Doubt(
                 f"the edge has a corner of {high}: a second thing (hair, tube, drop, finger) merges with the shadow, or hides "
-                "part of it", "take it away and photograph it again", rejects=True)  # fmt: skip
+                "part of it", f"take it away and photograph it again, {OR_MASK}", rejects=True)  # fmt: skip
         at, bump, scatter = e.ripple
         if abs(bump) > max(self.RIPPLE, self.NOISES * scatter):
             return Doubt(
                 f"{e.raw[at, 1] * 1e3:.1f} mm above the surface the outline has a {'bump' if bump > 0.0 else 'hollow'} of "
                 f"{abs(bump) * 1e6:.0f} um that is narrower than a membrane can bend: a fibre, a grain or a drop on it or "
-                "on the lens, or the screen is not flat")  # fmt: skip
+                "on the lens, or the screen is not flat", f"take it away, {OR_MASK}")  # fmt: skip
         if turn > self.CREASE:
             return Doubt(
-                f"the edge bends sharply by {high}: something lies on it or hides part of it, or it is creased"
+                f"the edge bends sharply by {high}: something lies on it or hides part of it, or it is creased",
+                f"take it away, {OR_MASK}",
             )
         x, z = e.placed.T
         top = int(np.argmax(z))
@@ -696,14 +709,14 @@ class Whole(Check, stage=OUTLINE):
             return Doubt(
                 "too little of the surface between the body's sides is visible",
                 "move the camera closer, or photograph it again with all of its surface in the light",
-                rejects=True)  # fmt: skip
+                rejects=True, lasting=True)  # fmt: skip
         seen, lengths, masked = e.gaps
         words = "the outline has a gap of {:.1f} mm where no edge is clear"
         longest = 1e3 * lengths[~masked].max(initial=0.0)
         if longest > 1e3 * self.LARGEST:
             # What else speaks against the edge may tell why a part of it is missing.
             verdict = "; ".join([words.format(longest), *e.traced.doubts])
-            return Doubt(verdict, "remove the obstruction and photograph it again", rejects=True)
+            return Doubt(verdict, f"remove what hides it and photograph it again, {OR_MASK}", rejects=True)
         highest = float(e.placed[e.kept[0] : e.kept[-1] + 1, 1].max())
         found = []
         for at in np.flatnonzero(lengths > self.TOP):
@@ -713,7 +726,7 @@ class Whole(Check, stage=OUTLINE):
                 found.append(f"{words.format(lengths[at] * 1e3)}, and its highest place may lie in it")
             elif lengths[at] > self.GAP and not masked[at]:
                 found.append(words.format(lengths[at] * 1e3))
-        return Doubt("; ".join(found)) if found else None
+        return Doubt("; ".join(found), f"remove what hides the edge there, {OR_MASK}") if found else None
 
 
 @register_check

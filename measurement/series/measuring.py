@@ -71,10 +71,10 @@ def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO)
     raised = clear_edge(photographs, setup, tone)
     for photo in candidates:
         try:
-            line = find_zero(photo.file, setup, tone, raised)
+            line = find_zero(photo.file, setup, tone, raised, photo.anyway)
             if line.doubts and raised is not None:
                 # A level surface may lie along a grid line, or be deep along the light: neither shows how the camera stores it.
-                line = find_zero(photo.file, setup, raised.tone, raised)
+                line = find_zero(photo.file, setup, raised.tone, raised, photo.anyway)
             if not line.doubts:
                 return line
             doubted.append(line)  # another photograph at zero may be better
@@ -173,7 +173,7 @@ def judged(results: Sequence[Result]) -> list[Result]:
                     rejected = Refusal(str(doubt), results[k].photograph.file)
                     reasons = (*outline.reasons, str(doubt))
                     doubted = dataclasses.replace(outline, trusted=False, reasons=reasons)
-                    outcomes[k] = rejected if doubt.rejects else doubted
+                    outcomes[k] = rejected if doubt.rejects and not outline.anyway else doubted
         if stage == RUN:
             run = Run(_outlines(outcomes))
             for k, off in run.unknown.items():
@@ -191,7 +191,7 @@ def _outlines(outcomes: Sequence[Outline | Refusal]) -> dict[int, Outline]:
 def _draw_again(result: Result, setup: Setup, zero: ZeroLine, tone: str, pictures: Path) -> None:
     with contextlib.suppress(Unmeasurable):  # it could be read a moment ago; what is drawn already stays
         image = read_photograph(result.photograph.file, (setup.camera.width, setup.camera.height))
-        traced = trace_image(image, setup, tone, zero.tone)
+        traced = trace_image(image, setup, tone, zero.tone, result.photograph.anyway)
         draw_edge(pictures / f"{result.name}.png", image, setup, traced, result.outcome, result.photograph.pressure)
 
 
@@ -213,7 +213,7 @@ def _measure_one(
     try:
         image = read_photograph(photo.file, (setup.camera.width, setup.camera.height))
         sample = cut_out(image)
-        traced = trace_image(image, setup, tone, zero.tone)
+        traced = trace_image(image, setup, tone, zero.tone, photo.anyway)
         outcome = outline_of(traced, zero, photo.pressure, photo.pressure_error, photo.file.name)
         outcome = dataclasses.replace(outcome, history=photo.history)
     except Unmeasurable as error:
@@ -319,8 +319,7 @@ def _row(result: Result) -> tuple[str, ...]:
     first = (photo.file.name, repr(photo.pressure), repr(photo.pressure_error))
     if isinstance(outcome, Refusal):
         return (*first, "", "", "refused", outcome.reason)
-    trusted = "yes" if outcome.trusted else "no"
-    return (*first, f"{outcome.height:.9g}", f"{outcome.height_error:.4g}", trusted, "; ".join(outcome.reasons))
+    return (*first, f"{outcome.height:.9g}", f"{outcome.height_error:.4g}", outcome.trust, "; ".join(outcome.reasons))
 
 
 def measure(photographs: Sequence[Photograph], setup: Setup, **how: Unpack[MeasuringOptions]) -> Measurement:

@@ -49,7 +49,7 @@ class Refusal:
     file: Path
 
 
-def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "") -> Traced:
+def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "", anyway: bool = False) -> Traced:
     """Find the edge of the shadow in a photograph.
 
     Args:
@@ -57,30 +57,31 @@ def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "") -> Trace
         setup: Camera and screen.
         tone: How the file stores light, one of `pixels.TONES`, or ``"auto"``.
         likely: The tone of other photographs of the run, for an edge that lies on the grid's ink and does not tell its own.
+        anyway: Whether it shall be used in spite of doubts.
 
     Raises:
         Unmeasurable: The photograph must not be measured; the message is the reason.
     """
-    return trace_image(read_photograph(file, (setup.camera.width, setup.camera.height)), setup, tone, likely)
+    return trace_image(read_photograph(file, (setup.camera.width, setup.camera.height)), setup, tone, likely, anyway)
 
 
-def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "") -> Traced:
-    """Return `trace` of a picture (h, w, 3) that has been read already; ``likely`` is the tone of the run's other photographs.
+def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "", anyway: bool = False) -> Traced:
+    """Return `trace` of a picture (h, w, 3) that has been read already.
 
     A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then,
     by up to half of the penumbra's width. A shape with a free departure from the tone curve follows even a wrong one to some
     extent, so all tones are tried, and the one with the least chi-square is taken if it is decisively less.
     """
     if tone != AUTO:
-        return _traced(image, setup, tone)
+        return _traced(image, setup, tone, anyway)
     names = sorted(TONES, key=lambda name: name != (likely or "srgb"))
-    first = _traced(image, setup, names[0])
+    first = _traced(image, setup, names[0], anyway)
     # Where a shape fits this well, no other tone can be decisively better.
     fits = first.edge.shape.chi_square < DECISIVE
     if likely and fits:
         return first
     try:
-        second = _traced(image, setup, names[1])
+        second = _traced(image, setup, names[1], anyway)
     except Unmeasurable:
         if fits:
             return first
@@ -101,13 +102,15 @@ def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "")
     return best
 
 
-def _traced(image: Pixels, setup: Setup, tone: str) -> Traced:
-    traced = Traced(image, setup, tone)
+def _traced(image: Pixels, setup: Setup, tone: str, anyway: bool) -> Traced:
+    traced = Traced(image, setup, tone, anyway=anyway)
     traced.doubts = doubts(EDGE, Evidence(traced))
     return traced
 
 
-def find_zero(file: Path, setup: Setup, tone: str = AUTO, raised: Traced | None = None) -> ZeroLine:
+def find_zero(
+    file: Path, setup: Setup, tone: str = AUTO, raised: Traced | None = None, anyway: bool = False
+) -> ZeroLine:
     """Return the undeformed surface from the photograph at zero pressure.
 
     Args:
@@ -115,11 +118,12 @@ def find_zero(file: Path, setup: Setup, tone: str = AUTO, raised: Traced | None 
         setup: Camera and screen.
         tone: As of `trace`.
         raised: A photograph of the raised body without doubts, which shows what the camera does to an edge.
+        anyway: As of `trace`.
 
     Raises:
         Unmeasurable: The photograph cannot be measured, or shows no straight surface.
     """
-    return zero_of(trace(file, setup, tone), raised)
+    return zero_of(trace(file, setup, tone, anyway=anyway), raised)
 
 
 def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
@@ -176,6 +180,7 @@ def outline_of(traced: Traced, zero: ZeroLine, pressure: float, pressure_error: 
             traced.line.bridged[order],
             traced.setup.scale_error,
             zero.level_error,
+            anyway=traced.anyway,
         )
     except OutlineError as problem:
         raise Unmeasurable(str(problem)) from None

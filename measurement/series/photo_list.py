@@ -1,8 +1,9 @@
 """The list of photographs, ``photos.csv``: which file was taken at which pressure.
 
 Columns: ``file``; ``pressure`` with its unit, or ``left`` and ``right``, the levels of the two tubes; optionally ``error``;
-optionally ``hold`` and ``rise``, how long the pressure was held before and how long the change to it took. A file is named
-relative to the list, or by the number its camera gave it: 5965 finds IMG_5965.JPG.
+optionally ``hold`` and ``rise``, how long the pressure was held before and how long the change to it took; optionally ``use``,
+which is ``anyway`` where a photograph shall be used in spite of doubts. A file is named relative to the list, or by the number
+its camera gave it: 5965 finds IMG_5965.JPG.
 """
 
 from __future__ import annotations
@@ -150,8 +151,10 @@ def _length_or_pressure(text: str) -> tuple[float, bool]:
             raise ColumnError(f"{brief(text.strip())} is neither a column of water nor a pressure; {FORMS}") from None
 
 
-KNOWN = ("file", "pressure", "left", "right", "error", "hold", "rise")
+KNOWN = ("file", "pressure", "left", "right", "error", "hold", "rise", "use")
 TIMES = ("hold", "rise")
+ANYWAY = "anyway"
+"""In the column ``use`` of a photograph that shall be used in spite of doubts."""
 PICTURES = (
     *(".jpg", ".jpeg", ".mpo", ".png", ".tif", ".tiff", ".heic", ".heif", ".hif"),
     *(".avif", ".webp", ".jp2", ".bmp", ".ppm", ".pgm", ".gif"),
@@ -172,6 +175,7 @@ class Photograph:
         pressure_error: Its standard error in Pa.
         history: Pressures up to the photograph; empty if the list has no times.
         row: Its row as it is written, by column; empty if it is in no list.
+        anyway: Whether it shall be used in spite of doubts.
     """
 
     file: Path
@@ -179,6 +183,7 @@ class Photograph:
     pressure_error: float
     history: History = ()
     row: Mapping[str, str] = dataclasses.field(default_factory=dict, compare=False)
+    anyway: bool = False
 
     @property
     def is_zero(self) -> bool:
@@ -325,7 +330,11 @@ def _photograph(folder: Path, row: dict[str, str], column: Column) -> Photograph
         pressure, pressure_error = column.read(row["pressure"], error)
     else:
         pressure, pressure_error = column.read_tubes(row["left"], row["right"], error)
-    return Photograph(_find(folder, row["file"]), pressure, pressure_error, row=row)
+    if (use := row.get("use", "")).lower() not in ("", ANYWAY):
+        raise PhotoListError(
+            f"use is {brief(use)}; write {ANYWAY} to use the photograph in spite of doubts, or leave it empty"
+        )
+    return Photograph(_find(folder, row["file"]), pressure, pressure_error, row=row, anyway=bool(use))
 
 
 class _Clock:

@@ -1,22 +1,35 @@
-"""What the warm solver answers: a section's path, states between, its limit. Imported in that process only."""
+"""What the warm solver answers: a section's path, states between, its limit; derivatives and outlines of solids that a job has
+solved. Imported in that process only."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
+from geometries.actuator import is_length
 from softmodels.api.calls import limit as limit_of, run
-from softmodels.api.run import Run, SolvedState
+from softmodels.api.run import InFolder, Run, SolvedState
 from softmodels.app.drawing import Section
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
+from softmodels.design.quantities import AddedVolume, DesignedBody, DesignQuantity, Rise
+from softmodels.design.states import Adjoint
+from softmodels.design.trials import PRESSURE
 from softmodels.fitting.outlines.silhouette import Silhouette
 from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.materials.silicones import named, product_of, spanning, stretch_at_break
+from softmodels.mechanics.controls import pressure_control
+from softmodels.mechanics.mpi import start
+from softmodels.mechanics.system import State, System
 from softmodels.runs.columns import span_sentence
-from softmodels.runs.model import Model
+from softmodels.runs.model import Model, temporary_folder
+from softmodels.runs.notes import sentences
+from softmodels.runs.simulation import Simulation
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,18 +109,131 @@ def spread(case: str) -> str:
     return span_sentence(banded, run(banded).sources)
 
 
+class _Solved:
+    """A run that a job has stored, and its device's equations on the same mesh.
+
+    Args:
+        folder: Its folder.
+
+    Raises:
+        ValueError: Its states depend on how they were reached.
+    """
+
+    def __init__(self, folder: str):
+        self.source, comm = InFolder(Path(folder)), start()
+        case = self.source.case
+        if case.timed or case.program or case.driven is not None:
+            raise ValueError("states that depend on time or on a program of loads have no linear answer")
+        self.pressures = [float(row["pressure_Pa"]) for row in self.source.rows]
+        self.simulation = Simulation(case, comm)
+        with sentences(), temporary_folder(comm) as place:
+            mesh = place / "device.msh"
+            mesh.write_bytes(self.source.mesh())
+            self.simulation.prepare(mesh)
+
+    def state(self, pressure: float) -> State:
+        """Return the state at a pressure in Pa, by Newton's method from the nearest stored one."""
+        step = min(range(len(self.pressures)), key=lambda k: abs(self.pressures[k] - pressure))
+        fields, restart = self.source.fields(step), self.source.restart(step)
+        near = self.simulation.fields.state(
+            {name: fields[name] for name in ("displacement", "p")}, restart["P"], restart["V"]
+        )
+        solver = self.simulation.solver
+        return solver.solve(pressure_control(pressure / solver.system.stress_unit), near.w, near.P)
+
+    @functools.cached_property
+    def adjoint(self) -> tuple[DesignedBody, Adjoint]:
+        """Derivatives on this mesh."""
+        design = DesignedBody(self.simulation.solver)
+        return design, Adjoint(design)
+
+
+_solved: dict[tuple[str, float], _Solved] = {}
+"""The last stored run, by its folder and the time at which it was written."""
+
+
+def _solved_in(folder: str) -> _Solved:
+    key = folder, (Path(folder) / "path.csv").stat().st_mtime
+    if key not in _solved:
+        for one in _solved.values():
+            one.simulation.release()
+        _solved.clear()
+        _solved[key] = _Solved(folder)
+    return _solved[key]
+
+
+@dataclasses.dataclass(frozen=True)
+class LinearAnswer:
+    """A solved state with its exact derivatives, for what is near.
+
+    Attributes:
+        case: Text of the case that was solved.
+        pressure: In Pa.
+        values: By column: the rise of each probe in mm, the added volume in ml.
+        by_pressure: Their derivatives per Pa.
+        by_length: Their derivatives per m of each length.
+    """
+
+    case: str
+    pressure: float
+    values: dict[str, float]
+    by_pressure: dict[str, float]
+    by_length: dict[str, dict[str, float]]
+
+    def at(self, pressure: float, changes: Mapping[str, float]) -> dict[str, float]:
+        """Return the values at a pressure in Pa and for lengths changed by so many m, to first order."""
+        step = pressure - self.pressure
+        return {
+            name: value + step * self.by_pressure[name] + sum(d * self.by_length[k][name] for k, d in changes.items())
+            for name, value in self.values.items()
+        }
+
+
+def linear(folder: str, pressure: float) -> LinearAnswer:
+    """Return the state of a stored run at a pressure in Pa with its derivatives by the pressure and by all lengths."""
+    solved = _solved_in(folder)
+    state = solved.state(pressure)
+    design, adjoint = solved.adjoint
+    adjoint.prepare(state)
+    device = solved.source.case.actuator
+    velocities = design.motion.boundary_velocities([name for name in device.movable if is_length(device, name)])
+    asked: dict[str, tuple[DesignQuantity, float]] = {
+        f"{probe}_mm": (Rise(at=pressure, of=probe), 1e3) for probe in device.probes
+    }
+    asked["added_volume_ml"] = AddedVolume(at=pressure), 1e6
+    answer = LinearAnswer(solved.source.case.to_toml(), pressure, {}, {}, {name: {} for name in velocities})
+    for name, (quantity, unit) in asked.items():
+        slopes = quantity.measure(design).slopes(state)
+        answer.values[name] = unit * slopes.value
+        answer.by_pressure[name] = unit * adjoint.multipliers(slopes, PRESSURE)[1] / design.system.stress_unit
+        for length, slope in adjoint.gradient(slopes, PRESSURE, velocities)[0].items():
+            answer.by_length[length][name] = unit * slope
+    return answer
+
+
 SPACING = 1e-4
 """Distance in m of the points of an outline."""
 
 
-def outline(case: str, pressure: float) -> Array:
+def outline(case: str, pressure: float, folder: str = "") -> Array:
     """Return the outer outline of a device at a pressure in Pa: distance from the axis and height above the undeformed apex in
-    m, from the axis on, shape (k, 2)."""
+    m, from the axis on, shape (k, 2).
+
+    Args:
+        case: Text of the case.
+        pressure: In Pa; it may be beyond those of the case.
+        folder: Of the stored run of this case, for a solid.
+    """
+    if folder:
+        solved = _solved_in(folder)
+        return _half_outline(solved.simulation.solver.system, solved.state(pressure))
     asked = Case.from_toml(case)
     model = Model(asked.actuator, asked.material, asked.components, asked.formulation, solver=asked.solver)
     try:
-        # To this very pressure: a photograph may have been taken beyond those of the case.
-        state = model.solve(pressure if pressure > 0.0 else None).state
-        return half_outline(Silhouette(model.system).curve(state), SPACING, -np.inf)[0]
+        return _half_outline(model.system, model.solve(pressure if pressure > 0.0 else None).state)
     finally:
         model.release()
+
+
+def _half_outline(system: System, state: State) -> Array:
+    return half_outline(Silhouette(system).curve(state), SPACING, -np.inf)[0]

@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING
 
 import tomli_w
 
-from measurement.series.photo_list import PICTURES, TIMES, Column, ColumnError, PhotoListError, read_photos
+from measurement.series.photo import AUTO
+from measurement.series.photo_list import ANYWAY, PICTURES, TIMES, Column, ColumnError, PhotoListError, read_photos
+from softmodels.app.forms import page_words
 from softmodels.app.jobs import Jobs
 from softmodels.app.project import OUTLINES, PHOTOGRAPHS, PHOTOS, SETUP, FileKind, Handles, Project
 from softmodels.app.warm import AnswerError, Warm
@@ -26,8 +28,8 @@ if TYPE_CHECKING:
     from softmodels.app.tracing import Plane, Preview, Traced
 
 BENCH = "bench.toml"
-"""How the screen was found: the photograph of its grid, the pitch, and the lens."""
-COLUMNS = ("pressure", "error", *TIMES)
+"""How the screen was found: the photograph of its grid, the pitch, the lens; and how the photographs store light."""
+COLUMNS = ("pressure", "error", *TIMES, "use")
 """Columns of the list beside the file's name."""
 PHOTOGRAPH = FileKind("photographs", "JPEG, PNG, TIFF or HEIC", PICTURES, 80 << 20)
 
@@ -55,6 +57,16 @@ class Listed:
         """As typed; empty until it is."""
         return self.row["pressure"]
 
+    @property
+    def anyway(self) -> bool:
+        """Whether it shall be used in spite of doubts."""
+        return self.row["use"].lower() == ANYWAY
+
+    @property
+    def doubts(self) -> str:
+        """What speaks against it, in the page's words; empty if nothing does."""
+        return page_words(self.why or "; ".join(self.traced.doubts if self.traced else ()))
+
 
 class Photographs:
     """The photographs of a project, as all tabs see them.
@@ -69,7 +81,7 @@ class Photographs:
 
         self.project, self.tracer = project, tracer
         self.changed: Event[str] = Event()
-        self.grid, self.pitch, self.lens = "", "9mm", "none"
+        self.grid, self.pitch, self.lens, self.tone = "", "9mm", "none", AUTO
         self.plane: Plane | None = None
         self.error = ""
         self.listed: dict[str, Listed] = {}
@@ -84,7 +96,8 @@ class Photographs:
         if (bench := self.project / BENCH).exists():
             try:
                 table = read_toml(bench)
-                self.grid, self.pitch, self.lens = (str(table.get(key, "")) for key in ("grid", "pitch", "lens"))
+                for key in ("grid", "pitch", "lens", "tone"):
+                    setattr(self, key, str(table.get(key, getattr(self, key))))
             except (OSError, TomlError) as error:
                 self.error = f"{BENCH} {error}"
         for file in self.project.files(PHOTOGRAPHS, PICTURES):
@@ -131,6 +144,22 @@ class Photographs:
             return {row["file"]: row for row in rows if row["height_m"]}
         except (OSError, KeyError, ValueError):
             return {}
+
+    async def change(self, one: Listed, **entries: str) -> None:
+        """Change entries of a photograph's row, write the list, and trace it anew.
+
+        Raises:
+            ColumnError: Its pressure cannot be read; the row stays as it was.
+            OSError: The list cannot be written; the same.
+        """
+        before, one.row = one.row, {**one.row, **entries}
+        try:
+            self.pressure_of(one)
+            self.write_list()
+        except (ColumnError, OSError):
+            one.row = before
+            raise
+        await self.trace(one)
 
     def write_list(self) -> None:
         """Write ``photos.csv`` of the photographs with a pressure, with all columns that their rows have."""
@@ -199,11 +228,25 @@ class Photographs:
         """
         found: Plane = await self.tracer.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
         self.plane, self.grid, self.pitch, self.lens = found, grid, pitch, lens
-        replace_text(self.project / BENCH, tomli_w.dumps({"grid": grid, "pitch": pitch, "lens": lens}))
+        self._write_bench()
         replace_text(self.project / SETUP, found.setup)
         self.handles = Handles()
         self.write_list()
         self.changed.emit(grid)
+        await self.trace_all()
+
+    def _write_bench(self) -> None:
+        known = {"grid": self.grid, "pitch": self.pitch, "lens": self.lens, "tone": self.tone}
+        replace_text(self.project / BENCH, tomli_w.dumps(known))
+
+    async def take_tone(self, tone: str) -> None:
+        """Take how the photographs store light, and trace them anew.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        self.tone = tone
+        self._write_bench()
         await self.trace_all()
 
     def _lens(self, lens: str) -> str:
@@ -219,7 +262,7 @@ class Photographs:
             return
         try:
             pressure = self.pressure_of(one)
-            one.traced = await self.tracer.ask("trace", str(one.file), self.setup, pressure == 0.0, pressure)
+            one.traced = await self.tracer.ask("trace", str(one.file), self.setup, pressure, self.tone, one.anyway)
             one.why = ""
         except (AnswerError, ColumnError) as error:
             one.traced, one.why = None, str(error)
@@ -253,11 +296,13 @@ class Bench:
 
     Attributes:
         solver, tracer: The processes that answer about devices and about photographs.
+        slower: Another for what takes longer about devices, so that no slider waits for it.
     """
 
     def __init__(self, project: Project, address: str = ""):
         self.project, self.address = project, address
-        self.solver, self.tracer = Warm("softmodels.app.answers"), Warm("softmodels.app.tracing")
+        self.solver, self.slower = Warm("softmodels.app.answers"), Warm("softmodels.app.answers")
+        self.tracer = Warm("softmodels.app.tracing")
         self.jobs, self.photographs = Jobs(project), Photographs(project, self.tracer)
 
     async def begin(self) -> None:
@@ -268,5 +313,5 @@ class Bench:
 
     def end(self) -> None:
         self.jobs.end()
-        self.solver.stop()
-        self.tracer.stop()
+        for warm in (self.solver, self.slower, self.tracer):
+            warm.stop()

@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 import bisect
+import contextlib
 import csv
+import dataclasses
 import io
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometries import ACTUATORS, Actuator, registry
+from geometries.actuator import changed, parameter
 from softmodels.app.drawing import Section, colour_bar, colours_of, section_svg
-from softmodels.app.forms import changed_fields, field_controls, python_lines
-from softmodels.app.jobs import Command, job_panel
+from softmodels.app.forms import changed_fields, field_controls, page_words, python_lines
+from softmodels.app.jobs import Command, Job, job_panel
 from softmodels.app.project import CASE, RESULTS
 from softmodels.app.warm import AnswerError, SupersededError
-from softmodels.case.case import in_unit
+from softmodels.case.case import Case, in_unit
 from softmodels.case.entries import INPUT_ERRORS
+from softmodels.common.errors import GeometryError, reason
 from softmodels.common.files import read_text
 from softmodels.materials.silicones import PRODUCTS, named, silicone
 
 if TYPE_CHECKING:
-    from softmodels.app.answers import PathAnswer, StateAnswer
+    from softmodels.app.answers import LinearAnswer, PathAnswer, StateAnswer
     from softmodels.app.bench import Bench
+    from softmodels.app.project import Project
 
 COLOURS = colours_of()
 FAINT = {"splitLine": {"lineStyle": {"opacity": 0.25}}}
@@ -42,6 +47,7 @@ class DevicePage:
 
         self.bench, self.project = bench, bench.project
         self.answer: PathAnswer | None = None
+        self.linear: LinearAnswer | None = None
         self.own = False
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
@@ -54,7 +60,7 @@ class DevicePage:
                 with ui.row().classes("w-full items-center no-wrap gap-3"):
                     self.slider = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0).classes("grow")
                     self.slider.props('aria-label="pressure" data-name="pressure"')
-                    self.reading = ui.label().classes("w-28 text-right")
+                    self.reading = ui.label().classes("w-28 text-right").props('data-name="pressure-shown"')
                 self.slider.on_value_change(lambda _: self._show_between())
                 self.slider.on("change", lambda _: self._solve_between())
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
@@ -63,10 +69,12 @@ class DevicePage:
                 self.spread = ui.label().classes("text-sm").props('data-name="spread"')
                 self.notes = ui.column().classes("gap-1")
                 job_panel(bench.jobs, OUTPUT, "Run with all pictures", self._run, f"{OUTPUT}/report.html")
+                self.whole = WholeCase(self.project, self._say)
                 with ui.expansion("The same in a terminal, and in Python").classes("w-full").props("dense"):
                     self.terminal = ui.code("", language="bash").classes("w-full").props('data-name="terminal"')
                     self.python = ui.code("", language="python").classes("w-full").props('data-name="python"')
         self.project.changed.subscribe(self._changed)
+        bench.jobs.changed.subscribe(self._ended)
         ui.timer(0.05, self._solve, once=True)
         ui.timer(1.0, self._follow)
 
@@ -83,7 +91,7 @@ class DevicePage:
         ui.select(kinds, value=type(case.actuator).__name__, label="Device").classes("w-full").props(
             'dense data-name="device"'
         ).on_value_change(lambda event: self._take_device(event.value))
-        field_controls(case.actuator, self._take_field)
+        field_controls(case.actuator, self._take_field, self._move_field)
         ui.separator()
         known = named(case.material)
         names = sorted(PRODUCTS)
@@ -107,10 +115,17 @@ class DevicePage:
     async def _take_field(self, name: str, value: object) -> None:
         device = self.project.case.actuator
         try:
-            changed = type(device)(**{**changed_fields(device), name: value})
+            made = type(device)(**{**changed_fields(device), name: value})
         except INPUT_ERRORS as error:
             return self._say(str(error))
-        await self._take(actuator=changed)
+        await self._take(actuator=made)
+
+    def _move_field(self, name: str, value: float) -> None:
+        """Show the linear answer of a solid while a slider moves."""
+        device = self.project.case.actuator
+        if self.linear is not None and name in device.movable:
+            with contextlib.suppress(GeometryError):
+                self._show_linear(changed(device, {name: value}))
 
     async def _take_pressures(self, text: str) -> None:
         try:
@@ -136,16 +151,19 @@ class DevicePage:
         if not self.own:  # the controls of this tab show its own change already
             self.controls.refresh()
         self.own = False
+        self.whole.show()
         await self._solve()
+
+    async def _ended(self, job: Job) -> None:
+        if job.output == OUTPUT and not job.active and not is_section(self.project.case.actuator):
+            await self._solve()
 
     async def _solve(self) -> None:
         case, text = self.project.case, self.project.case.to_toml()
-        self._say(self.project.case_error)
-        if not _is_section(case.actuator):
-            self.answer = None
-            self.picture.set_content("")
-            self.scale.set_content("")
-            return self._say("this device is a solid: start a run below, its path appears as it is solved")
+        self._say(f"{CASE} cannot be used: {self.project.case_error}" if self.project.case_error else "")
+        if not is_section(case.actuator):
+            return await self._solve_solid()
+        self.linear = None
         try:
             answer: PathAnswer = await self.bench.solver.ask("path", text, kind="path")
         except SupersededError:
@@ -169,23 +187,81 @@ class DevicePage:
         self._show(answer.states[self.pressures.index(top)])
         self._plot([one.row for one in answer.states])
         self._report(answer)
-        for function, label in (("limit", self.limit), ("spread", self.spread)):
+        for label in (self.limit, self.spread):
             label.set_text("")
+        for function, label in (("limit", self.limit), ("spread", self.spread)):
             try:
-                label.set_text(await self.bench.solver.ask(function, self.text, kind=function))
+                label.set_text(await self.bench.slower.ask(function, text, kind=function))
             except SupersededError:
                 return
             except AnswerError as error:
                 label.set_text(str(error))
 
+    # -- solids -------------------------------------------------------------------------------------------------------
+
+    async def _solve_solid(self) -> None:
+        """Show what the last run of this solid has solved, and what follows from it to first order."""
+        self.answer = None
+        for place in (self.picture, self.scale):
+            place.set_content("")
+        for label in (self.limit, self.spread):
+            label.set_text("")
+        self.numbers.clear()
+        (stored, rows), job = stored_run(self.project), self.bench.jobs.latest(OUTPUT)
+        if stored is None or not rows or (job is not None and job.active):
+            self.linear = None
+            return self._say("this device is a solid: start a run below, its path appears as it is solved")
+        self._plot(rows)
+        top = max(float(row["pressure_cm"]) for row in rows)
+        if self.linear is None or self.linear.case != stored.to_toml():
+            self.slider.props(f"max={top} step={top / 500}")
+            self.slider.set_value(top)
+            await self._linear_at(top)
+        elif self.linear is not None:
+            self._show_linear(self.project.case.actuator)
+
+    async def _linear_at(self, pressure: float) -> None:
+        """Ask for the state of the stored run at a pressure in cm, with its derivatives, and show it."""
+        folder = str(self.project / OUTPUT)
+        try:
+            self.linear = await self.bench.slower.ask("linear", folder, pressure * self.project.case.cm, kind="linear")
+        except SupersededError:
+            return
+        except AnswerError as error:
+            self.linear = None
+            return self._say(str(error))
+        self._show_linear(self.project.case.actuator)
+
+    def _show_linear(self, device: Actuator) -> None:
+        """Show the first-order answer of a solid with other lengths at the slider's pressure."""
+        linear, cm = self.linear, self.project.case.cm
+        if linear is None:
+            return
+        base, wanted = Case.from_toml(linear.case).actuator, float(self.slider.value or 0.0) * cm
+        changes = {name: parameter(device, name) - parameter(base, name) for name in linear.by_length}
+        solved = device == base and abs(wanted - linear.pressure) <= 1e-3 * cm
+        self.reading.set_text(f"{wanted / cm:.4g} cm")
+        mark = "" if solved else "  (linear)"
+        found = linear.at(wanted, changes)
+        labels = [("pressure", f"{wanted / cm:.4g} cm ({wanted / 1e3:.4g} kPa)")]
+        labels += [
+            (f"rise of the {name.removesuffix('_mm')}" if name.endswith("_mm") else "added volume",
+             f"{value:.4g} {name.rpartition('_')[2]}{mark}")
+            for name, value in found.items()
+        ]  # fmt: skip
+        self._table(labels)
+        self._say(
+            "" if solved else f"linear answer from the state solved at {linear.pressure / cm:.4g} cm, by its exact "
+            "derivatives; start a run for the solved one"
+        )  # fmt: skip
+
     def _follow(self) -> None:
         """Show the path of a solid while its job solves it."""
         job = self.bench.jobs.latest(OUTPUT)
-        if job is None or not job.active or _is_section(self.project.case.actuator):
+        if job is None or not job.active or is_section(self.project.case.actuator):
             return
         try:
-            rows = list(csv.DictReader(io.StringIO(read_text(self.project / OUTPUT / "path.csv"))))
-            self._plot([{name: float(row[name]) for name in row if name.endswith(("_mm", "_cm"))} for row in rows])
+            self._plot(path_rows(self.project / OUTPUT))
         except (OSError, ValueError, KeyError, TypeError):  # not there yet, or a row half written
             return
 
@@ -206,16 +282,16 @@ class DevicePage:
         with self.notes:
             for text in (answer.end, *answer.notes):
                 if text:
-                    ui.label(text).classes("text-sm")
+                    ui.label(page_words(text)).classes("text-sm")
         case_file = self.project / CASE
         file = str(case_file.relative_to(Path.cwd()) if case_file.is_relative_to(Path.cwd()) else case_file)
         self.terminal.set_content(f"uv run softmodels run {shlex.quote(file)}")
         self.python.set_content(python_lines(case, file))
 
     def _show_between(self) -> None:
-        """Show the section at the slider, between the states of the path, while it moves."""
+        """Show the section at the slider, between the states of the path, while it moves; of a solid its linear answer."""
         if self.answer is None:
-            return
+            return self._show_linear(self.project.case.actuator)
         wanted, at = float(self.slider.value or 0.0), self.pressures
         rising = at.index(max(at)) + 1
         k = min(max(bisect.bisect_left(at, wanted, hi=rising), 1), rising - 1)
@@ -226,7 +302,7 @@ class DevicePage:
     async def _solve_between(self) -> None:
         """Show the state at the slider, solved."""
         if self.answer is None:
-            return
+            return await self._linear_at(float(self.slider.value)) if self.linear is not None else None
         try:
             state = await self.bench.solver.ask("state", self.text, f"{self.slider.value} cm", kind="state")
         except SupersededError:
@@ -236,13 +312,16 @@ class DevicePage:
         self._show(state)
 
     def _show(self, state: StateAnswer) -> None:
-        from nicegui import ui
-
         row = state.row
         self._draw(state.section, float(row["pressure_cm"]))  # type: ignore[arg-type]
+        self._table(self._figures(row))
+
+    def _table(self, figures: Sequence[tuple[str, str]]) -> None:
+        from nicegui import ui
+
         self.numbers.clear()
         with self.numbers:
-            for name, text in self._figures(row):
+            for name, text in figures:
                 ui.label(name).classes("text-grey-7")
                 ui.label(text).props(f'data-name="{name}"')
 
@@ -269,7 +348,82 @@ class DevicePage:
         self.reading.set_text(f"{pressure:.4g} cm")
 
 
-def _is_section(device: Actuator) -> bool:
+class WholeCase:
+    """The case's file as text, for what has no control: components, regions, programs of loads; in the current place of a page.
+
+    Args:
+        project: The project.
+        say: Takes the sentence why a text cannot be taken.
+    """
+
+    def __init__(self, project: Project, say: Callable[[str], None]):
+        from nicegui import ui
+
+        self.project, self.say = project, say
+        with ui.expansion("The whole case").classes("w-full").props('dense data-name="whole-case"'):
+            ui.label(f"All that {CASE} can say, components too; the documentation has its tables").classes("text-sm")
+            self.box = (
+                ui.textarea(label=CASE)
+                .classes("w-full font-mono")
+                .props('outlined input-class="case-text" input-style="min-height: 18rem" data-name="case-text"')
+            )
+            self.why = ui.label().classes("text-negative").props('data-name="case-why"')
+            with ui.row():
+                ui.button("Take it", on_click=self._take).props('outline data-name="take-case"')
+                self.aside = ui.button("Set it aside, start anew", on_click=self._set_aside)
+                self.aside.props('outline data-name="set-aside"')
+        self.show()
+
+    def show(self) -> None:
+        """Show the file as it is."""
+        self.box.set_value(self.project.case_text)
+        self.why.set_text(self.project.case_error)
+        self.aside.set_visibility(bool(self.project.case_error))
+
+    def _take(self) -> None:
+        try:
+            self.project.change_text(str(self.box.value or ""))
+        except (*INPUT_ERRORS, OSError) as error:
+            self.why.set_text(page_words(reason(error)))
+
+    def _set_aside(self) -> None:
+        try:
+            self.project.set_aside()
+        except OSError as error:
+            self.why.set_text(reason(error))
+
+
+def stored_run(project: Project) -> tuple[Case | None, list[dict[str, float]]]:
+    """Return the case of the stored run of a project's device and its path, if it differs from the present case in lengths and
+    pressures at most."""
+    case, folder = project.case, project / OUTPUT
+    try:
+        stored = Case.from_file(folder / CASE)
+        rows = path_rows(folder)
+        same = {name: parameter(case.actuator, name) for name in stored.actuator.movable}
+        like = dataclasses.replace(
+            stored,
+            name=case.name,
+            actuator=changed(stored.actuator, same),
+            pressures_cm=case.pressures_cm,
+            band=case.band,
+        )
+    except (*INPUT_ERRORS, GeometryError, OSError, ValueError, TypeError, KeyError):
+        return None, []
+    return (stored, rows) if like == case else (None, [])
+
+
+def path_rows(folder: Path) -> list[dict[str, float]]:
+    """Return the lengths and pressures of a path that is stored, row by row.
+
+    Raises:
+        OSError, ValueError, TypeError: There is none yet, or a row is half written.
+    """
+    rows = csv.DictReader(io.StringIO(read_text(folder / "path.csv")))
+    return [{name: float(row[name]) for name in row if name.endswith(("_mm", "_cm"))} for row in rows]
+
+
+def is_section(device: Actuator) -> bool:
     return getattr(device, "section", "") == "axisymmetric" or device.axial
 
 

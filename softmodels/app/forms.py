@@ -1,8 +1,10 @@
-"""Controls for the fields of a device: a slider and a box with the unit for each number, lists for choices."""
+"""Controls for the fields of a device: a slider and a box with the unit for each number, lists for choices; the page's words
+for options of the command line."""
 
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Awaitable, Callable, Mapping
 from typing import TYPE_CHECKING
 
@@ -17,12 +19,42 @@ if TYPE_CHECKING:
 
 Take = Callable[[str, object], Awaitable[None]]
 """Takes a field's name and its new value: a number in SI units, or a text."""
+Moved = Callable[[str, float], None]
+"""Takes the name of a number whose slider moves, and its value there in SI units."""
+WORDS = {
+    "give setup --mask smaller ones": "make them smaller",
+    "give setup --roi a larger one": "make it larger",
+    r"give two points of (its|the) surface to setup --zero": r"drag the Zero line onto \1 surface",
+    r"give two points of it to the setup \(--zero\)": "drag the Zero line onto it",
+    "setup --roi": "the Region",
+    "setup --mask": "a Mask",
+    "setup --zero": "the Zero line",
+    "give --tone srgb for": "choose sRGB as the tone for",
+    "--tone linear": "linear",
+    "with --tone": "as the tone",
+    r"or skip the correction with --lens none": "or choose no lens correction",
+    "and rerun setup": "and find it again",
+    "before setup and photos": "before dropping it",
+    "use --material all to compare laws": "choose more laws to compare them",
+    r"use (--band \S+|band=.*) to compute all of them, or": "the page computes all of them;",
+    r"; use it with --material \S+": "",
+}
+"""What the page calls options of the command line in sentences: patterns, in the order in which they are replaced."""
+
+
+def page_words(sentence: str) -> str:
+    """Return a sentence that names options of the command line with the page's controls instead."""
+    for option, control in WORDS.items():
+        sentence = re.sub(option, control, sentence)
+    return sentence
+
+
 SPAN = 3.0
 """A slider reaches from the default over this factor to the default times it."""
 STEPS = 200
 
 
-def field_controls(device: Actuator, take: Take) -> None:
+def field_controls(device: Actuator, take: Take, moved: Moved) -> None:
     """Add controls for a device's fields in the current place of the page.
 
     Lengths and angles that shape the device come first; the others are folded away.
@@ -30,24 +62,25 @@ def field_controls(device: Actuator, take: Take) -> None:
     Args:
         device: The device as it is.
         take: Is called when a slider is let go, a box left, or a choice made.
+        moved: Is called while a slider moves.
     """
     from nicegui import ui
 
     fields = {name: field for name, field in about(device).items() if not field.idle(device)}
     first = {name: field for name, field in fields.items() if _is_shape(field)}
     for name, field in first.items():
-        _control(device, name, field, take)
+        _control(device, name, field, take, moved)
     with ui.expansion("More").classes("w-full").props("dense"):
         for name, field in fields.items():
             if name not in first:
-                _control(device, name, field, take)
+                _control(device, name, field, take, moved)
 
 
 def _is_shape(field: About) -> bool:
     return isinstance(field.kind, Quantity) and field.shape and bool(field.kind.unit)
 
 
-def _control(device: Actuator, name: str, field: About, take: Take) -> None:
+def _control(device: Actuator, name: str, field: About, take: Take, moved: Moved) -> None:
     from nicegui import ui
 
     made: ValueElement
@@ -59,7 +92,7 @@ def _control(device: Actuator, name: str, field: About, take: Take) -> None:
         made = ui.switch(label, value=value)
         made.on_value_change(lambda event: take(name, event.value))
     elif isinstance(kind, Quantity):
-        return _number(device, name, field, take)
+        return _number(device, name, field, take, moved)
     else:
         made = ui.input(label, value=_text(kind, value))
         made.on("change", lambda _: take(name, _read(kind, str(made.value))))
@@ -67,7 +100,7 @@ def _control(device: Actuator, name: str, field: About, take: Take) -> None:
     return None
 
 
-def _number(device: Actuator, name: str, field: About, take: Take) -> None:
+def _number(device: Actuator, name: str, field: About, take: Take, moved: Moved) -> None:
     from nicegui import ui
 
     unit, value = field.kind.unit, float(getattr(device, name))
@@ -78,7 +111,12 @@ def _number(device: Actuator, name: str, field: About, take: Take) -> None:
         slider = ui.slider(min=reach[0], max=reach[1], step=(reach[1] - reach[0]) / STEPS, value=value)
         slider.classes("grow").props(f'aria-label="{name.replace("_", " ")}"').props(f'data-name="{name}-slider"')
     box.tooltip(field.help).props(f'data-name="{name}"')
-    slider.on_value_change(lambda event: box.set_value(readable(float(f"{event.value:.4g}"), unit)))
+
+    def shown(value: float) -> None:
+        box.set_value(readable(float(f"{value:.4g}"), unit))
+        moved(name, float(f"{value:.4g}"))
+
+    slider.on_value_change(lambda event: shown(event.value))
     slider.on("change", lambda _: take(name, float(f"{slider.value:.4g}")))
 
     async def typed() -> None:

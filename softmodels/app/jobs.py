@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
+from softmodels.app.forms import page_words
 from softmodels.common.files import replace_text
 from softmodels.runs import outcomes
 
@@ -214,7 +215,7 @@ def job_panel(jobs: Jobs, output: str, title: str, command: Callable[[], Command
         text = jobs.log(job)
         lines = [one for one in text.splitlines() if one.strip()]
         state.set_text(job.state)
-        line.set_text(lines[-1] if lines else "")
+        line.set_text(page_words(lines[-1]) if lines else "")
         whole.set_content(f"$ {job.command}\n{text}")
         if report and not active and (jobs.project / report).is_file():
             address = f"/files/{quote(report)}?{int((jobs.project / report).stat().st_mtime)}"

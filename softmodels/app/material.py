@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
+from softmodels.app.forms import page_words
 from softmodels.app.jobs import DONE, Command, Job, job_panel
 from softmodels.app.project import CURVES, FITTED, OUTLINES, RESULTS, FileKind
 from softmodels.case.entries import INPUT_ERRORS
@@ -48,8 +49,7 @@ class MaterialPage:
                 self.curves()
                 self.with_outlines = ui.switch("Outlines of the photographs", value=(self.project / OUTLINES).is_dir())
                 self.with_outlines.props('data-name="with-outlines"')
-                self.with_untrusted = ui.switch("Also untrusted ones").props('data-name="with-untrusted"')
-                self.with_untrusted.tooltip("The doubts stay in the fit's record")
+                self.with_outlines.tooltip("Without those that are not trusted, unless they shall be used anyway")
                 self.laws = ui.select(sorted(LAWS), value=["yeoh"], label="Laws to compare", multiple=True)
                 self.laws.classes("w-full").props('dense use-chips data-name="laws"')
                 self.fixed = ui.input("Fixed parameters", placeholder="c3=0, leak=0").classes("w-full").props("dense")
@@ -94,8 +94,8 @@ class MaterialPage:
             if not (self.project / OUTLINES).is_dir():
                 return "there are no outlines yet: measure the photographs first, or switch the outlines off"
             words += [self.project.case_file(), f"{OUTLINES}/"]
-            if self.with_untrusted.value:
-                words.append("--untrusted")
+            for name, row in self.bench.photographs.measured.items():
+                words += ["--exclude", name] if row["trusted"] == "no" else []
         for name, test in self.tests.items():
             if test.value != "not used":
                 words += ["--tensile", f"{CURVES}/{name}:{test.value}"]
@@ -112,7 +112,9 @@ class MaterialPage:
         return [*words, "-o", OUTPUT], OUTPUT, False
 
     async def _ended(self, job: Job) -> None:
-        if job.output == OUTPUT and job.state == DONE:
+        if job.output == OUTLINES and not job.active:
+            self.with_outlines.set_value((self.project / OUTLINES).is_dir())
+        elif job.output == OUTPUT and job.state == DONE:
             self._show()
 
     def _show(self) -> None:
@@ -126,13 +128,15 @@ class MaterialPage:
         except (OSError, ValueError, KeyError, StopIteration):
             return
         with self.answer:
-            for one in law["parameters"]:
-                ends = one["interval_95"]
-                unit, value = one["unit"], readable(one["value"], one["unit"])
-                between = f", 95 %: {' to '.join(readable(end, unit) for end in ends)}" if ends else ""
-                between = ", fixed" if one["fixed"] else between
-                ui.label(f"{one['name']}  {value}{between}").props(f'data-name="fitted-{one["name"]}"')
-            ui.label(found["verdict"]).classes("text-sm")
+            with ui.grid(columns="auto auto auto").classes("gap-x-6 gap-y-0"):
+                for one in law["parameters"]:
+                    ends, unit = one["interval_95"], one["unit"]
+                    value, *between = (readable(float(f"{end:.4g}"), unit) for end in (one["value"], *(ends or ())))
+                    about = "fixed" if one["fixed"] else f"95 %: {' to '.join(between)}" if between else ""
+                    ui.label(one["name"].replace("_", " ")).classes("text-grey-7")
+                    ui.label(value).props(f'data-name="fitted-{one["name"]}"')
+                    ui.label(about)
+            ui.label(page_words(found["verdict"])).classes("text-sm")
             ui.button("Use it for the device", on_click=self._use).props('outline data-name="use-material"')
 
     def _use(self) -> None:

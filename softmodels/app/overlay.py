@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from softmodels.app.device import OUTPUT as DEVICE, is_section, stored_run
 from softmodels.app.photographs import picture_of, points_text
 from softmodels.app.project import OUTLINES, PHOTOS
 from softmodels.app.warm import AnswerError, SupersededError
@@ -62,14 +63,17 @@ class OverlayPage:
     async def _draw(self, name: str) -> str:
         """Draw the outline over a photograph; return the sentence why it cannot be drawn."""
         photos, case = self.bench.photographs, self.project.case
-        if not case.actuator.axial:
-            return "outlines are drawn over photographs of axisymmetric devices only"
+        solid = "" if is_section(case.actuator) else str(self.project / DEVICE)
+        if solid and ((stored := stored_run(self.project)[0]) is None or stored.actuator != case.actuator):
+            return "this device is a solid: run it first, on the page Device"
         one, pressure = photos.listed.get(name), self.measured[name]
         if one is None:
             return f"{name} is no longer among the photographs"
-        curve = await self.bench.solver.ask("outline", case.to_toml(), pressure, kind="outline")
+        curve = await self.bench.slower.ask("outline", case.to_toml(), pressure, solid, kind="outline")
         file, listing = self.project / OUTLINES / f"{one.file.stem}.csv", self.project / PHOTOS
-        found: Overlay = await self.bench.tracer.ask("overlay", str(listing), photos.setup, str(file), curve)
+        found: Overlay = await self.bench.tracer.ask(
+            "overlay", str(listing), photos.setup, str(file), curve, case.actuator.axial
+        )
         await photos.show(one)
         if one.preview is None:
             return one.why

@@ -8,14 +8,17 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
-from measurement.series.photo_list import PICTURES, ColumnError, PhotoListError, read_photos
+from measurement.series.photo import AUTO
+from measurement.series.photo_list import ANYWAY, PICTURES, ColumnError, PhotoListError, read_photos
 from softmodels.app.bench import PHOTOGRAPH
+from softmodels.app.forms import page_words
 from softmodels.app.jobs import Command, Job, job_panel
 from softmodels.app.project import BOARDS, LENS, OUTLINES, PHOTOS, PREVIEW, SETUP, Handles
 from softmodels.app.warm import AnswerError
 from softmodels.common.arrays import Array
-from softmodels.common.errors import FieldError
+from softmodels.common.errors import FieldError, reason
 
 if TYPE_CHECKING:
     from nicegui.elements.icon import Icon
@@ -25,8 +28,9 @@ if TYPE_CHECKING:
     from nicegui.events import MouseEventArguments, MultiUploadEventArguments
 
     from softmodels.app.bench import Bench, Listed
-    from softmodels.app.tracing import Preview
+    from softmodels.app.tracing import Preview, Traced
 
+TONE_WORDS = {"srgb": "sRGB, as a camera's JPEG", "linear": "linear, in proportion to the light"}
 REACH = 40.0
 """Pixels of a preview within which a press takes hold of a handle."""
 
@@ -65,6 +69,12 @@ class PhotographsPage:
                     .classes("w-full photograph")
                     .props('data-name="photograph"')
                 )
+                with ui.row().classes("w-full items-center no-wrap gap-3") as self.doubt:
+                    ui.icon("report_problem", size="sm").props("color=warning")
+                    self.doubt_words = ui.label().classes("grow").props('data-name="doubts"')
+                    self.anyway = ui.switch("Use it anyway").props('data-name="use-anyway"').classes("shrink-0")
+                    self.anyway.tooltip("The doubts stay in the record of the measurement and of the fit")
+                    self.anyway.on("update:model-value", lambda _: self._use())
                 with ui.row().classes("gap-4 items-center"):
                     self.with_zero = ui.switch("Zero line", value=self.photos.handles.zero is not None)
                     self.with_zero.tooltip("Two points on the undeformed surface; drag them").props(
@@ -76,9 +86,9 @@ class PhotographsPage:
                         'data-name="region"'
                     )
                     self.with_roi.on("update:model-value", lambda _: self._toggle())
-                    ui.button("Mask", icon="add", on_click=lambda: self._mask(True)).props("flat dense").tooltip(
-                        "A region in which no edge is looked for, such as a label; drag its corners"
-                    )
+                    mask = ui.button("Mask", icon="add", on_click=lambda: self._mask(True)).props("flat dense")
+                    mask.tooltip("A region in which no edge is looked for, such as a label; drag its corners")
+                    self.cures = {"the Zero line": self.with_zero, "the Region": self.with_roi, "a Mask": mask}
                     ui.button(icon="remove", on_click=lambda: self._mask(False)).props(
                         'flat dense aria-label="remove the last mask"'
                     )
@@ -99,14 +109,19 @@ class PhotographsPage:
         with ui.row().classes("w-full items-end no-wrap gap-2"):
             self.grid = ui.select([], label="photograph of the grid").classes("grow").props('data-name="grid"')
             self.pitch = ui.input("pitch", value=self.photos.pitch).classes("w-20").props('data-name="pitch"')
-        self.lens = ui.select([], label="lens correction").classes("w-full").props("dense")
+        self.lens = ui.select([], label="lens correction").classes("w-full").props('dense data-name="lens"')
         with ui.expansion("Lens from photographs of a board").classes("w-full").props("dense"):
             boards = ui.upload(label="Drop ten photographs of a chessboard", multiple=True, auto_upload=True,
                                max_file_size=PHOTOGRAPH.largest, on_multi_upload=self._boards)  # fmt: skip
             boards.classes("w-full").props('accept="image/*,.heic,.tif,.tiff" data-name="boards"')
+            self.boards = ui.label().props('data-name="boards-given"')
             self.pattern = ui.input("inner corners", value="9x6").props('dense data-name="pattern"')
             self.square = ui.input("side of a square", value="25mm").props('dense data-name="square"')
             job_panel(self.bench.jobs, LENS, "Calibrate", self._calibrate)
+        tones = {AUTO: "tone: as the edge shows", **{name: f"tone: {words}" for name, words in TONE_WORDS.items()}}
+        self.tone = ui.select(tones, value=self.photos.tone, label="how the photographs store light")
+        self.tone.classes("w-full").props('dense data-name="tone"')
+        self.tone.on_value_change(self._tone)
         self.find = ui.button("Find the grid", on_click=self._find).props('dense data-name="find-grid"')
         ui.label("Photographs").classes("font-bold")
         self.rows: dict[str, tuple[Row, Input, Icon, Tooltip]] = {}
@@ -125,6 +140,8 @@ class PhotographsPage:
         lenses = ["none", "auto", *(file.name for file in files if file.name.startswith("lens"))]
         if self.lens.options != lenses:
             self.lens.set_options(lenses, value=self.photos.lens if self.photos.lens in lenses else "none")
+        count = len(self.photos.project.files(BOARDS, PICTURES))
+        self.boards.set_text(f"{count} photographs of the board" if count else "")
         shown = {one.file.name: one for one in self.photos.shadows}
         for name in [name for name in self.rows if name not in shown]:
             self.rows.pop(name)[0].delete()
@@ -146,14 +163,15 @@ class PhotographsPage:
             icon.set_name(name_of_icon)
             box.set_value(one.pressure)
             icon.props(f"color={colour}")
-            tooltip.set_text(one.why or "; ".join(one.traced.doubts if one.traced else ()) or "edge found")
+            tooltip.set_text(one.doubts or "edge found")
 
     async def _boards(self, event: MultiUploadEventArguments) -> None:
         for given in event.files:
             try:
                 self.photos.project.keep(BOARDS, given.name, await given.read(), PHOTOGRAPH)
             except (FieldError, OSError) as error:
-                self._say(str(error))
+                self._say(reason(error))
+        self._update()
 
     def _calibrate(self) -> Command:
         files = [f"{BOARDS}/{file.name}" for file in self.photos.project.files(BOARDS, PICTURES)]
@@ -178,27 +196,37 @@ class PhotographsPage:
             await self.photos.find_plane(str(self.grid.value), str(self.pitch.value), str(self.lens.value))
             self._say("")
         except (AnswerError, OSError) as error:
-            self._say(str(error))
+            self._say(reason(error))
         finally:
             self.find.props(remove="loading")
 
     async def _pressure(self, one: Listed, text: str) -> None:
-        before, one.row = one.row, {**one.row, "pressure": text.strip(), "error": ""}
+        await self._change(one, pressure=text.strip(), error="")
+
+    async def _change(self, one: Listed, **entries: str) -> None:
         try:
-            self.photos.pressure_of(one)
-            self.photos.write_list()
+            await self.photos.change(one, **entries)
+            self._say("")
         except (ColumnError, OSError) as error:
-            one.row = before
-            return self._say(f"{one.file.name}: {error}")
-        self._say("")
-        await self.photos.trace(one)
+            self._say(f"{one.file.name}: {reason(error)}")
+
+    async def _use(self) -> None:
+        if (one := self.photos.listed.get(self.shown)) is not None:
+            await self._change(one, use=ANYWAY if self.anyway.value else "")
+
+    async def _tone(self) -> None:
+        if self.tone.value != self.photos.tone:
+            try:
+                await self.photos.take_tone(str(self.tone.value))
+            except OSError as error:
+                self._say(reason(error))
 
     async def _uploaded(self, event: MultiUploadEventArguments) -> None:
         for file in event.files:
             try:
                 await self.photos.add(file.name, await file.read())
             except (AnswerError, FieldError, OSError) as error:
-                self._say(str(error))
+                self._say(reason(error))
         self.upload.reset()
         if not self.shown:
             self.shown = next(iter(self.photos.listed), "")
@@ -211,7 +239,7 @@ class PhotographsPage:
             await self._show()
 
     def _say(self, sentence: str) -> None:
-        self.message.set_text(sentence)
+        self.message.set_text(page_words(sentence))
 
     async def _choose(self, name: str) -> None:
         self.shown = name
@@ -246,12 +274,22 @@ class PhotographsPage:
         if (row := self.photos.measured.get(one.file.name)) is not None:
             height, error = float(row["height_m"]), float(row["height_error_m"])
         if height is not None and error is not None:
-            words.append(f"height {height * 1e3:.4f} mm +- {error * 1e6:.1f} um")
-        if one.why:
-            words.append(f"refused: {one.why}")
-        elif traced is not None and traced.doubts:
-            words.append("not trusted: " + "; ".join(traced.doubts))
+            words.append(f"height {height * 1e3:.4f} mm ± {error * 1e6:.1f} um")
+        if traced is not None:
+            wide = f", drawn {traced.enlarged} times as wide" if traced.enlarged > 1 else ""
+            words.append(f"band: its standard error{wide}")
         self.about.set_text("; ".join(words))
+        self._doubt(one)
+
+    def _doubt(self, one: Listed) -> None:
+        """Show what speaks against a photograph, which handle may cure it, and whether it shall be used anyway."""
+        doubts = one.doubts
+        verdict = "refused" if one.why else "not trusted, used anyway" if one.anyway else "not trusted"
+        self.doubt_words.set_text(f"{verdict}: {doubts}" if doubts else "")
+        self.doubt.set_visibility(bool(doubts) or one.anyway)
+        self.anyway.set_value(one.anyway)
+        for name, control in self.cures.items():
+            control.classes("cures") if name in doubts else control.classes(remove="cures")
 
     def _draw(self) -> None:
         one = self.photos.listed.get(self.shown)
@@ -264,6 +302,7 @@ class PhotographsPage:
                 f'<circle cx="{x / scale:.1f}" cy="{y / scale:.1f}" r="4"/>' for x, y in self.photos.plane.crossings
             ]
         if one.traced is not None:
+            drawn += [f'<polygon class="band" points="{piece}"/>' for piece in _bands(one.traced, scale)]
             drawn += [f'<polyline class="traced" points="{piece}"/>' for piece in _pieces(one.traced.edge, scale)]
             if one.traced.zero is not None and self.handles.zero is None:
                 drawn.append(f'<polyline class="zero" points="{points_text(one.traced.zero, scale)}"/>')
@@ -326,7 +365,7 @@ class PhotographsPage:
             await self.photos.move(handles)
             self._say("")
         except (AnswerError, OSError) as error:
-            self._say(str(error))
+            self._say(reason(error))
         self._settled()
         self._draw()
 
@@ -364,6 +403,7 @@ class PhotographsPage:
         if not any(photo.is_zero for photo in listed) and self.handles.zero is None:
             return "none of the photographs is at zero pressure: type 0 cm beside it, or drag the zero line"
         words = ["measurement", "photos", PHOTOS, "--setup", SETUP, "-o", OUTLINES]
+        words += ["--tone", self.photos.tone] if self.photos.tone != AUTO else []
         return words, OUTLINES, False
 
 
@@ -392,9 +432,19 @@ def points_text(px: Array, scale: float) -> str:
 
 
 def _pieces(px: Array, scale: float) -> list[str]:
-    """Return the points of an edge in pieces without gaps, at most a thousand of them."""
-    step = max(1, len(px) // 1000)
-    px = px[::step]
-    gaps = np.linalg.norm(np.diff(px, axis=0), axis=1)
+    """Return the points of an edge in pieces without gaps."""
+    return [points_text(px[part], scale) for part in _parts(px)]
+
+
+def _bands(traced: Traced, scale: float) -> list[str]:
+    """Return the outlines of the band of an edge's error, piece by piece."""
+    one, other = traced.band
+    return [points_text(np.concatenate([one[part], other[part][::-1]]), scale) for part in _parts(traced.edge)]
+
+
+def _parts(px: Array) -> list[npt.NDArray[np.intp]]:
+    """Return the numbers of an edge's points in pieces without gaps, at most a thousand of them."""
+    chosen = np.arange(0, len(px), max(1, len(px) // 1000))
+    gaps = np.linalg.norm(np.diff(px[chosen], axis=0), axis=1)
     cut = np.flatnonzero(gaps > 10 * max(float(np.median(gaps)), 1e-9)) + 1
-    return [points_text(piece, scale) for piece in np.split(px, cut) if len(piece) > 1]
+    return [piece for piece in np.split(chosen, cut) if len(piece) > 1]

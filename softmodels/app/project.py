@@ -8,8 +8,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from softmodels.case.case import Case
+from softmodels.case.entries import INPUT_ERRORS, CaseError
 from softmodels.common.errors import FieldError, reason
-from softmodels.common.files import replace_text, write_bytes
+from softmodels.common.files import read_file, replace_text, write_bytes
 
 OUTLINES, LENS = "outlines", "lens.toml"
 CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.toml"
@@ -90,7 +91,7 @@ class Project:
 
     Attributes:
         case: The device, its silicone and its load, as in ``case.toml``.
-        case_error: Why the file cannot be used; empty if it can.
+        case_error: Why the file cannot be used; empty if it can. Nothing changes the file until it can.
     """
 
     def __init__(self, folder: Path):
@@ -111,28 +112,70 @@ class Project:
     def _read_case(self) -> Case:
         from geometries import HollowDisk
         from softmodels.case.case import in_unit
-        from softmodels.case.entries import CaseError
         from softmodels.materials.silicones import silicone
 
-        file = self / CASE
-        if file.exists():
+        self._text = self.case_error = ""
+        try:
+            self._text = self._written()
+        except OSError as error:
+            self.case_error = f"it cannot be read: {reason(error)}"
+        if self._text:
             try:
-                return Case.from_file(file)
-            except (CaseError, OSError) as error:
-                self.case_error = reason(error) if isinstance(error, OSError) else str(error)
+                return Case.from_toml(self._text, self.folder)
+            except INPUT_ERRORS as error:
+                self.case_error = str(error)
         first = Case("device", HollowDisk(section="axisymmetric"), silicone("ecoflex-00-30"), pressures_cm=(1.0,))
         return dataclasses.replace(first, pressures_cm=in_unit("cm", FIRST_PRESSURES, "pressure", first.cm))
+
+    def _written(self) -> str:
+        """Return the text of ``case.toml``; empty where there is none."""
+        file = self / CASE
+        return read_file(file).decode("utf-8", "replace") if file.exists() else ""
+
+    @property
+    def case_text(self) -> str:
+        """The case's text: that of its file, if there is one."""
+        return self._text or self.case.to_toml()
 
     def change(self, **fields: object) -> None:
         """Change fields of the case and write it; all pages follow.
 
         Raises:
-            CaseError, ArgumentError: The case would be invalid; it stays as it was.
+            CaseError, ArgumentError: The case would be invalid, or what its file holds would be lost; it stays as it was.
             OSError: It cannot be written.
         """
-        self.case = dataclasses.replace(self.case, **fields)  # type: ignore[arg-type]
-        self.case_error = ""
-        replace_text(self / CASE, self.case.to_toml())
+        self._check_file()
+        if self.case_error:
+            raise CaseError(
+                f"{CASE} cannot be used ({self.case_error}); correct it under The whole case, or set it aside"
+            )
+        self._take(changed := dataclasses.replace(self.case, **fields), changed.to_toml())  # type: ignore[arg-type]
+
+    def change_text(self, text: str) -> None:
+        """Take another text of the case; errors as of `change`."""
+        self._check_file()
+        self._take(Case.from_toml(text, self.folder), text)
+
+    def set_aside(self) -> None:
+        """Give a case file that cannot be used another name, and start anew.
+
+        Raises:
+            OSError: It cannot be renamed.
+        """
+        (self / CASE).rename(self._free(".", "case-aside", ".toml"))
+        self.case = self._read_case()
+        self.changed.emit(CASE)
+
+    def _check_file(self) -> None:
+        """Read the case again, and say so, if another program has changed its file."""
+        if self._written() != self._text:
+            self.case = self._read_case()
+            self.changed.emit(CASE)
+            raise CaseError(f"another program has changed {CASE}, which is shown now; change it again")
+
+    def _take(self, case: Case, text: str) -> None:
+        replace_text(self / CASE, text)
+        self.case, self._text, self.case_error = case, text, ""
         self.changed.emit(CASE)
 
     def case_file(self) -> str:
@@ -160,10 +203,15 @@ class Project:
         stem, suffix = Path(wanted).stem[:80], Path(wanted).suffix[:12]
         if suffix.lower() not in kind.endings:
             raise FieldError(f"{name}: {kind.what} are {kind.formats}")
+        place = self._free(folder, stem, suffix)
+        write_bytes(place, data)
+        return place
+
+    def _free(self, folder: str, stem: str, suffix: str) -> Path:
+        """Return a place in a folder where no file is yet."""
         place, number = self / folder / f"{stem}{suffix}", 2
         while place.exists():
             place, number = self / folder / f"{stem}-{number}{suffix}", number + 1
-        write_bytes(place, data)
         return place
 
     def files(self, folder: str, endings: Iterable[str]) -> list[Path]:

@@ -26,6 +26,8 @@ svg.section .scale-bar text { fill: currentColor; }
 .colour-bar div { flex: 1; height: 0.7rem; }
 .photograph svg polyline { fill: none; stroke-width: 2.5; vector-effect: non-scaling-stroke; }
 .photograph svg .traced { stroke: #e6194b; }
+.photograph svg .band { fill: #e6194b; fill-opacity: 0.3; stroke: none; }
+.cures { outline: 2px solid #f58231; outline-offset: 3px; border-radius: 4px; }
 .photograph svg .simulated { stroke: #f5d90a; }
 .photograph svg .zero { stroke: #0082c8; stroke-dasharray: 8 5; }
 .photograph svg circle { fill: none; stroke: #3cb44b; stroke-width: 2; }

@@ -18,6 +18,7 @@ from measurement.outline.zero import ZeroLine
 from measurement.pictures import read_pixels
 from measurement.screen.calibration import setup_from_grid
 from measurement.screen.setup import PITCH_ERROR, Setup
+from measurement.series.checks import Evidence
 from measurement.series.measuring import zero_line
 from measurement.series.photo import outline_of, trace_image, zero_of
 from measurement.series.photo_list import read_photos
@@ -49,12 +50,16 @@ class Traced:
 
     Attributes:
         edge: Its points in px, shape (n, 2).
+        band: Both ends of each point's standard error in px, `enlarged`, shape (2, n, 2).
+        enlarged: How many times as wide as the error the band is, for it to be seen.
         doubts: What speaks against trusting it, one sentence each.
         zero: The zero line in px, shape (2, 2), if the photograph or the setup shows one.
         height, height_error: Above it in m, if the setup has one.
     """
 
     edge: Array
+    band: Array
+    enlarged: int
     doubts: tuple[str, ...]
     zero: Array | None
     height: float | None
@@ -80,31 +85,47 @@ def plane(file: str, pitch: str, lens: str) -> Plane:
     return Plane(made.to_toml(), made.camera.distort(made.plane.points), float(made.plane.residual))
 
 
-def trace(file: str, setup: str, level: bool, pressure: float) -> Traced:
+BAND = 7.0
+"""Half width in px of a preview of a band that is seen."""
+ENLARGED = (1, 2, 5, 10, 20, 50, 100, 200, 500)
+
+
+def trace(file: str, setup: str, pressure: float, tone: str, anyway: bool) -> Traced:
     """Find the edge of the shadow in a photograph.
 
     Args:
         file: The photograph.
         setup: Text of the setup.
-        level: Whether it shows the undeformed surface.
-        pressure: In Pa.
+        pressure: In Pa; the photograph at 0 shows the undeformed surface, if the setup does not have it.
+        tone: How it stores light, or ``"auto"``.
+        anyway: Whether it shall be used in spite of doubts.
     """
     known = Setup.from_toml(setup)
-    found = trace_image(read_pixels(Path(file)), known)
-    line, doubts = None, found.doubts
+    found = trace_image(read_pixels(Path(file)), known, tone, anyway=anyway)
+    line, doubts, errors = None, found.doubts, found.own_error
     height = error = None
-    if level and known.zero is None:
+    if pressure == 0.0 and known.zero is None:
         line = zero_of(found)
         doubts = line.doubts
     elif known.zero is not None:
         line = ZeroLine.through(known.zero)
         outline = outline_of(found, line, pressure, 0.0, Path(file).name)
-        height, error, doubts = outline.height, outline.height_error, outline.reasons
+        height, error, doubts, errors = (
+            outline.height,
+            outline.height_error,
+            outline.reasons,
+            Evidence(found, line).error,
+        )
+    seen = BAND * max(1.0, max(known.camera.width, known.camera.height) / PREVIEW) * found.scale
+    usual = float(np.median(errors[~found.line.bridged]))
+    enlarged = next((times for times in ENLARGED if times * usual >= seen), ENLARGED[-1])
+    wide = enlarged * errors[:, None] * found.normals
+    band = np.stack([known.to_pixels(found.points + wide), known.to_pixels(found.points - wide)])
     ends = None
     if line is not None:
         along = found.points @ line.direction
         ends = known.to_pixels(line.origin + np.outer([np.nanmin(along), np.nanmax(along)], line.direction))
-    return Traced(found.line.px, doubts, ends, height, error)
+    return Traced(found.line.px, band, enlarged, doubts, ends, height, error)
 
 
 def moved(setup: str, handles: Handles) -> str:
@@ -146,7 +167,7 @@ def _zero(listing: str, setup: str, _stamp: float) -> tuple[Setup, ZeroLine]:
     return known, zero_line(read_photos(Path(listing)), known)
 
 
-def overlay(listing: str, setup: str, outline: str, curve: Array) -> Overlay:
+def overlay(listing: str, setup: str, outline: str, curve: Array, axial: bool = True) -> Overlay:
     """Place a simulated outline on a photograph.
 
     Args:
@@ -154,21 +175,29 @@ def overlay(listing: str, setup: str, outline: str, curve: Array) -> Overlay:
         setup: Text of the setup.
         outline: File of the photograph's measured outline.
         curve: Simulated distance from the axis and height above the undeformed apex in m, from the axis on, shape (k, 2).
+        axial: Whether the outline goes on beyond the axis as on this side; else the curve is the whole outline, seen from
+            either side.
     """
     known, line = _zero(listing, setup, Path(listing).stat().st_mtime)
     measured = Outline.from_csv(Path(outline))
     upper = curve[: int(np.argmax(curve[:, 0])) + 1]
     upper = upper[np.concatenate([[True], np.diff(np.maximum.accumulate(upper[:, 0])) > 0.0])]
 
-    def difference(axis: float) -> float:
-        simulated = np.interp(np.abs(measured.x - axis), upper[:, 0], upper[:, 1], right=-np.inf)
+    def difference(axis: float, side: float = 1.0) -> float:
+        along = (measured.x - axis) * side
+        along = np.abs(along) if axial else along
+        simulated = np.interp(along, upper[:, 0], upper[:, 1], left=-np.inf, right=-np.inf)
         seen = simulated > SUNK
         return float(np.sqrt(np.mean((measured.z[seen] - simulated[seen]) ** 2))) if seen.any() else np.inf
 
-    apex = float(measured.x[np.argmax(measured.z)])
-    axis = float(
-        minimize_scalar(difference, bounds=(apex - upper[-1, 0] / 4, apex + upper[-1, 0] / 4), method="bounded").x
-    )
-    both = np.concatenate([curve[::-1] * [-1.0, 1.0], curve]) + np.array([axis, 0.0])
+    apex, top = float(measured.x[np.argmax(measured.z)]), float(upper[np.argmax(upper[:, 1]), 0])
+    found = []
+    for side in (1.0,) if axial else (1.0, -1.0):
+        middle, reach = (apex, upper[-1, 0] / 4) if axial else (apex - side * top, upper[-1, 0] / 4)
+        best = minimize_scalar(difference, bounds=(middle - reach, middle + reach), args=(side,), method="bounded")
+        found.append((float(best.fun), side, float(best.x)))
+    rms, side, axis = min(found)
+    both = np.concatenate([curve[::-1] * [-1.0, 1.0], curve]) if axial else curve * [side, 1.0]
+    both = both + np.array([axis, 0.0])
     placed = line.origin + both[:, :1] * line.direction + both[:, 1:] * line.normal
-    return Overlay(known.to_pixels(placed), difference(axis))
+    return Overlay(known.to_pixels(placed), rms)

@@ -19,7 +19,10 @@ from scipy.special import ndtr
 
 from measurement import photographer
 from measurement.__main__ import main
+from measurement.outline.outline import Outline
 from measurement.photographer import Scene, dome, photograph, save
+from softmodels.fitting.outlines.residuals import read_heights
+from softmodels.fitting.outlines.shapes import read_outlines
 
 SCENE = dataclasses.replace(photographer.SCENE, width=1200, height=800, focal_px=2100.0, pixel_size=40e-6, dust=3)
 HEIGHT, FLOOR = 4e-3, photographer.FLOOR
@@ -251,6 +254,36 @@ def test_good_neighbours_stay_good(bench, kind):
     assert row["trusted"] == "yes", row
     assert float(row["height_m"]) == pytest.approx(GOOD[kind][1], abs=15e-6)
     assert float(row["height_error_m"]) < 15e-6
+
+
+ANYWAY = {
+    ("unsure", "hair"): "anyway", ("bad", "overexposed"): "anyway", ("bad", "camera turned"): "anyway",
+    ("bad", "no shadow"): "refused", ("bad", "camera moved by a pitch"): "refused", ("good", "plain"): "yes",
+}  # fmt: skip
+"""What becomes of photographs that shall be used anyway: an outline with its doubts, or none where there is nothing to measure."""
+
+
+def test_a_photograph_is_used_anyway_with_its_doubts(bench, tmp_path):
+    folder, _, rows, names, _ = bench
+    files = {key: names[key] for key in ANYWAY}
+    right = photographer.column(HEIGHT)  # of the good one, and with it the others contradict none
+    lines = [f"{folder / name},{right + number:.2f} cm,anyway" for number, name in enumerate(reversed(files.values()))]
+    listing = tmp_path / "photos.csv"
+    listing.write_text("\n".join(["file,pressure,use", f"{folder / 'zero.jpg'},0 cm,", *lines]))
+    done = measured(folder, listing)
+    found = {row["file"]: row for row in csv.DictReader((tmp_path / "out" / "heights.csv").read_text().splitlines())}
+    for key, name in files.items():
+        row = found[name]
+        assert row["trusted"] == ANYWAY[key], (key, row)
+        if ANYWAY[key] == "anyway":
+            assert_reason(row, (PICTURES | UNSURE)[key[1]][1])
+            file = tmp_path / "out" / name.replace(".jpg", ".csv")
+            assert read_outlines([file])[0].reasons == Outline.from_csv(file).reasons != ()
+            assert read_heights(tmp_path / "out" / "heights.csv")
+    assert "3 to be used anyway" in done.output
+    listing.write_text(listing.read_text().replace("anyway", "always", 1))
+    done = measured(folder, listing)
+    assert done.exit_code == 2 and "use is 'always'; write anyway" in done.stderr
 
 
 def assert_reason(row, reason):

@@ -469,6 +469,10 @@ class _Task:
 
     def with_outlines(self, outlines: Sequence[Sequence[Outline]], comm: MPI.Comm) -> FitReport:
         notes, rows = self.notes(), tuple[tuple[HeightRow, ...], ...]()
+        notes += [
+            f"{one.source} is used in spite of doubts: {'; '.join(one.reasons)}"
+            for own in outlines for one in own if one.reasons
+        ]  # fmt: skip
         error, bench = StressError.from_text(self.options.stress_error), Bench(self.options.free)
         holds = [hold_of(one.history) for own in outlines for one in own if one.history and one.pressure > 0.0]
         branches = self._spectrum(holds)

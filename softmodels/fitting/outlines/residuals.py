@@ -591,7 +591,7 @@ def read_heights(path: Path, untrusted: bool = False, exclude: Sequence[str] = (
         trusted = (row.get("trusted") or "yes").strip()
         if trusted == "refused":
             continue
-        if trusted != "yes" and not untrusted:
+        if trusted not in ("yes", "anyway") and not untrusted:
             raise OutlineFitError(
                 f"{path}, {where}: this height is untrusted ({row.get('remarks') or 'no reason given'}); "
                 f"exclude it, or use it with --untrusted"

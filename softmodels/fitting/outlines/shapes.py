@@ -58,12 +58,13 @@ def read_outlines(files: Sequence[Path], untrusted: bool = False, exclude: Seque
             raise OutlineFitError(str(error)) from None
     keep = kept([(outline.source, name) for name, outline in zip(names, outlines, strict=True)], exclude)
     names, outlines = [names[i] for i in keep], [outlines[i] for i in keep]
-    doubted = [(name, outline) for name, outline in zip(names, outlines, strict=True) if not outline.trusted]
+    doubted = [(name, outline) for name, outline in zip(names, outlines, strict=True) if outline.trust == "no"]
     if doubted and not untrusted:
         name, outline = doubted[0]
         more = f", and {len(doubted) - 1} more" if len(doubted) > 1 else ""
         raise OutlineFitError(
-            f"{name} is untrusted ({'; '.join(outline.reasons)}){more}; exclude it, or use it with --untrusted"
+            f"{name} is untrusted ({'; '.join(outline.reasons)}){more}; exclude it, write anyway "
+            "beside it in the column use of the list of photographs and measure again, or use all with --untrusted"
         )
     return outlines
 
