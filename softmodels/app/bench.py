@@ -227,9 +227,9 @@ class Photographs:
             AnswerError: There is no such grid.
         """
         found: Plane = await self.tracer.ask("plane", str(self.listed[grid].file), pitch, self._lens(lens))
+        replace_text(self.project / SETUP, found.setup)
         self.plane, self.grid, self.pitch, self.lens = found, grid, pitch, lens
         self._write_bench()
-        replace_text(self.project / SETUP, found.setup)
         self.handles = Handles()
         self.write_list()
         self.changed.emit(grid)
@@ -245,8 +245,12 @@ class Photographs:
         Raises:
             OSError: It cannot be written.
         """
-        self.tone = tone
-        self._write_bench()
+        before, self.tone = self.tone, tone
+        try:
+            self._write_bench()
+        except OSError:
+            self.tone = before
+            raise
         await self.trace_all()
 
     def _lens(self, lens: str) -> str:

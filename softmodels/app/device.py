@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from geometries import ACTUATORS, Actuator, registry
 from geometries.actuator import changed, parameter
 from softmodels.app.drawing import Section, colour_bar, colours_of, section_svg
-from softmodels.app.forms import changed_fields, field_controls, page_words, python_lines
+from softmodels.app.forms import field_controls, page_words, python_lines, with_field
 from softmodels.app.jobs import Command, Job, job_panel
 from softmodels.app.project import CASE, RESULTS
 from softmodels.app.warm import AnswerError, SupersededError
@@ -115,9 +115,9 @@ class DevicePage:
     async def _take_field(self, name: str, value: object) -> None:
         device = self.project.case.actuator
         try:
-            made = type(device)(**{**changed_fields(device), name: value})
+            made = with_field(device, name, value)
         except INPUT_ERRORS as error:
-            return self._say(str(error))
+            return self._say(reason(error))
         await self._take(actuator=made)
 
     def _move_field(self, name: str, value: float) -> None:
@@ -131,7 +131,7 @@ class DevicePage:
         try:
             values = in_unit("cm", text, "pressure", self.project.case.cm)
         except INPUT_ERRORS as error:
-            return self._say(str(error))
+            return self._say(reason(error))
         await self._take(pressures_cm=values)
 
     async def _take(self, **fields: object) -> None:
@@ -140,10 +140,10 @@ class DevicePage:
             self.project.change(**fields)
         except (*INPUT_ERRORS, OSError) as error:
             self.own = False
-            self._say(str(error))
+            self._say(reason(error))
 
     def _say(self, sentence: str) -> None:
-        self.message.set_text(sentence)
+        self.message.set_text(page_words(sentence))
 
     # -- answers ------------------------------------------------------------------------------------------------------
 

@@ -170,3 +170,8 @@ def default_of(device: Actuator, name: str) -> object:
 def changed_fields(device: Actuator) -> Mapping[str, object]:
     """Return the fields of a device that are not at their default."""
     return {name: getattr(device, name) for name in about(device) if getattr(device, name) != default_of(device, name)}
+
+
+def with_field(device: Actuator, name: str, value: object) -> Actuator:
+    """Return a device with one field changed, which may be a text with a unit; errors as of its class."""
+    return type(device)(**{**changed_fields(device), name: value})

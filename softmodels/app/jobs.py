@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from softmodels.app.forms import page_words
+from softmodels.case.entries import INPUT_ERRORS
+from softmodels.common.errors import reason
 from softmodels.common.files import replace_text
 from softmodels.runs import outcomes
 
@@ -149,7 +151,8 @@ class Jobs:
                         stdout=log, stderr=asyncio.subprocess.STDOUT, preexec_fn=end_with_parent,
                     )  # fmt: skip
             except OSError as error:
-                self._log(job).write_text(f"the command could not be started ({error.strerror})\n", encoding="utf-8")
+                with contextlib.suppress(OSError):  # a full disk has no room for it either
+                    self._log(job).write_text(f"the command could not be started ({reason(error)})\n", encoding="utf-8")
                 return self._set(job, FAILED)
             self._processes[job.number] = process
             status = await process.wait()
@@ -179,7 +182,10 @@ def job_panel(jobs: Jobs, output: str, title: str, command: Callable[[], Command
     from nicegui import ui
 
     def start() -> None:
-        made = command()
+        try:
+            made = command()
+        except (*INPUT_ERRORS, OSError) as error:
+            made = page_words(reason(error))
         if isinstance(made, str):
             sentence.set_text(made)
             return

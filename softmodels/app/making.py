@@ -8,10 +8,12 @@ from urllib.parse import quote
 import tomli_w
 
 from geometries.actuator import is_length, parameter, parameter_names
+from softmodels.app.forms import page_words
 from softmodels.app.jobs import DONE, Command, Job, job_panel
 from softmodels.app.project import RESULTS
 from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS
+from softmodels.common.errors import reason
 from softmodels.common.files import replace_text
 from softmodels.common.units import UnitError, number, readable
 from softmodels.materials.silicones import PRODUCTS
@@ -42,7 +44,8 @@ OF_PROBE = ("rise", "height")
 AT_PRESSURE = (*OF_PROBE, "peak_stretch", "peak_von_mises", "added_volume")
 REACH = 1.5
 """Bounds of a varied length, as a factor of the present one both ways."""
-PRINTED = (".stl", ".step", ".3mf")
+FILES = (".3mf", ".stl", ".step", ".html", ".md")
+"""Endings of the files to download."""
 
 
 class MouldPage:
@@ -70,8 +73,9 @@ class MouldPage:
                     )
                     self.settings[name].tooltip(field).props(f'data-name="mould-{name}"')
                 ui.label("Files").classes("font-bold")
-                self.files = ui.column().classes("gap-1")
+                self.files = ui.column().classes("gap-1").props('data-name="mould-files"')
             with ui.column().classes("w-full min-w-0"):
+                self.exploded = ui.html("", sanitize=False).classes("w-full").props('data-name="exploded"')
                 job_panel(bench.jobs, MOULD, "Make the mould", self._command, f"{MOULD}/sheet.html")
         bench.jobs.changed.subscribe(self._ended)
         self._show()
@@ -93,11 +97,17 @@ class MouldPage:
         from nicegui import ui
 
         self.files.clear()
-        folder = self.project / MOULD
-        if not folder.is_dir():
+        picture = self.project / MOULD / "exploded.png"
+        self.exploded.set_content(
+            f'<img class="exploded" src="/files/{MOULD}/{picture.name}?{int(picture.stat().st_mtime)}" '
+            'alt="the mould, its bodies apart along the pull">'
+            if picture.is_file()
+            else ""
+        )
+        if not (self.project / MOULD).is_dir():
             return
         with self.files:
-            for file in self.project.files(MOULD, PRINTED):
+            for file in sorted(self.project.files(MOULD, FILES), key=lambda file: FILES.index(file.suffix)):
                 ui.link(file.name, f"/files/{quote(f'{MOULD}/{file.name}')}").props(f'download="{file.name}"')
 
 
@@ -209,7 +219,7 @@ class DesignPage:
             self.project.change(actuator=Case.from_file(file).actuator)
             self.message.set_text("")
         except (*INPUT_ERRORS, OSError) as error:
-            self.message.set_text(str(error))
+            self.message.set_text(page_words(reason(error)))
 
 
 def _entry(text: str) -> object:

@@ -10,7 +10,7 @@ from softmodels.app.jobs import DONE, Command, Job, job_panel
 from softmodels.app.project import CURVES, FITTED, OUTLINES, RESULTS, FileKind
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.case.materials import band_of, material_from
-from softmodels.common.errors import FieldError
+from softmodels.common.errors import FieldError, reason
 from softmodels.common.files import read_text, replace_text
 from softmodels.common.units import readable
 from softmodels.materials.laws import LAWS
@@ -84,7 +84,7 @@ class MaterialPage:
             try:
                 self.project.keep(CURVES, given.name, await given.read(), CURVE)
             except (FieldError, OSError) as error:
-                self._say(str(error))
+                self._say(page_words(reason(error)))
         self.upload.reset()
         self.curves.refresh()
 
@@ -147,4 +147,4 @@ class MaterialPage:
             self.project.change(material=material_from(file, {}), band=band_of(file))
             self._say("")
         except (*INPUT_ERRORS, OSError) as error:
-            self._say(str(error))
+            self._say(page_words(reason(error)))

@@ -1,11 +1,14 @@
-"""A mould's files: STEP and STL of each body and cast in mm, checks and input; the casting sheet with its pictures."""
+"""A mould's files: STEP and STL of each body and cast in mm, a 3MF of all bodies, checks and input; the casting sheet."""
 
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
-from collections.abc import Sequence
+import zipfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -43,6 +46,38 @@ def stl_bytes(facets: Facets) -> bytes:
     return HEADER.ljust(80) + np.array(len(table), dtype="<u4").tobytes() + table.tobytes()
 
 
+THREE_MF = {
+    "[Content_Types].xml": '<?xml version="1.0" encoding="UTF-8"?><Types xmlns="http://schemas.openxmlformats.org/package/2006/'
+    'content-types"><Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/><Default '
+    'Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>',
+    "_rels/.rels": '<?xml version="1.0" encoding="UTF-8"?><Relationships xmlns="http://schemas.openxmlformats.org/package/2006/'
+    'relationships"><Relationship Target="/3D/3dmodel.model" Id="rel0" '
+    'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>',
+}
+"""The parts of a 3MF package beside its model (ECMA-376 part 2; 3MF core specification 1.3)."""
+
+
+def three_mf_bytes(bodies: Mapping[str, Facets]) -> bytes:
+    """Return a 3MF of several surfaces by their names, each an object in its place, in mm."""
+    objects, items = [], []
+    for k, (name, facets) in enumerate(bodies.items(), 1):
+        points = "".join(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in facets.points)
+        corners = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in facets.triangles)
+        mesh = f"<mesh><vertices>{points}</vertices><triangles>{corners}</triangles></mesh>"
+        objects.append(f'<object id="{k}" name={quoteattr(name)} type="model">{mesh}</object>')
+        items.append(f'<item objectid="{k}"/>')
+    model = (
+        '<?xml version="1.0" encoding="UTF-8"?><model unit="millimeter" xml:lang="en-US" '
+        'xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
+        f"<resources>{''.join(objects)}</resources><build>{''.join(items)}</build></model>"
+    )
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as package:
+        for name, text in {**THREE_MF, "3D/3dmodel.model": model}.items():
+            package.writestr(zipfile.ZipInfo(name), text, zipfile.ZIP_DEFLATED)  # without a time: the same bytes again
+    return data.getvalue()
+
+
 def write_bodies(folder: Path, asked: Asked, made: Made) -> None:
     """Write everything but pictures and the sheet.
 
@@ -52,6 +87,7 @@ def write_bodies(folder: Path, asked: Asked, made: Made) -> None:
     for body in (*made.bodies, *made.casts):
         write_bytes(folder / f"{body.stem}.step", body.step)
         write_bytes(folder / f"{body.stem}.stl", stl_bytes(body.facets))
+    write_bytes(folder / "mould.3mf", three_mf_bytes({body.name: body.facets for body in made.bodies}))
     write_bytes(folder / "device.step", made.device)
     write_text(folder / "mould.toml", asked.to_toml())
     write_text(folder / "checks.json", json.dumps(checks(asked, made), indent=1) + "\n")

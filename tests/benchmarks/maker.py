@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.maker [--output FOLDER] [--narrow] [--dark]
 
-It writes a picture of the page after each step into the folder. Photographs, lens and grid are those of ``softmodels examples``.
+It writes a picture of the page after each step into the folder. Photographs and boards are those of ``softmodels examples``.
 Found on two cores of a busy machine: see the table of `README.md`.
 """
 
@@ -84,11 +84,11 @@ def walk(steps: Steps, examples: Path) -> None:
         page.locator(named(name)).click()
         page.get_by_role("option", name=option, exact=True).click()
 
-    def done(output: str) -> None:
+    def done(output: str, report: bool = True) -> None:
         page.locator(named(f"start-{output}")).click()
         expect(page.locator(named(f"state-{output}"))).to_have_text("done")
-        for frame in page.frames[1:]:
-            frame.wait_for_load_state()
+        if report:
+            page.locator("iframe:visible").last.content_frame.locator("body").wait_for()
 
     with steps.step("device shown"):
         page.locator("svg.section").wait_for()
@@ -102,7 +102,7 @@ def walk(steps: Steps, examples: Path) -> None:
         page.get_by_text("Lens from photographs of a board").click()
         page.locator("input[type=file]").nth(1).set_input_files(sorted((examples / "boards").iterdir()))
         expect(page.locator(named("boards-given"))).to_have_text("10 photographs of the board")
-        done("lens.toml")
+        done("lens.toml", report=False)
     with steps.step("grid and edges found"):
         choose("lens", "lens.toml")
         choose("grid", "grid.jpg")

@@ -260,11 +260,11 @@ ANYWAY = {
     ("unsure", "hair"): "anyway", ("bad", "overexposed"): "anyway", ("bad", "camera turned"): "anyway",
     ("bad", "no shadow"): "refused", ("bad", "camera moved by a pitch"): "refused", ("good", "plain"): "yes",
 }  # fmt: skip
-"""What becomes of photographs that shall be used anyway: an outline with its doubts, or none where there is nothing to measure."""
+"""What becomes of photographs that shall be used anyway: an outline with its doubts, or none where nothing can be measured."""
 
 
 def test_a_photograph_is_used_anyway_with_its_doubts(bench, tmp_path):
-    folder, _, rows, names, _ = bench
+    folder, _, _, names, _ = bench
     files = {key: names[key] for key in ANYWAY}
     right = photographer.column(HEIGHT)  # of the good one, and with it the others contradict none
     lines = [f"{folder / name},{right + number:.2f} cm,anyway" for number, name in enumerate(reversed(files.values()))]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import zipfile
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -65,6 +67,12 @@ def test_files_of_a_slab_leave_the_device(slab):
 def test_stl_is_watertight_and_agrees_with_step(slab):
     folder, _, _ = slab
     report = json.loads((folder / "checks.json").read_text())
+    with zipfile.ZipFile(folder / "mould.3mf") as package:
+        assert {"[Content_Types].xml", "_rels/.rels"} <= set(package.namelist())
+        model = ElementTree.fromstring(package.read("3D/3dmodel.model"))
+    space = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
+    objects = {one.get("name").replace(" ", "-"): one for one in model.iter(f"{space}object")}
+    assert model.get("unit") == "millimeter" and set(objects) == set(BODIES)
     for name in BODIES:
         corners = _stl(folder / f"{name}.stl")
         _, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
@@ -72,6 +80,9 @@ def test_stl_is_watertight_and_agrees_with_step(slab):
         known = {tuple(edge) for edge in edges.tolist()}
         assert len(known) == len(edges) and all((b, a) in known for a, b in known)
         volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+        points = np.array([[float(one.get(axis)) for axis in "xyz"] for one in objects[name].iter(f"{space}vertex")])
+        faces = [[int(one.get(f"v{k}")) for k in (1, 2, 3)] for one in objects[name].iter(f"{space}triangle")]
+        assert points[faces] == pytest.approx(corners, abs=1e-4)
         with private_model():
             import gmsh
 

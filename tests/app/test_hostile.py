@@ -1,0 +1,240 @@
+"""Bad uploads and inputs by the hundred: a sentence each, and nothing in the project is lost."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import functools
+import io
+import random
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("nicegui")
+
+from PIL import Image
+
+import softmodels as sm
+from measurement.series.photo_list import ColumnError
+from softmodels.app import tracing
+from softmodels.app.bench import Photographs
+from softmodels.app.forms import page_words, with_field
+from softmodels.app.material import CURVE
+from softmodels.app.project import CASE, Project
+from softmodels.app.warm import AnswerError
+from softmodels.case.case import in_unit
+from softmodels.case.entries import INPUT_ERRORS
+from softmodels.common.errors import FieldError, reason
+from softmodels.common.units import UnitError
+
+ERRORS = (AnswerError, ColumnError, FieldError, UnitError, OSError, *INPUT_ERRORS)
+"""What the page shows as a sentence."""
+
+
+class Direct:
+    """Answers as the warm process does, in this one."""
+
+    async def ask(self, function, *args, kind=""):
+        try:
+            return getattr(tracing, function)(*args)
+        except Exception as error:
+            raise AnswerError(reason(error)) from None
+
+
+@pytest.fixture
+def photographs(tmp_path):
+    project = Project(tmp_path / "project")
+    project.change()
+    found = Photographs(project, Direct())
+    asyncio.run(found.add("good.png", picture("PNG")))
+    return found
+
+
+def picture(kind, size=(64, 48)):
+    data = io.BytesIO()
+    Image.new("RGB", size, (200, 190, 180)).save(data, kind)
+    return data.getvalue()
+
+
+def chunk(name, data):
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+def huge_png(width, height):
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    body = zlib.compress(bytes(1 << 20), 9)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
+
+
+def zip_bomb():
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as package:
+        package.writestr("xl/worksheets/sheet1.xml", bytes(20 << 20))
+    return data.getvalue()
+
+
+def bad_photographs():
+    """Names and contents of files that are no photographs or lists of them."""
+    dice = random.Random(1)
+    names = [
+        "a.jpg", "../../a.jpg", "..\\a.jpg", "/etc/passwd.jpg", "a\0.jpg", "<script>alert(1)</script>.jpg", "n" * 300 + ".jpg",
+        "Größe 9 µm.jpg", "写真.JPG", "a\n.png", "a b;c'd\".png", "\u202egnp.exe.png", "con.tiff", "%2e%2e%2fa.webp", "a.heic",
+    ]  # fmt: skip
+    contents = [
+        b"",
+        b"text",
+        dice.randbytes(4000),
+        b"<svg xmlns='http://www.w3.org/2000/svg'/>",
+        b"%PDF-1.7\n%%EOF",
+        zip_bomb(),
+    ]
+    yield from ((name, dice.choice(contents)) for name in names for _ in range(2))
+    for kind, ending in (
+        ("JPEG", "jpg"),
+        ("PNG", "png"),
+        ("TIFF", "tif"),
+        ("GIF", "gif"),
+        ("BMP", "bmp"),
+        ("WEBP", "webp"),
+    ):
+        whole = picture(kind, (640, 480))
+        yield from ((f"cut.{ending}", whole[: int(len(whole) * share)]) for share in (0.02, 0.3))
+        yield f"head.{ending}", whole[:12]
+    yield from ((f"{w}x{h}.png", huge_png(w, h)) for w, h in ((60000, 60000), (2**31 - 1, 1), (0, 0)))
+    yield from ((name, picture("PNG")) for name in ("a.exe", ".png", "png", "", "a.png.html", "a.svg"))
+    for text in (
+        b"", b"\0\0", b"\xff\xfe\xff", b"file,pressure\n", b"file,pressure\ngood.png\n", b"file,pressure\ngood.png,nan\n",
+        b"file,pressure\ngood.png,1e999 cm\n", b"file,pressure\ngood.png,one\n", b"file,pressure,use\ngood.png,1 cm,maybe\n",
+        b"file,pressure,hold\ngood.png,1 cm,2 s\n", b"a" * 100000, b"file,pressure\n../../x\0.png,1 cm\n",
+    ):  # fmt: skip
+        yield "list.csv", text
+
+
+def state(project):
+    return {file: file.read_bytes() for file in Path(project.folder).rglob("*") if file.is_file()}
+
+
+def is_sentence(error):
+    text = page_words(reason(error))
+    assert text.strip() and "Traceback" not in text and "Errno" not in text, text
+    return True
+
+
+def test_bad_uploads_get_a_sentence_and_leave_nothing_behind(photographs):
+    project, count = photographs.project, 0
+    before, listed = state(project), list(photographs.listed)
+    for name, data in bad_photographs():
+        with pytest.raises(ERRORS) as found:
+            asyncio.run(photographs.add(name, data))
+        assert is_sentence(found.value), name
+        assert state(project) == before and list(photographs.listed) == listed, name
+        count += 1
+    for name in ("a.exe", "", "a.xlsx.sh", "../a", "x" * 400):
+        with pytest.raises(FieldError, match="curves are CSV or Excel"):
+            project.keep("curves", name, b"1", CURVE)
+        count += 1
+    assert count >= 60 and state(project) == before
+
+
+NUMBERS = (
+    "nan mm",
+    "inf mm",
+    "-3 mm",
+    "0 mm",
+    "1e400 mm",
+    "3 kg",
+    "three",
+    "",
+    "3 mm; DROP",
+    "3 mm" * 200,
+    "\0",
+)
+PRESSURES = ("nan", "0:nan cm", "0:1e999 cm", "a:b", "", "1 kg")
+CASES = (
+    "name = ", "\0", "[device]\nkind = 3", "[device]\nmembrane = '-1 mm'", "a" * 10_000, "x = [" * 2000, "[rigid]\nface = 7",
+    "name = '../../x'\n[device]\n", "[gravity]\ndirection = 'sideways'", "pressures_cm = nan", "[load]\npressures_cm = ['<b>']",
+)  # fmt: skip
+
+
+def test_bad_inputs_get_a_sentence_and_change_nothing(photographs):
+    project, count = photographs.project, 0
+    one = photographs.listed["good.png"]
+    asyncio.run(photographs.change(one, pressure="5 cm"))
+    before, case, row = state(project), project.case, one.row
+    device, change = sm.HollowDisk(section="axisymmetric"), photographs.change
+    lengths = [(name, text) for name in ("membrane", "wall") for text in NUMBERS]
+    tries = [
+        *(functools.partial(with_field, device, name, text) for name, text in lengths),
+        *(functools.partial(in_unit, "cm", text, "pressure", case.cm) for text in PRESSURES),
+        *(
+            lambda text=text: asyncio.run(change(one, pressure=text))
+            for text in ("nan cm", "5", "one cm", "\0", "5 mm kg")
+        ),
+        *(functools.partial(project.change_text, text) for text in CASES),
+        functools.partial(project.change, pressures_cm=(float("nan"),)),
+        functools.partial(project.change, material=3),
+    ]
+    for number, bad in enumerate(tries):
+        with pytest.raises(ERRORS) as found:
+            bad()
+        assert is_sentence(found.value), number
+        assert state(project) == before and project.case == case and one.row == row, number
+        count += 1
+    assert count >= 40
+
+
+@pytest.mark.parametrize("written", ["name = 'x'\n[device\n", "[device]\nmembrane = '-1 mm'\n"])
+def test_a_case_that_cannot_be_used_is_kept_until_it_is_corrected(written, tmp_path):
+    (tmp_path / CASE).write_text(written)
+    project = Project(tmp_path)
+    assert project.case_error and project.case_text == written
+    with pytest.raises(INPUT_ERRORS, match="cannot be used"):
+        project.change(pressures_cm=(3.0,))
+    assert (tmp_path / CASE).read_text() == written
+    project.set_aside()
+    assert (tmp_path / "case-aside.toml").read_text() == written and not project.case_error
+    project.change(pressures_cm=(3.0,))
+    text = "# mine\n" + project.case.to_toml() + "\n[gravity]\ndirection = '-z'\n"
+    project.change_text(text)
+    assert project.case.components and (tmp_path / CASE).read_text() == text
+
+
+def test_what_another_program_writes_is_not_overwritten(tmp_path):
+    project = Project(tmp_path)
+    project.change()
+    text = (
+        "# mine\n"
+        + sm.Case("mine", sm.HollowDisk(section="axisymmetric"), "ecoflex-00-30", pressures_cm=(7.0,)).to_toml()
+    )
+    (tmp_path / CASE).write_text(text)
+    with pytest.raises(INPUT_ERRORS, match="another program"):
+        project.change(pressures_cm=(3.0,))
+    assert (tmp_path / CASE).read_text() == text and project.case.pressures_cm == (7.0,)
+
+
+def test_a_full_disk_is_told_and_loses_nothing(photographs, monkeypatch):
+    project, one = photographs.project, photographs.listed["good.png"]
+    asyncio.run(photographs.change(one, pressure="5 cm"))
+    before, case, row, tone = state(project), project.case, one.row, photographs.tone
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    for name in ("write_text", "write_bytes"):
+        monkeypatch.setattr(Path, name, full)
+    for work in (
+        lambda: project.change(pressures_cm=(3.0,)), lambda: project.change_text(case.to_toml()),
+        lambda: asyncio.run(photographs.change(one, pressure="6 cm")), lambda: asyncio.run(photographs.take_tone("linear")),
+        lambda: asyncio.run(photographs.add("b.png", picture("PNG"))),
+    ):  # fmt: skip
+        with pytest.raises(OSError) as found:
+            work()
+        assert reason(found.value) == "No space left on device"
+    monkeypatch.undo()
+    assert state(project) == before and list(photographs.listed) == ["good.png"]
+    assert (project.case, one.row, photographs.tone) == (case, row, tone)
+    assert not list(project.folder.glob("*.part"))
