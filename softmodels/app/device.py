@@ -322,7 +322,7 @@ class DevicePage:
         self.numbers.clear()
         with self.numbers:
             for name, text in figures:
-                ui.label(name).classes("text-grey-7")
+                ui.label(name).classes("quiet")
                 ui.label(text).props(f'data-name="{name}"')
 
     def _figures(self, row: dict[str, object]) -> list[tuple[str, str]]:

@@ -16,6 +16,9 @@ from softmodels.materials.silicones import named
 
 if TYPE_CHECKING:
     from nicegui.elements.mixins.value_element import ValueElement
+    from nicegui.elements.upload import Upload
+
+    from softmodels.app.project import FileKind
 
 Take = Callable[[str, object], Awaitable[None]]
 """Takes a field's name and its new value: a number in SI units, or a text."""
@@ -52,6 +55,41 @@ def page_words(sentence: str) -> str:
 SPAN = 3.0
 """A slider reaches from the default over this factor to the default times it."""
 STEPS = 200
+
+
+def upload_box(
+    label: str,
+    kind: FileKind,
+    endings: str,
+    name: str,
+    take: Callable[..., Awaitable[None]],
+    say: Callable[[str], None],
+) -> Upload:
+    """Add a place to drop files in the current place of the page, with a name for those who do not see it.
+
+    Args:
+        label: What to drop.
+        kind: Of the files; others are rejected by the browser.
+        endings: For the browser's choice of files.
+        name: For tests.
+        take: Takes the event with the files.
+        say: Takes the sentence for files that the browser does not send.
+    """
+    from nicegui import ui
+
+    made = ui.upload(
+        multiple=True, auto_upload=True, max_file_size=kind.largest, on_multi_upload=take,
+        on_rejected=lambda: say(kind.rejected),
+    )  # fmt: skip
+    made.classes("w-full").props(f'accept="{endings}" data-name="{name}"')
+    made.add_slot("header", UPLOAD.replace("LABEL", label))
+    return made
+
+
+UPLOAD = """<div class="row items-center no-wrap q-pa-sm">
+<label class="col relative-position cursor-pointer text-weight-bold">LABEL<q-uploader-add-trigger /></label>
+<q-btn icon="add" flat round dense aria-label="choose files" @click="props.pickFiles" /></div>"""
+"""Head of a place to drop files."""
 
 
 def field_controls(device: Actuator, take: Take, moved: Moved) -> None:

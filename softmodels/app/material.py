@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from softmodels.app.forms import page_words
+from softmodels.app.forms import page_words, upload_box
 from softmodels.app.jobs import DONE, Command, Job, job_panel
 from softmodels.app.project import CURVES, FITTED, OUTLINES, RESULTS, FileKind
 from softmodels.case.entries import INPUT_ERRORS
@@ -40,11 +40,10 @@ class MaterialPage:
         self.bench, self.project = bench, bench.project
         with ui.element("div").classes("two-columns"):
             with ui.card().classes("w-full"):
-                upload = ui.upload(
-                    label="Drop curves of a test machine", multiple=True, auto_upload=True, max_file_size=CURVE.largest,
-                    on_multi_upload=self._uploaded, on_rejected=lambda: self._say(CURVE.rejected),
-                )  # fmt: skip
-                self.upload = upload.classes("w-full").props('accept=".csv,.txt,.tsv,.xlsx"')
+                kinds = ",".join(CURVE.endings)
+                self.upload = upload_box(
+                    "Drop curves of a test machine", CURVE, kinds, "curves", self._uploaded, self._say
+                )
                 self.curves = ui.refreshable(self._curves)
                 self.curves()
                 self.with_outlines = ui.switch("Outlines of the photographs", value=(self.project / OUTLINES).is_dir())
@@ -133,7 +132,7 @@ class MaterialPage:
                     ends, unit = one["interval_95"], one["unit"]
                     value, *between = (readable(float(f"{end:.4g}"), unit) for end in (one["value"], *(ends or ())))
                     about = "fixed" if one["fixed"] else f"95 %: {' to '.join(between)}" if between else ""
-                    ui.label(one["name"].replace("_", " ")).classes("text-grey-7")
+                    ui.label(one["name"].replace("_", " ")).classes("quiet")
                     ui.label(value).props(f'data-name="fitted-{one["name"]}"')
                     ui.label(about)
             ui.label(page_words(found["verdict"])).classes("text-sm")

@@ -34,7 +34,12 @@ class OverlayPage:
             )
             ui.button("Draw", on_click=self._refresh).props('outline data-name="overlay-draw"')
             self.about = ui.label().props('data-name="overlay-about"')
-        self.image = ui.interactive_image(sanitize=False).classes("w-full photograph").props('data-name="overlay"')
+        self.image = (
+            ui.interactive_image(sanitize=False)
+            .classes("w-full photograph")
+            .props('data-name="overlay" aria-label="the photograph with the simulated outline"')
+        )
+        self.image.set_visibility(False)
         bench.jobs.changed.subscribe(lambda job: self._list() if job.output == OUTLINES else None)
         self._list()
 
@@ -79,6 +84,7 @@ class OverlayPage:
             return one.why
         source, scale = picture_of(one.preview)
         self.image.set_source(source)
+        self.image.set_visibility(True)
         self.image.set_content(f'<polyline class="simulated" points="{points_text(found.curve, scale)}"/>')
         self.about.set_text(
             f"{pressure / case.cm:.4g} cm; measured and simulated heights differ by {found.difference * 1e6:.3g} um (rms)"

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from measurement.series.photo import AUTO
 from measurement.series.photo_list import ANYWAY, PICTURES, ColumnError, PhotoListError, read_photos
 from softmodels.app.bench import PHOTOGRAPH
-from softmodels.app.forms import page_words
+from softmodels.app.forms import page_words, upload_box
 from softmodels.app.jobs import Command, Job, job_panel
 from softmodels.app.project import BOARDS, LENS, OUTLINES, PHOTOS, PREVIEW, SETUP, Handles
 from softmodels.app.warm import AnswerError
@@ -52,12 +52,10 @@ class PhotographsPage:
         self.scale = 1.0
         with ui.element("div").classes("two-columns"):
             with ui.column().classes("w-full min-w-0"):
-                self.upload = ui.upload(
-                    label="Drop photographs here, or take them", multiple=True, auto_upload=True,
-                    max_file_size=PHOTOGRAPH.largest, on_multi_upload=self._uploaded,
-                    on_rejected=lambda: self._say(PHOTOGRAPH.rejected),
+                self.upload = upload_box(
+                    "Drop photographs here, or take them", PHOTOGRAPH, "image/*,.heic,.tif,.tiff,.csv", "drop",
+                    self._uploaded, self._say,
                 )  # fmt: skip
-                self.upload.classes("w-full").props('accept="image/*,.heic,.tif,.tiff,.csv" data-name="drop"')
                 with ui.card().classes("w-full"):
                     self._table()
             with ui.column().classes("w-full min-w-0"):
@@ -67,13 +65,15 @@ class PhotographsPage:
                         on_mouse=self._mouse, events=["pointerdown", "pointermove", "pointerup"], sanitize=False
                     )
                     .classes("w-full photograph")
-                    .props('data-name="photograph"')
+                    .props('data-name="photograph" aria-label="the photograph with its edge"')
                 )
+                self.image.set_visibility(False)  # until there is one
                 with ui.row().classes("w-full items-center no-wrap gap-3") as self.doubt:
                     ui.icon("report_problem", size="sm").props("color=warning")
                     self.doubt_words = ui.label().classes("grow").props('data-name="doubts"')
                     self.anyway = ui.switch("Use it anyway").props('data-name="use-anyway"').classes("shrink-0")
                     self.anyway.tooltip("The doubts stay in the record of the measurement and of the fit")
+                    self.doubt.set_visibility(False)
                     self.anyway.on("update:model-value", lambda _: self._use())
                 with ui.row().classes("gap-4 items-center"):
                     self.with_zero = ui.switch("Zero line", value=self.photos.handles.zero is not None)
@@ -111,9 +111,8 @@ class PhotographsPage:
             self.pitch = ui.input("pitch", value=self.photos.pitch).classes("w-20").props('data-name="pitch"')
         self.lens = ui.select([], label="lens correction").classes("w-full").props('dense data-name="lens"')
         with ui.expansion("Lens from photographs of a board").classes("w-full").props("dense"):
-            boards = ui.upload(label="Drop ten photographs of a chessboard", multiple=True, auto_upload=True,
-                               max_file_size=PHOTOGRAPH.largest, on_multi_upload=self._boards)  # fmt: skip
-            boards.classes("w-full").props('accept="image/*,.heic,.tif,.tiff" data-name="boards"')
+            kinds = "image/*,.heic,.tif,.tiff"
+            upload_box("Drop ten photographs of a chessboard", PHOTOGRAPH, kinds, "boards", self._boards, self._say)
             self.boards = ui.label().props('data-name="boards-given"')
             self.pattern = ui.input("inner corners", value="9x6").props('dense data-name="pattern"')
             self.square = ui.input("side of a square", value="25mm").props('dense data-name="square"')
@@ -264,6 +263,7 @@ class PhotographsPage:
             return self._say(one.why)
         source, self.scale = picture_of(one.preview)
         self.image.set_source(source)
+        self.image.set_visibility(True)
         self._draw()
         traced = one.traced
         words = [one.file.name, f"{one.preview.width} x {one.preview.height} px"]

@@ -24,6 +24,13 @@ svg.section .scale-bar text { fill: currentColor; }
 @media (max-width: 700px) { .q-header .q-tab__label { display: none; } .q-header .q-tab { min-width: 0; padding: 0 9px; } }
 .colour-bar { display: flex; gap: 0.6rem; align-items: center; font-size: 0.85rem; max-width: 30rem; margin: 0 auto; }
 .colour-bar div { flex: 1; height: 0.7rem; }
+.brand { font-size: 1rem; line-height: 1.5rem; font-weight: 700; margin: 0; }
+.q-tab--inactive { opacity: 1; }
+.quiet { color: #616161; }
+.body--dark .quiet { color: #bdbdbd; }
+.body--dark .nicegui-content { --q-negative: #ff8a80; }
+.body--dark :is(.q-btn--flat, .q-btn--outline, .q-field, .q-slider, .q-toggle) { --q-primary: #8ec5f4; }
+.body--dark a { color: #8ec5f4; }
 .photograph svg polyline { fill: none; stroke-width: 2.5; vector-effect: non-scaling-stroke; }
 .photograph svg .traced { stroke: #e6194b; }
 .photograph svg .band { fill: #e6194b; fill-opacity: 0.3; stroke: none; }
@@ -42,6 +49,15 @@ iframe { width: 100%; height: 80vh; border: 0; background: white; }
 
 
 ICON = "🎈"
+BLUE = "#1f5f99"
+"""Of buttons and the head of the page: white on it has a contrast of 6.6."""
+HEAD = """<script>
+document.documentElement.lang = "en";
+new MutationObserver(() => document.querySelectorAll("img:not([alt])").forEach(img =>
+  img.alt = img.closest("[aria-label]")?.getAttribute("aria-label") ?? ""
+)).observe(document, {childList: true, subtree: true});
+</script>"""
+"""The page's language, and words for pictures that NiceGUI leaves without."""
 
 
 def build_page(bench: Bench) -> None:
@@ -57,8 +73,10 @@ def build_page(bench: Bench) -> None:
         "Mould": ("view_in_ar", MouldPage),
     }
     ui.add_css(STYLE)
+    ui.add_head_html(HEAD)
+    ui.colors(primary=BLUE)
     with ui.header(elevated=False).classes("items-center gap-2 py-1"):
-        ui.label("softmodels").classes("font-bold")
+        ui.html('<h1 class="brand">softmodels</h1>', sanitize=False)
         with ui.tabs().props("dense mobile-arrows inline-label").classes("grow") as tabs:
             for name, (icon, _) in pages.items():
                 ui.tab(name, icon=icon).props(f'aria-label="{name}"')

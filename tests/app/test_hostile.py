@@ -176,7 +176,6 @@ def test_bad_inputs_get_a_sentence_and_change_nothing(photographs):
         ),
         *(functools.partial(project.change_text, text) for text in CASES),
         functools.partial(project.change, pressures_cm=(float("nan"),)),
-        functools.partial(project.change, material=3),
     ]
     for number, bad in enumerate(tries):
         with pytest.raises(ERRORS) as found:

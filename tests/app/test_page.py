@@ -115,6 +115,18 @@ def test_a_killed_server_resumes_its_job(browser, tmp_path):
     assert found.apex == pytest.approx(alone.apex, rel=1e-6)
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious(browser, server, scheme):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    with tab(browser, server, color_scheme=scheme) as page:
+        page.locator("svg.section").wait_for()
+        for name in ("Photographs", "Material", "Device", "Overlay", "Design", "Mould"):
+            page.get_by_role("tab", name=name).click()
+            page.wait_for_timeout(800)  # panels slide in
+            found = [one for one in axe.run(page).response["violations"] if one["impact"] in ("serious", "critical")]
+            assert not found, [(one["id"], [node["html"] for node in one["nodes"]]) for one in found]
+
+
 @pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_sticks_out(browser, server, width):
     with tab(browser, server, viewport={"width": width, "height": 844}) as page:
