@@ -13,7 +13,7 @@ import numpy as np
 from geometries.actuator import is_length
 from softmodels.api.calls import limit as limit_of, run
 from softmodels.api.run import InFolder, Run, SolvedState
-from softmodels.app.drawing import Section
+from softmodels.app.drawing import Section, colours_of
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
 from softmodels.common.arrays import Array
@@ -48,12 +48,14 @@ class PathAnswer:
         states: From rest to its end.
         end: Why the path ends before the last requested value; empty if it does not.
         notes: Warnings.
+        colours: Of the sections, from the lowest value up.
         breaks_at: Stretch at which the silicone broke when it was pulled; None if unknown.
     """
 
     states: list[StateAnswer]
     end: str
     notes: list[str]
+    colours: list[str]
     breaks_at: float | None
 
 
@@ -70,7 +72,7 @@ def path(case: str) -> PathAnswer:
     found = _runs[case]
     end = found.limit.why if found.limit else ""
     states, breaks_at = [_state(one) for one in found], stretch_at_break(found.case.material)
-    return PathAnswer(states, end, found.notes, breaks_at)
+    return PathAnswer(states, end, found.notes, colours_of(), breaks_at)
 
 
 def state(case: str, pressure: str) -> StateAnswer:

@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 
 import tomli_w
 
-from measurement.series.photo import AUTO
 from measurement.series.photo_list import ANYWAY, PICTURES, TIMES, Column, ColumnError, PhotoListError, read_photos
 from softmodels.app.forms import page_words
 from softmodels.app.jobs import Jobs
-from softmodels.app.project import OUTLINES, PHOTOGRAPHS, PHOTOS, SETUP, FileKind, Handles, Project
+from softmodels.app.project import AUTO, OUTLINES, PHOTOGRAPHS, PHOTOS, SETUP, FileKind, Handles, Project
 from softmodels.app.warm import AnswerError, Warm
 from softmodels.common.files import read_text, replace_text
 from softmodels.common.tables import TomlError, read_toml

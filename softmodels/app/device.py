@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from geometries import ACTUATORS, Actuator, registry
 from geometries.actuator import changed, parameter
-from softmodels.app.drawing import Section, colour_bar, colours_of, section_svg
+from softmodels.app.drawing import Section, colour_bar, section_svg
 from softmodels.app.forms import field_controls, page_words, python_lines, with_field
 from softmodels.app.jobs import Command, Job, job_panel
 from softmodels.app.project import CASE, RESULTS
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from softmodels.app.bench import Bench
     from softmodels.app.project import Project
 
-COLOURS = colours_of()
-FAINT = {"splitLine": {"lineStyle": {"opacity": 0.25}}}
+GREY = "#808080"
+"""Is read on white and on black."""
+FAINT = {"splitLine": {"lineStyle": {"opacity": 0.25}}, "axisLabel": {"color": GREY}}
 OUTPUT = f"{RESULTS}/device"
 
 
@@ -180,7 +181,7 @@ class DevicePage:
             max(float(curve[..., 1].max()) for curve in both),
         )
         self.pressures = [float(state.row["pressure_cm"]) for state in answer.states]  # type: ignore[arg-type]
-        self.scale.set_content(colour_bar(self.tops, COLOURS, "kPa, von Mises stress"))
+        self.scale.set_content(colour_bar(self.tops, answer.colours, "kPa, von Mises stress"))
         top = max(self.pressures)
         self.slider.props(f"max={top} step={top / 500}")
         self.slider.set_value(top)
@@ -344,7 +345,8 @@ class DevicePage:
 
     def _draw(self, section: Section, pressure: float) -> None:
         text = f"section at {pressure:.4g} cm, von Mises stress from 0 to {self.tops:.3g} kPa"
-        self.picture.set_content(section_svg(section, self.box, self.tops, COLOURS, text))
+        assert self.answer is not None
+        self.picture.set_content(section_svg(section, self.box, self.tops, self.answer.colours, text))
         self.reading.set_text(f"{pressure:.4g} cm")
 
 
@@ -431,8 +433,18 @@ def _chart(points: Sequence[tuple[float, float]], name: str) -> dict[str, object
     return {
         "animation": False,
         "grid": {"left": 55, "right": 20, "top": 30, "bottom": 45},
-        "xAxis": {"name": "pressure in cm", "nameLocation": "middle", "nameGap": 26, **FAINT},
-        "yAxis": {"name": f"rise of the {name} in mm" if name else "", "nameTextStyle": {"align": "left"}, **FAINT},
+        "xAxis": {
+            "name": "pressure in cm",
+            "nameLocation": "middle",
+            "nameGap": 26,
+            "nameTextStyle": {"color": GREY},
+            **FAINT,
+        },
+        "yAxis": {
+            "name": f"rise of the {name} in mm" if name else "",
+            "nameTextStyle": {"align": "left", "color": GREY},
+            **FAINT,
+        },
         "series": [{"type": "line", "data": list(points), "symbolSize": 5}],
         "tooltip": {"trigger": "axis"},
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterable
 from html import escape
 
@@ -115,6 +116,7 @@ def colour_bar(top: float, colours: list[str], what: str) -> str:
     )
 
 
+@functools.cache
 def colours_of(name: str = "viridis", count: int = STEPS) -> list[str]:
     """Return the colours of one of Matplotlib's maps, from the lowest value up."""
     import matplotlib

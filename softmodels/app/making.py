@@ -69,7 +69,9 @@ class MouldPage:
                 self.settings = {}
                 for name, field, default in workshop_fields():
                     self.settings[name] = (
-                        ui.input(name.replace("_", " "), placeholder=default).props("dense").classes("w-full")
+                        ui.input(name.replace("_", " "), placeholder=default)
+                        .props("dense stack-label")
+                        .classes("w-full")
                     )
                     self.settings[name].tooltip(field).props(f'data-name="mould-{name}"')
                 ui.label("Files").classes("font-bold")

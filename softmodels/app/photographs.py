@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from measurement.series.photo import AUTO
 from measurement.series.photo_list import ANYWAY, PICTURES, ColumnError, PhotoListError, read_photos
 from softmodels.app.bench import PHOTOGRAPH
 from softmodels.app.forms import page_words, upload_box
 from softmodels.app.jobs import Command, Job, job_panel
-from softmodels.app.project import BOARDS, LENS, OUTLINES, PHOTOS, PREVIEW, SETUP, Handles
+from softmodels.app.project import AUTO, BOARDS, LENS, OUTLINES, PHOTOS, PREVIEW, SETUP, Handles
 from softmodels.app.warm import AnswerError
 from softmodels.common.arrays import Array
 from softmodels.common.errors import FieldError, reason

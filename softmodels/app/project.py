@@ -17,6 +17,8 @@ CASE, PHOTOS, SETUP, FITTED = "case.toml", "photos.csv", "setup.toml", "fitted.t
 PHOTOGRAPHS, BOARDS, CURVES, RESULTS = "photographs", "boards", "curves", "results"
 PREVIEW = 1600
 """Longest side of a photograph's preview in px."""
+AUTO = "auto"
+"""How photographs store light: as their edges show; `measurement.series.photo.AUTO`, which this process does not import."""
 FIRST_PRESSURES = "0:60 cm"
 
 
