@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import softmodels as sm
+from softmodels.app import answers
 from softmodels.case.case import Case
 from tests.app.conftest import served, tab, value
 
@@ -110,9 +111,19 @@ def test_a_killed_server_resumes_its_job(browser, tmp_path):
     assert 3 < before < 16
     with served(project) as (_, address), tab(browser, address) as page:
         page.wait_for_function("document.querySelector('[data-name=\"state-results/device\"]').textContent == 'done'")
+        rise = page.locator('[data-name="rise of the apex"]')
+        shown = [value(page, "rise of the apex")]
+        page.get_by_label("membrane", exact=True).first.fill("6.2 mm")
+        page.get_by_label("membrane", exact=True).first.press("Tab")
+        page.wait_for_function("e => e.textContent.endsWith('(linear)')", arg=rise.element_handle())
+        shown.append(rise.text_content())
     alone = sm.run(case)
     found = sm.load(project / "results" / "device")
     assert found.apex == pytest.approx(alone.apex, rel=1e-6)
+    pressure = float(found.pressure[-1])
+    linear = answers.linear(str(project / "results" / "device"), pressure)
+    assert number(shown[0]) == pytest.approx(found.apex[-1] * 1e3, rel=5e-4) and "(linear)" not in shown[0]
+    assert number(shown[1]) == pytest.approx(linear.at(pressure, {"membrane": 0.2e-3})["apex_mm"], rel=5e-4)
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,29 @@ def test_a_users_file_lands_in_the_project_whatever_its_name(name, tmp_path):
 def test_another_kind_of_file_is_refused(name, tmp_path):
     with pytest.raises(FieldError, match="photographs are JPEG, PNG, TIFF or HEIC"):
         Project(tmp_path / "project").keep("photographs", name, b"1", PHOTOGRAPH)
+
+
+def test_the_linear_answer_of_a_stored_run_has_its_exact_derivatives(tmp_path):
+    disk, material, length, step = sm.HollowDisk(section="axisymmetric"), sm.Yeoh(14e3, 60.0), "membrane", 0.2e-3
+    stored = sm.run(Case("disk", disk, material, pressures_cm=(0.0, 60.0)), folder=tmp_path / "run")
+    pressure = float(stored.pressure[-1])
+    found = answers.linear(str(tmp_path / "run"), pressure)
+    assert Case.from_toml(found.case) == stored.case
+    for name, value in found.values.items():
+        assert value == pytest.approx(stored.last.row[name], rel=1e-9)
+    near = [sm.inflate(disk, material, [pressure + change]).last.row for change in (-20.0, 20.0)]
+    other = [
+        sm.inflate(dataclasses.replace(disk, membrane=disk.membrane + change), material, [pressure]).last.row
+        for change in (-step, step)
+    ]
+    for name, slope in found.by_pressure.items():
+        assert slope == pytest.approx((near[1][name] - near[0][name]) / 40.0, rel=1e-3)
+        assert found.by_length[length][name] == pytest.approx((other[1][name] - other[0][name]) / (2 * step), rel=0.02)
+        assert found.at(pressure + 10.0, {length: 1e-4})[name] == pytest.approx(
+            found.values[name] + 10.0 * slope + 1e-4 * found.by_length[length][name]
+        )
+    between = answers.outline("", 0.7 * pressure, str(tmp_path / "run"))
+    assert between == pytest.approx(answers.outline(stored.case.to_toml(), 0.7 * pressure), abs=1e-9)
 
 
 @pytest.mark.parametrize("pressure", [0.0, 3e3])
