@@ -192,11 +192,14 @@ class DevicePage:
             label.set_text("")
         for function, label in (("limit", self.limit), ("spread", self.spread)):
             try:
-                label.set_text(await self.bench.slower.ask(function, text, kind=function))
+                sentence = await self.bench.slower.ask(function, text, kind=function)
             except SupersededError:
                 return
             except AnswerError as error:
-                label.set_text(str(error))
+                sentence = str(error)
+            if self.text != text:  # another device is shown by now
+                return
+            label.set_text(sentence)
 
     # -- solids -------------------------------------------------------------------------------------------------------
 

@@ -143,6 +143,7 @@ class DesignPage:
         self.varied = ui.select(names, value=names[:1], label="lengths", multiple=True).props("dense use-chips")
         self.varied.classes("w-full").props('data-name="varied"')
         self.reach = ui.input("from and to, as a factor both ways", value=f"{REACH:g}").props("dense").classes("w-full")
+        self.reach.props('data-name="reach"')
         ui.label("What it should do").classes("font-bold")
         self.objective = (
             ui.select(list(OBJECTIVES), value="most rise", label="objective").props("dense").classes("w-full")

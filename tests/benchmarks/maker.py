@@ -86,7 +86,9 @@ def walk(steps: Steps, examples: Path) -> None:
 
     def done(output: str, report: bool = True) -> None:
         page.locator(named(f"start-{output}")).click()
-        expect(page.locator(named(f"state-{output}"))).to_have_text("done")
+        state = page.locator(named(f"state-{output}"))
+        expect(state).to_have_text(re.compile("done|failed|stopped"))
+        expect(state).to_have_text("done", timeout=100.0)
         if report:
             page.locator("iframe:visible").last.content_frame.locator("body").wait_for()
 
@@ -130,6 +132,7 @@ def walk(steps: Steps, examples: Path) -> None:
         page.locator("polyline.simulated").first.wait_for(state="attached")
     with steps.step("design found"):
         page.get_by_role("tab", name="Design").click()
+        page.locator(named("reach")).fill("1.15")
         done("results/design")
         page.locator(named("use-design")).click()
     with steps.step("mould made"):
