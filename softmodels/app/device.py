@@ -429,7 +429,7 @@ def path_rows(folder: Path) -> list[dict[str, float]]:
 
 
 def is_section(device: Actuator) -> bool:
-    return getattr(device, "section", "") == "axisymmetric" or device.axial
+    return device.dimension == 2
 
 
 def _chart(points: Sequence[tuple[float, float]], name: str) -> dict[str, object]:

@@ -169,6 +169,14 @@ ALLOWED = "allow-scripts allow-popups allow-downloads allow-modals"
 """What a report may do inside the page: its 3-D view, and saving and printing what it shows."""
 
 
+def _made(command: Callable[[], Command]) -> Command:
+    """Return the command, or the sentence why it cannot be given, also where its input cannot be written."""
+    try:
+        return command()
+    except (*INPUT_ERRORS, OSError) as error:
+        return page_words(reason(error))
+
+
 def job_panel(jobs: Jobs, output: str, title: str, command: Callable[[], Command], report: str = "") -> None:
     """Add a button that starts a command in the current place of a page, with what it prints, and its report.
 
@@ -182,10 +190,7 @@ def job_panel(jobs: Jobs, output: str, title: str, command: Callable[[], Command
     from nicegui import ui
 
     def start() -> None:
-        try:
-            made = command()
-        except (*INPUT_ERRORS, OSError) as error:
-            made = page_words(reason(error))
+        made = _made(command)
         if isinstance(made, str):
             sentence.set_text(made)
             return
