@@ -64,6 +64,7 @@ class DevicePage:
                     self.reading = ui.label().classes("w-28 text-right").props('data-name="pressure-shown"')
                 self.slider.on_value_change(lambda _: self._show_between())
                 self.slider.on("change", lambda _: self._solve_between())
+                self.about = ui.label().classes("text-sm").props('data-name="linear"')
                 self.numbers = ui.grid(columns="auto auto").classes("gap-x-6 gap-y-0")
                 self.chart = ui.echart(_chart([], "")).classes("w-full h-64")
                 self.limit = ui.label().props('data-name="limit"')
@@ -165,6 +166,7 @@ class DevicePage:
         if not is_section(case.actuator):
             return await self._solve_solid()
         self.linear = None
+        self.about.set_text("")
         try:
             answer: PathAnswer = await self.bench.solver.ask("path", text, kind="path")
         except SupersededError:
@@ -208,7 +210,7 @@ class DevicePage:
         self.answer = None
         for place in (self.picture, self.scale):
             place.set_content("")
-        for label in (self.limit, self.spread):
+        for label in (self.limit, self.spread, self.about):
             label.set_text("")
         self.numbers.clear()
         (stored, rows), job = stored_run(self.project), self.bench.jobs.latest(OUTPUT)
@@ -254,7 +256,7 @@ class DevicePage:
             for name, value in found.items()
         ]  # fmt: skip
         self._table(labels)
-        self._say(
+        self.about.set_text(
             "" if solved else f"linear answer from the state solved at {linear.pressure / cm:.4g} cm, by its exact "
             "derivatives; start a run for the solved one"
         )  # fmt: skip
@@ -330,7 +332,7 @@ class DevicePage:
                 ui.label(text).props(f'data-name="{name}"')
 
     def _figures(self, row: dict[str, object]) -> list[tuple[str, str]]:
-        bands = {name.replace("_ci95", ""): f" +- {row[name]:.2g}" for name in row if "_ci95_" in name}
+        bands = {name.replace("_ci95", ""): f" ± {row[name]:.2g}" for name in row if "_ci95_" in name}
         probes = [(name.removesuffix("_mm"), f"{row[name]:.4g}{bands.get(name, '')} mm") for name in row
                   if name.removesuffix("_mm") in self.project.case.actuator.probes and name.endswith("_mm")]  # fmt: skip
         found = [

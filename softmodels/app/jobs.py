@@ -208,7 +208,9 @@ def job_panel(jobs: Jobs, output: str, title: str, command: Callable[[], Command
             spinner = ui.spinner()
             state = ui.label().props(f'data-name="state-{output}"')
         sentence = ui.label().classes("text-negative").props(f'data-name="why-{output}"')
-        line = ui.label().classes("text-sm font-mono whitespace-pre-wrap break-all").props(f'data-name="line-{output}"')
+        line = (
+            ui.label().classes("text-sm font-mono whitespace-pre-wrap break-words").props(f'data-name="line-{output}"')
+        )
         log = ui.expansion("All it printed").classes("w-full").props("dense")
         with log:
             whole = ui.code("", language="text").classes("w-full")

@@ -21,7 +21,13 @@ svg.section .scale-bar path { stroke: currentColor; fill: none; }
 svg.section .scale-bar text { fill: currentColor; }
 .two-columns { display: grid; grid-template-columns: minmax(0, 1fr); gap: 1rem; width: 100%; }
 @media (min-width: 900px) { .two-columns { grid-template-columns: 22rem minmax(0, 1fr); } }
-@media (max-width: 700px) { .q-header .q-tab__label { display: none; } .q-header .q-tab { min-width: 0; padding: 0 9px; } }
+.q-header { flex-wrap: nowrap; }
+.q-header .q-tabs { min-width: 0; }
+@media (max-width: 700px) {
+  .brand { position: absolute; clip-path: inset(50%); }
+  .q-header .q-tab__label { display: none; }
+  .q-header .q-tab { min-width: 0; padding: 0 8px; }
+}
 .colour-bar { display: flex; gap: 0.6rem; align-items: center; font-size: 0.85rem; max-width: 30rem; margin: 0 auto; }
 .colour-bar div { flex: 1; height: 0.7rem; }
 .brand { font-size: 1rem; line-height: 1.5rem; font-weight: 700; margin: 0; }
