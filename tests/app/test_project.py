@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -13,9 +14,11 @@ import softmodels as sm
 from measurement.series.photo_list import read_photos
 from softmodels.app import answers
 from softmodels.app.bench import PHOTOGRAPH, Photographs
+from softmodels.app.forms import page_words
 from softmodels.app.project import Project
 from softmodels.case.case import Case
 from softmodels.common.errors import FieldError
+from tests.app.conftest import TOP
 
 LISTS = {
     "times and errors": "file,pressure,error,hold,rise\n"
@@ -97,3 +100,22 @@ def test_the_simulated_outline_begins_at_the_apex(pressure):
     apex = sm.inflate(disk, case.material, [pressure]).apex[-1] if pressure else 0.0
     assert curve[0] == pytest.approx([0.0, apex], abs=1e-9)
     assert np.ptp(curve[:, 0]) > 0.9 * disk.outer_radius
+
+
+@pytest.mark.parametrize(
+    "module", ["series/checks", "outline/edge", "outline/profiles", "outline/zero", "series/measuring"]
+)
+def test_doubts_name_the_pages_controls(module):
+    source = re.sub(r'"\s*\n\s*f?"', "", (TOP / "measurement" / f"{module}.py").read_text())  # sentences in one piece
+    text = page_words(source)
+    assert not re.findall(r"--(?:roi|mask|zero|tone|lens)\b", text)
+
+
+def test_a_photographs_use_is_kept_in_its_list(tmp_path):
+    project = Project(tmp_path / "project")
+    (project / "photographs" / "a.jpg").write_bytes(b"")
+    (project / "photos.csv").write_text("file,pressure,use\nphotographs/a.jpg,1 cm,Anyway\n")
+    photographs = Photographs(project, None)
+    assert photographs.listed["a.jpg"].anyway
+    photographs.write_list()
+    assert [photo.anyway for photo in read_photos(project / "photos.csv")] == [True]
