@@ -3,7 +3,7 @@
     python -m tests.benchmarks.maker [--output FOLDER] [--narrow] [--dark]
 
 It writes a picture of the page after each step into the folder. Photographs and boards are those of ``softmodels examples``.
-Found: 231 s on two busy cores (lens 10, edges 24, outlines 51, fit 51, overlay 11, design 36, mould 33).
+Found: 149 s on two busy cores (edges 22, outlines 35, fit 20, overlay 7, design 28, mould 14).
 """
 
 from __future__ import annotations
