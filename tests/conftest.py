@@ -58,14 +58,17 @@ def shared_data():
     return folder_of
 
 
-@pytest.fixture(scope="session")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+"""The system's own; None for Playwright's."""
+
+
+@pytest.fixture(scope="module")  # its event loop must not outlive the tests that need it
 def browser():
     """Chromium, Playwright's own or the system's; skips where there is neither."""
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as started:
-        own = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
         try:
-            found = started.chromium.launch(executable_path=own, args=["--no-sandbox"])
+            found = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         except playwright.Error:
             pytest.skip("no Chromium: install Debian's chromium, or run playwright install chromium")
         yield found

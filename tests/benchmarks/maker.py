@@ -19,7 +19,8 @@ from pathlib import Path
 from playwright.sync_api import Page, expect, sync_playwright
 
 from softmodels.cli.examples import write_examples
-from tests.app.conftest import CHROMIUM, served
+from tests.app.conftest import served
+from tests.conftest import CHROMIUM
 
 WAIT = 300e3
 """Milliseconds for the longest step."""
