@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import sys
 
 import pytest
 
@@ -11,22 +10,16 @@ from geometries import HollowDisk, SeminarActuator
 from softmodels.cli.options import main
 from softmodels.pictures.offscreen import can_render
 from tests.support.made_up import finished, made_up, start_drawing
-from tests.support.runs import SOFT, disk
+from tests.support.runs import SOFT, called, disk
 
 
 @pytest.fixture
-def ended(monkeypatch, capsys):
+def ended():
     """Return a function that runs a command in this process: its exit status, what it printed, and its complaints."""
 
     def run_command(asked, *arguments):
-        monkeypatch.setattr(sys, "argv", ["softmodels", *map(str, arguments)])
-        status = 0
-        try:
-            main(asked)
-        except SystemExit as end:
-            status = end.code or 0
-        printed = capsys.readouterr()
-        return status, printed.out, printed.err
+        done = called(lambda: main(asked), "softmodels", *arguments)
+        return done.status, done.out, done.err
 
     return run_command
 

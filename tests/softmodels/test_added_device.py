@@ -144,7 +144,7 @@ def test_commands_know_it_by_the_environment(ran, tmp_path):
     stretches = np.linspace(1.0, 3.0, 20001)
     most = sphere_pressure(LAW, BALL.radius, BALL.outer_radius, stretches).max()
     assert row["kind"] == "limit" and float(row["limit_Pa"]) == pytest.approx(most, rel=1e-3)
-    done = runs.run("-m", "softmodels", "limit", file)
+    done = runs.run("-m", "softmodels", "limit", file, env=dict(os.environ))
     assert done.status == 2 and "HalfBall" in done.err and done.err.count("\n") == 1
     done = runs.run("-m", "softmodels", "limit", file, env={**os.environ, VARIABLE: str(tmp_path / "none.py")})
     assert done.status == 2 and "none.py" in done.err and VARIABLE in done.err and done.err.count("\n") == 1

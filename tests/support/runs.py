@@ -1,11 +1,16 @@
-"""Runs of the command line in processes of their own, and what they leave behind."""
+"""Runs of the command line, in this process or in one of their own, and what they leave behind."""
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
+import runpy
 import subprocess
 import sys
 import types
+import warnings
+from pathlib import Path
 from xml.etree import ElementTree
 
 import h5py
@@ -25,11 +30,35 @@ def start(*arguments, **options):
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
 
 
-def run(*arguments, **options):
-    """Run a Python process to its end: ``status``, ``out`` and ``err``."""
-    process = start(*arguments, **options)
+def run(*arguments, cwd=None, **options):
+    """Run Python to its end with these words: ``status``, ``out`` and ``err``.
+
+    A module runs in this process, which has imported what takes its time. A process of its own is for other programs, for
+    several ranks, for what draws (VTK does not live beside DOLFINx), and for words to PETSc, which would stay.
+    """
+    words = [str(word) for word in arguments]
+    apart = "--" in words or "draw" in words or any(word.startswith("--ranks") for word in words)
+    if words[0] == "-m" and not apart and not any(options.values()):
+        with contextlib.chdir(cwd or Path.cwd()), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", ".*found in sys.modules", RuntimeWarning)  # it has run before
+            return called(lambda: runpy.run_module(words[1], run_name="__main__", alter_sys=True), *words[1:])
+    process = start(*arguments, cwd=cwd, **options)
     out, err = process.communicate(timeout=300)
     return types.SimpleNamespace(status=process.returncode, out=out, err=err)
+
+
+def called(program, *words):
+    """Call a program with these words as its command line, the first of them its name, as `run`."""
+    status, before = 0, sys.argv
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+        sys.argv = list(map(str, words))
+        try:
+            program()
+        except SystemExit as end:
+            status = end.code or 0
+        finally:
+            sys.argv = before
+    return types.SimpleNamespace(status=status, out=out.getvalue(), err=err.getvalue())
 
 
 def disk(folder, *arguments, **options):
