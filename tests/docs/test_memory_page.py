@@ -6,8 +6,6 @@ import csv
 import itertools
 import re
 import shlex
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -16,6 +14,7 @@ import pytest
 from measurement.photographer import chessboard, photograph, save
 from softmodels.case.materials import material_from
 from softmodels.cli import examples
+from tests.support.forks import forks
 
 PAGE = Path(__file__).parents[2] / "docs" / "pages" / "howto" / "fit-memory.md"
 
@@ -39,16 +38,16 @@ def done(tmp_path_factory):
     changed.undo()
     blocks = re.findall(r"^```sh\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
     lines = dict.fromkeys(line for block in blocks for line in block.splitlines())
-    for line in lines:
-        words = shlex.split(line)
-        assert words[:2] == ["uv", "run"]
-        if words[2:] != ["softmodels", "examples"]:
-            words = [
-                name for word in words for name in (sorted(map(str, folder.glob(word))) if "*" in word else [word])
-            ]
-            command = [sys.executable, *(words[3:] if words[2] == "python" else ["-m", *words[2:]])]
-            ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-            assert ended.returncode == 0, ended.stderr
+    with forks() as run:
+        for line in lines:
+            words = shlex.split(line)
+            assert words[:2] == ["uv", "run"]
+            if words[2:] != ["softmodels", "examples"]:
+                words = [
+                    name for word in words for name in (sorted(map(str, folder.glob(word))) if "*" in word else [word])
+                ]
+                ended = run(words[3:] if words[2] == "python" else ["-m", *words[2:]], folder)
+                assert ended.status == 0, ended.err
     return folder
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.forks import forks
+
 TOP = Path(__file__).parents[2]
 SITE = TOP / "docs" / "pages"
 EXAMPLES = sorted((TOP / "docs" / "examples").glob("*.py"))
@@ -27,12 +29,17 @@ MOST_FILES = 5
 """That a reader opens for one question."""
 
 
-def _run(words, folder):
-    done = subprocess.run(
-        [sys.executable, *words], cwd=folder, capture_output=True, text=True, timeout=600, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return done
+@pytest.fixture(scope="module")
+def run():
+    """Return a function that runs a Python file in a folder to its good end, and gives what it printed."""
+    with forks() as forked:
+
+        def to_the_end(file, folder):
+            done = forked([file], folder)
+            assert done.status == 0, done.err
+            return done.out
+
+        yield to_the_end
 
 
 def test_there_are_examples_and_pages():
@@ -40,17 +47,16 @@ def test_there_are_examples_and_pages():
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_examples_assert_a_number_and_draw_a_picture(example, tmp_path):
+def test_examples_assert_a_number_and_draw_a_picture(example, run, tmp_path):
     text = example.read_text()
     assert re.search(r"^assert ", text, re.MULTILINE)
-    done = _run([example], tmp_path)
-    assert done.stdout.strip() and (tmp_path / f"{example.stem}.png").stat().st_size > 10_000
+    assert run(example, tmp_path).strip() and (tmp_path / f"{example.stem}.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
-def test_python_on_pages_runs(page, tmp_path):
+def test_python_on_pages_runs(page, run, tmp_path):
     (tmp_path / "page.py").write_text("\n".join(blocks(page)))
-    _run(["page.py"], tmp_path)
+    run(tmp_path / "page.py", tmp_path)
 
 
 def test_each_thing_that_can_be_added_is_checked_on_its_page():
@@ -85,7 +91,8 @@ runpy.run_module("softmodels.disk", run_name="__main__", alter_sys=True)
 def test_no_run_imports_more_files_than_the_architecture_page_says(tmp_path):
     text = (SITE / "explanation" / "architecture.md").read_text()
     (tmp_path / "count.py").write_text(COUNT)
-    assert int(_run(["count.py"], tmp_path).stdout.split()[-1]) <= int(re.search(r"imports (\d+) files", text)[1])
+    done = subprocess.run([sys.executable, "count.py"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert int(done.stdout.split()[-1]) <= int(re.search(r"imports (\d+) files", text)[1])
 
 
 def test_a_question_about_the_code_is_answered_by_few_files_that_are_there():
