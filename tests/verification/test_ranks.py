@@ -1,4 +1,4 @@
-"""Two processes find what one does; three do in `test_rigid` and `test_memory`."""
+"""Two processes find what one does; three do in `test_rigid`."""
 
 from __future__ import annotations
 

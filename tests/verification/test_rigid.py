@@ -401,20 +401,15 @@ def test_a_rigid_ring_is_a_very_stiff_one(body_of, figure):
     figure("a ring ten thousand times stiffer", "lowest eigenvalue of a membrane with a rigid ring", off[1], 0.02)
 
 
-@pytest.fixture(scope="module")
-def alone(tmp_path_factory):
-    """The program, its meshes, and what it finds in this process."""
+@pytest.mark.parametrize(("ranks", "method"), [(3, "direct"), (2, "iterative")])
+def test_ranks_find_what_one_does(ranks, method, tmp_path, figure):
     from tests.support.on_ranks import rigid as program
 
-    folder = tmp_path_factory.mktemp("rigid")
-    meshes = [str(device.write(folder / f"{device.name}.msh")) for device in program.DEVICES]
-    return meshes, program.found(meshes)
-
-
-@pytest.mark.parametrize("ranks", [2, 3])
-def test_ranks_find_what_one_does(ranks, alone, figure):
-    meshes, one = alone
+    meshes = [str(device.write(tmp_path / f"{device.name}.msh")) for device in program.DEVICES]
+    one = program.found(method, meshes)
     assert np.degrees(np.linalg.norm(one["plate that turns"][3:6])) > 45.0  # about two axes, and twisted besides
-    several = figures_on(ranks, "rigid", *meshes)
+    several = figures_on(ranks, "rigid", method, *meshes)
+    assert several.keys() == one.keys()
     for name, values in one.items():
-        figure("one rank", f"{name}, on 2 and 3 ranks", np.abs(np.subtract(values, several[name])).max(), 1e-8)
+        how = f"{name}, {method}, on {ranks} ranks"
+        figure("one rank", how, np.abs(np.subtract(values, several[name])).max(), 1e-8)

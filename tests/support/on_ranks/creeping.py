@@ -1,4 +1,4 @@
-"""Columns of a disk with a memory that is raised, held and let down: a section, and a coarse wedge."""
+"""Columns of a disk with a memory: a section that is raised, held and let down, and a coarse wedge that is not held."""
 
 from __future__ import annotations
 
@@ -17,9 +17,12 @@ LAW = sm.Yeoh(14e3, 60.0).with_memory(branches=[(0.2, 1.0), THINNING], softening
 def figures() -> dict[str, list[float]]:
     """The columns by their names and the section's."""
     found = {}
-    for section, size in (("axisymmetric", 3e-3), ("wedge", 6e-3)):
-        disk = sm.HollowDisk(section=section, cell_size=size)
-        run = sm.inflate(disk, LAW, pressures=["25 cm", "25 cm", "5 cm"], times=[5.0, 8.0, 10.0])
+    for section, pressures, times in (
+        ("axisymmetric", ["25 cm", "25 cm", "5 cm"], [5.0, 8.0, 10.0]),
+        ("wedge", ["25 cm", "5 cm"], [5.0, 7.0]),
+    ):
+        disk = sm.HollowDisk(section=section, angle=15.0, cell_size=6e-3, fillet=1.5e-3)
+        run = sm.inflate(disk, LAW, pressures=pressures, times=times)
         found |= {f"{column}, {section}": [float(value) for value in run.path[column]] for column in COLUMNS}
     return found
 
