@@ -200,7 +200,17 @@ def test_the_pressure_that_is_borne_for_a_time(figure):
 
 def test_the_command_tells_what_is_borne(tmp_path):
     (tmp_path / "memory.toml").write_text(CASE[CASE.index("[material]") : CASE.index("[load]")])
-    words = ("-m", "softmodels", "limit", "--device", "Balloon", "--material", tmp_path / "memory.toml")
+    words = (
+        "-m",
+        "softmodels",
+        "limit",
+        "--device",
+        "Balloon",
+        "--cell-size",
+        "4mm",
+        "--material",
+        tmp_path / "memory.toml",
+    )
     done = runs.run(*words, "--hold", "60s", "--output", tmp_path / "out")
     assert done.status == 0 and "is borne for 60 s, and then" in done.out
     assert runs.run(*words, "--hold", "60s", "--vary", "wall=2mm+-0.1mm").status == 2
