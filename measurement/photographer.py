@@ -150,7 +150,7 @@ def shadowed(rays: Rays, polygon: Array, penumbra: float, ambient: float, lamp: 
         np.arange(BLOCK / 2, height + BLOCK, BLOCK), np.arange(BLOCK / 2, width + BLOCK, BLOCK), indexing="ij"
     )
     middle = rays.at(np.minimum(rows, height).ravel(), np.minimum(columns, width).ravel()).reshape(*rows.shape, 2)
-    radius = BLOCK * max(float(extent.max()) for row in (0, height - 1) for extent in rays.footprints(row)) * 1.5
+    radius = BLOCK * max(float(extent.max()) for row in (0, height - 1) for extent in rays.footprints(row)) * 0.75
     coarse = outline.distance(middle.reshape(-1, 2)).reshape(rows.shape)
     share = np.repeat(np.repeat((coarse > 0.0).astype(np.float32), BLOCK, axis=0), BLOCK, axis=1)[:height, :width]
     near = np.repeat(np.repeat(np.abs(coarse) < REACH * penumbra + radius, BLOCK, axis=0), BLOCK, axis=1)[

@@ -633,13 +633,19 @@ class StoredLight:
     def seen(self, share: Array, amount: float, radius: float) -> Array:
         """Return the light (n,) over light and shadow that a share (n,) of the lamp at `nodes` is taken for after
         sharpening."""
-        numbers = np.linspace(0.0, 1.0, len(self.light))
+        numbers = _numbers(len(self.light))
         stored = np.interp(self.low + (self.high - self.low) * share, self.light, numbers)
         sharp = stored + amount * (stored - _blurred(stored, radius / self.width))
         # Beyond the last number the curve goes on, as a channel mixed of several does.
         back = np.interp(sharp, numbers, self.light)
         back += np.maximum(sharp - 1.0, 0.0) * (self.light[-1] - self.light[-2]) * (len(numbers) - 1.0)
         return np.asarray((back - self.low) / (self.high - self.low))
+
+
+@functools.cache
+def _numbers(count: int) -> Array:
+    """Return the stored numbers (count,) over the largest."""
+    return np.linspace(0.0, 1.0, count)
 
 
 def common_shape(
@@ -729,10 +735,14 @@ def _fitted(  # type: ignore[no-untyped-def]
     if camera is not None:
         usual, errors = (camera.tone, *camera.mask), HELD
 
+    shapes: dict[bytes, Array] = {}  # a derivative by place, levels or fall of light has the shape of the point itself
+
     def missed(p: Array) -> Array:
-        step = np.interp(place - p[0], nodes(), _shape(p, lamp, stored))
-        model = p[6] + (1.0 + p[7] + p[8] * place) * step
-        return np.r_[(model - value) / spread, (p[3:6] - usual) / errors, p[6:9] / (0.05, 0.05, 0.02)]
+        key = np.concatenate([p[1:6], p[DEPTH:]]).tobytes()
+        if (shape := shapes.get(key)) is None:
+            shape = shapes[key] = _shape(p, lamp, stored)
+        model = p[6] + (1.0 + p[7] + p[8] * place) * np.interp(place - p[0], nodes(), shape)
+        return np.concatenate([(model - value) / spread, (p[3:6] - usual) / errors, p[6:9] / (0.05, 0.05, 0.02)])
 
     start = [0.0, 0.0, 0.5, 0.0, 0.05, MASK, 0.0, 0.0, 0.0]
     low, high = (
@@ -782,7 +792,7 @@ def _blurred(values: Array, width: float) -> Array:
     reach = min(int(np.ceil(4.5 * width / STEP)), len(values) - 1)
     # Each tap holds the bell's integral over its step, so that narrow bells keep their weight.
     bell = np.diff(ndtr((np.arange(-reach, reach + 2) - 0.5) * STEP / width))
-    padded = np.pad(values, reach, mode="edge")
+    padded = np.concatenate([np.full(reach, values[0]), values, np.full(reach, values[-1])])
     return np.convolve(padded, bell / bell.sum(), "valid")
 
 
@@ -865,9 +875,10 @@ def fit_profiles(offsets: Array, profile: Array, weight: Array, shape: EdgeShape
             scatter = np.maximum(deviations(residual, 1), 1e-4)
             robust = np.minimum(1.0, 2.5 * scatter[:, None] / np.maximum(np.abs(residual), 1e-12))
         weighted = terms * (weight * robust)[..., None]
-        matrix = np.einsum("nki,nkj->nij", weighted, terms)
+        across = weighted.transpose(0, 2, 1)
+        matrix = across @ terms
         matrix = matrix + 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5)
-        step = np.linalg.solve(matrix, np.einsum("nki,nk->ni", weighted, residual)[..., None])[..., 0]
+        step = np.linalg.solve(matrix, across @ residual[..., None])[..., 0]
         parameters = _stepped(parameters, np.where(np.isfinite(step), step, 0.0), reach)
     low, rise, slope, centre, width = parameters
     return ProfileFit(low, rise, slope, centre, width, z, top, residual, weight * robust, weighted, matrix)
