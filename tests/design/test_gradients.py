@@ -88,7 +88,16 @@ def test_tubes(designed, second_order, comm, name):
 
 @pytest.mark.parametrize("name", ["membrane", "profile[1]"])
 def test_wedges(designed, second_order, comm, name):
-    wedge = HollowDisk.variant("shadow", angle=15.0, azimuth=20.0, cell_size=0.006, profile=(1.0, 1.0))
+    wedge = HollowDisk.variant(
+        "shadow",
+        membrane=0.003,
+        fillet=0.0,
+        base_fillet=0.0,
+        angle=15.0,
+        azimuth=20.0,
+        cell_size=0.006,
+        profile=(1.0, 1.0),
+    )
     names = ("membrane", "cavity_radius", "profile[1]")
     quantities = (Rise(at=WORKING), AddedVolume(at=WORKING), LimitPressure())
     second_order(designed(wedge, names, quantities, comm), name, TAYLOR, "wedge")
