@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import collections
+import json
 import math
 import os
 import shutil
 import sys
 from pathlib import Path
 
+import filelock
 import numpy as np
 import pytest
 
@@ -75,6 +77,27 @@ def browser():
         found.close()
 
 
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory):
+    """Return a function that fills a folder once in a run of the tests, whatever the number of workers.
+
+    ``made_once(name, fill)`` gives the folder, and what ``fill(folder)`` returned, which JSON can hold. Tests only look at it.
+    """
+    top = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        top = top.parent  # of all workers
+
+    def made(name, fill):
+        folder, result = top / name, top / f"{name}.json"
+        with filelock.FileLock(top / f"{name}.lock"):
+            if not result.exists():
+                folder.mkdir()
+                result.write_text(json.dumps(fill(folder)))
+            return folder, json.loads(result.read_text())
+
+    return made
+
+
 @pytest.fixture
 def figure(request):
     """Return a function that asserts a measured figure, and records it for the tables of ``tests/verification/README.md``.
@@ -126,17 +149,15 @@ class FigureWriter:
 
 
 LONG = {
-    "measurement": "accuracy refused damages round_trip soft_body own_files calibration copies line_shape door",
-    "verification": (
-        "ranks friction rigid_membrane iterative_parts loop fibres rigid supply robustness sensitivity communicators seminar "
-        "stl_shapes program"
-    ),
+    "docs": "pages notebooks memory_page",
+    "app": "page",
     "softmodels": (
-        "loaded_fit outline_fit run named_ends devices_fit endings kills outline_command examples run_results folders "
-        "design_command"
+        "pictures loaded_fit creeping_fit door drawing band door_folders resumed_numbers memory_fit mould time_runs colours "
+        "outline_fit mould_mirror limit_command design_command run added_device outline_command interruptions kills examples"
     ),
-    "design": "gradients parts inverse",
-    "docs": "pages notebooks",
+    "measurement": "damages refused ray_traced accuracy round_trip own_files soft_body grid setup_variants copies door",
+    "design": "gradients inverse",
+    "verification": "ranks inertia sensitivity_in_time iterative_parts loop memory friction rigid communicators robustness",
 }
 """Files of tests that take longest, by folder: they begin first, so that no core waits for one of them at the end."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 
 import pytest
 
@@ -44,9 +45,13 @@ def limited(tmp_path_factory):
     return folder, disk(folder, *SOFT)
 
 
+WEDGE = HollowDisk(cell_size=0.006, refinement=1.0)
+SLAB = SeminarActuator(channels=2, spread=40.0, around=6.0, cell_size=0.008)
+
+
 @pytest.fixture(scope="session")
 def wedge(tmp_path_factory):
-    return made_up(tmp_path_factory.mktemp("wedge"), HollowDisk(cell_size=0.006, refinement=1.0))
+    return made_up(tmp_path_factory.mktemp("wedge"), WEDGE)
 
 
 @pytest.fixture(scope="session")
@@ -56,16 +61,22 @@ def half_section(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def half_slab(tmp_path_factory):
-    slab = SeminarActuator(channels=2, spread=40.0, around=6.0, cell_size=0.008)
-    return made_up(tmp_path_factory.mktemp("slab"), slab, "slab")
+    return made_up(tmp_path_factory.mktemp("slab"), SLAB, "slab")
 
 
 @pytest.fixture(scope="session")
-def drawn(wedge, half_slab):
+def drawn(made_once):
     """Return a function that gives a kind's folder, drawn by the program, and what it said."""
     if not can_render():
         pytest.skip("this machine cannot render")
-    folders = {"wedge": wedge, "half_slab": half_slab}
-    started = {kind: start_drawing(folder) for kind, folder in folders.items()}
-    ended = {kind: finished(process) for kind, process in started.items()}
-    return lambda kind: (folders[kind], ended[kind])
+
+    def draw(folder):
+        started = {}
+        for kind, device, name in (("wedge", WEDGE, "disk"), ("half_slab", SLAB, "slab")):
+            (folder / kind).mkdir()
+            started[kind] = start_drawing(made_up(folder / kind, device, name))
+        ended = {kind: finished(process) for kind, process in started.items()}
+        return {kind: (done.returncode, done.stdout, done.stderr) for kind, done in ended.items()}
+
+    folder, ended = made_once("drawn", draw)
+    return lambda kind: (folder / kind, subprocess.CompletedProcess((), *ended[kind]))
