@@ -9,6 +9,7 @@ import pytest
 import measurement
 from measurement import photographer
 from measurement.series.checks import CHECKS, COURSE, EDGE, LIST, OUTLINE, RUN, TONE, ZERO
+from tests.support.photographs.scenes import COARSE
 
 
 class Low(measurement.Check):
@@ -41,6 +42,7 @@ def registered():
 def test_it_is_asked_in_every_process(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(photographer, "HEIGHTS", photographer.HEIGHTS[[0, 2, 4, 9]])
+        patch.setattr(photographer, "SCENE", COARSE)
         photographer.make_photographs(tmp_path)
     setup = measurement.setup_from_grid(tmp_path / "IMG_0100.JPG", pitch=9e-3)
     found = measurement.outlines(tmp_path / "photos.csv", setup, jobs=2)

@@ -13,6 +13,7 @@ import measurement
 from measurement import photographer
 from measurement.series.photo_list import DENSITY_ERROR
 from softmodels.common.units import quantity
+from tests.support.photographs.scenes import COARSE
 
 
 @pytest.fixture(scope="module")
@@ -20,6 +21,7 @@ def photographs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("photographs")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(photographer, "HEIGHTS", photographer.HEIGHTS[[0, -1]])  # at rest, and the highest
+        patch.setattr(photographer, "SCENE", COARSE)
         photographer.make_photographs(folder)
     return folder
 

@@ -19,6 +19,7 @@ from measurement.photographer import Scene, photograph, save
 from measurement.series.photo import Refusal, draw_edge
 from softmodels.common.folders import OwnFolder
 from softmodels.common.processes import plain
+from tests.support.photographs.scenes import COARSE
 
 
 def run(*words):
@@ -37,6 +38,7 @@ def bench(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bench")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(photographer, "HEIGHTS", np.array([0.0, 4e-3]))
+        patch.setattr(photographer, "SCENE", COARSE)
         photographer.make_photographs(folder)
     (folder / "IMG_0102.JPG").rename(folder / "heights.jpg")
     listing = folder / "photos.csv"

@@ -19,11 +19,10 @@ from measurement.photographer import Scene, chessboard, dome, photograph, save
 from measurement.pictures import PictureError, read_pixels
 from measurement.screen.setup import Setup
 from measurement.series.photo import find_zero, outline_of, trace
+from tests.support.photographs.scenes import COARSE
 
 SMALL = photograph(Scene(width=96, height=64, pixel_size=4e-4, noise=0.0, jpeg_quality=None), dome(8e-3), 1)[0]
-SCENE = dataclasses.replace(
-    photographer.SCENE, width=1200, height=800, focal_px=2100.0, pixel_size=40e-6, dust=0, jpeg_quality=None
-)
+SCENE = dataclasses.replace(COARSE, dust=0, jpeg_quality=None)
 HEIGHT = 4e-3
 QUICK = {"preset": "ultrafast"}
 

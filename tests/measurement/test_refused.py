@@ -23,8 +23,9 @@ from measurement.outline.outline import Outline
 from measurement.photographer import Scene, dome, photograph, save
 from softmodels.fitting.outlines.residuals import read_heights
 from softmodels.fitting.outlines.shapes import read_outlines
+from tests.support.photographs.scenes import COARSE
 
-SCENE = dataclasses.replace(photographer.SCENE, width=1200, height=800, focal_px=2100.0, pixel_size=40e-6, dust=3)
+SCENE = dataclasses.replace(COARSE, dust=3)
 HEIGHT, FLOOR = 4e-3, photographer.FLOOR
 DOME = dome(HEIGHT, photographer.RADIUS, floor=FLOOR)
 
