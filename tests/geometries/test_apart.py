@@ -74,7 +74,7 @@ def test_a_run_is_stopped_while_its_mesh_is_made(number, tmp_path):
 def test_a_part_with_too_many_cells_is_refused(step_file, tmp_path, monkeypatch):
     def rounded(occ):
         box = occ.addBox(0, 0, 0, 40, 20, 12)
-        occ.fillet([box], [edge for _, edge in occ.getEntities(1)], [1.0])
+        occ.fillet([box], [edge for _, edge in occ.getEntities(1)], [3.0])
         occ.cut([(3, box)], [(3, occ.addBox(6, 4, 4, 28, 12, 4))])
 
     file = step_file(tmp_path / "part.step", rounded)
