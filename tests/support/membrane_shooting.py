@@ -147,7 +147,7 @@ class CircularMembrane:
         if start is None or not 0.2 < stretch < 20.0:
             return None
         return solve_ivp(
-            self._slopes, (start[0], self.radius), start[1], args=(pressure,), method="LSODA", rtol=1e-10, atol=1e-14,
+            self._slopes, (start[0], self.radius), start[1], args=(pressure,), method="DOP853", rtol=1e-10, atol=1e-14,
             events=_folded, **more,
         )  # fmt: skip
 

@@ -7,6 +7,9 @@ is a percent or less once the membrane has risen by half its radius or more.
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -26,6 +29,19 @@ LAWS = {
 EQUATIONS = "the membrane equations by shooting, thickness over radius 0.005 and 0.03"
 
 
+@functools.cache
+def unit_path(numbers):
+    """The states at `HEIGHTS` of a membrane one metre thick: pressure and energy are proportional to the thickness."""
+    return shooting.CircularMembrane(RADIUS, 1.0, shooting.Yeoh(*numbers)).path(HEIGHTS)
+
+
+def exact_path(thickness, numbers):
+    return [
+        dataclasses.replace(state, pressure=thickness * state.pressure, energy=thickness * state.energy)
+        for state in unit_path(numbers)
+    ]
+
+
 @pytest.fixture(scope="module", params=LAWS.values(), ids=LAWS)
 def apart(request, equilibrium, solved):
     """Shares by which pressure and height differ at four volumes, by thickness over radius, shape (4, 2); and the paths."""
@@ -33,7 +49,7 @@ def apart(request, equilibrium, solved):
     shares, paths = {}, {}
     for ratio in (THIN, THICK):
         membrane = Membrane(radius=RADIUS, thickness=ratio * RADIUS, through=2)
-        exact = shooting.CircularMembrane(RADIUS, membrane.thickness, shooting.Yeoh(*numbers)).path(HEIGHTS)
+        exact = exact_path(membrane.thickness, numbers)
         equations = equilibrium(membrane, law)
         goals = np.interp(np.array([0.3, 0.6, 0.9, 1.2]) * RADIUS, HEIGHTS, [state.volume for state in exact])
         _, points, end = solved(equations, goals / equations.system.volume_unit, "volume", "volume")
@@ -90,8 +106,7 @@ def test_its_stored_energy_is_the_work_of_the_air(apart, figure):
 
 def test_its_limit_is_that_of_the_equations(equilibrium, solved, figure):
     thickness = 0.01 * RADIUS
-    path = shooting.CircularMembrane(RADIUS, thickness, shooting.Yeoh(15e3)).path(HEIGHTS)
-    height, pressure = shooting.limit(path)
+    height, pressure = shooting.limit(exact_path(thickness, LAWS["neo-hookean"][1]))
     equations = equilibrium(Membrane(radius=RADIUS, thickness=thickness, through=2), NeoHookean(30e3, 0.5))
     _, _, end = solved(equations, [2 * pressure / equations.system.stress_unit])
     found = Fields(equations).figures(end.limit.state)
