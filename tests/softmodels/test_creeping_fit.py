@@ -44,14 +44,14 @@ DISK = HollowDisk(section="axisymmetric", cell_size=0.006, fillet=0.0, base_fill
 FINER = dataclasses.replace(DISK, cell_size=0.004)
 TRUTH = {"c1": 14e3, "c2": 600.0, "share_10s": 0.15, "share_100s": 0.1}
 LAW = Yeoh(14e3, 600.0, 0.0, 0.5).with_memory(branches=[(0.15, 10.0), (0.1, 100.0)])
-LEVELS, HOLDS = np.array([40.0, 90.0, 140.0]) * 95.1, (5.0, 50.0, 500.0)
+LEVELS, HOLDS = np.array([50.0, 140.0]) * 95.1, (5.0, 50.0, 500.0)
 PLAIN = {"c3": {"start": 0.0, "fixed": True}}
 AGAINST = "outlines of a creeping disk on a finer mesh with shorter steps"
 
 
 @pytest.fixture(scope="module")
 def creeping(comm, tmp_path_factory):
-    """The disk of known silicone, at three levels after three holds."""
+    """The disk of known silicone, at two levels after three holds."""
     body = Body.from_file(FINER, FINER.write(tmp_path_factory.mktemp("finer") / "disk.msh"), comm)
     return Creeping.simulated(Solver(System(body, LAW, creeping=True)), LEVELS.tolist(), 2.0, HOLDS)
 
@@ -92,7 +92,7 @@ def test_derivatives_are_exact(loads, model, creeping, comm):
         )[0]
 
     left = [np.abs((at(h) - at(-h)) / (2 * h) - slope).max() for h in (0.08, 0.04, 0.02)]
-    assert list(groups[-3:]) == ["pressures"] * 3 and len(source.shapes) == 9
+    assert list(groups[-2:]) == ["pressures"] * 2 and len(source.shapes) == len(LEVELS) * len(HOLDS)
     assert np.abs(slope).max() > 10.0
     assert max(left) < 2e-6 * np.abs(slope).max()
 
