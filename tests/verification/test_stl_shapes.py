@@ -17,7 +17,7 @@ from softmodels.mechanics.component import ComponentError
 from tests.support import stl_files
 
 LAW = NeoHookean(30e3, 0.45)
-DISK = sm.HollowDisk(cell_size=0.004, angle=30)
+DISK = sm.HollowDisk(cell_size=0.006, angle=30, fillet=0.0, base_fillet=0.0)
 RADIUS, AT = 0.010, (0.0, 0.0, 0.0265)
 
 
