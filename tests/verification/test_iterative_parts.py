@@ -155,6 +155,7 @@ radius = "10 mm"
     "bellows on a ball that gives way": """
 [geometry]
 device = "Bellows"
+cell_size = "4 mm"
 [contact.cell]
 shape = "sphere"
 faces = "tip"
