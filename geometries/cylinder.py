@@ -581,6 +581,9 @@ class Cylinder(Sectioned, Halved):
         side, top = np.abs(x - self.outer_radius) < near, np.abs(z - self.height) < near
         return (np.abs(y) < near) & (side | (top & (x > -near)))
 
+    def along_profile(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.hypot(points[:, 0], points[:, 1]) + self.height - points[:, 2])
+
     def build(self) -> None:
 
         build_section(self) if self.dimension == 2 else build_solid(self)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import math
 import re
 import textwrap
 from collections.abc import Collection, Mapping, Sequence
@@ -24,6 +25,7 @@ from softmodels.runs.columns import SourceRows, StateLabels, key_of, load_column
 from softmodels.runs.fields import Row, at_rise, split
 from softmodels.runs.grid import parabolas
 from softmodels.runs.notes import cycles, jumped_over
+from softmodels.runs.store import round_steps, row_at
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -392,16 +394,20 @@ def profile(points: Array, displacement: Array, actuator: Actuator) -> Array:
     return np.column_stack([radius + moved[:, :2] @ along, start[:, 2] + moved[:, 2]])[order]
 
 
-def profile_steps(rows: Sequence[Row], words: StateLabels) -> list[int]:
+def profile_steps(rows: Sequence[Row], words: StateLabels) -> list[float]:
     """Return the steps of the profile besides the undeformed line: the requested ones, limit points and the last.
 
-    If few were requested, up to eight steps stand evenly in the gauge's rise as well.
+    If few were requested, up to eight round pressures as well (see `round_steps`), or steps evenly in the gauge's rise.
     """
     loaded = [k for k, row in enumerate(rows) if words.loaded(row)]
     if not loaded:
         return []
-    shown = {k for k in loaded if rows[k]["requested"] or rows[k]["limit"]} | {loaded[-1]}
-    if sum(bool(rows[k]["requested"]) for k in loaded) <= FEW:
+    shown: set[float] = {k for k in loaded if rows[k]["requested"] or rows[k]["limit"]} | {loaded[-1]}
+    if sum(bool(rows[k]["requested"]) for k in loaded) > FEW:
+        return sorted(shown)
+    if even := round_steps(rows, "pressure_cm", 8) if words.pressure and "load_step" not in rows[0] else []:
+        shown |= set(even)
+    else:
         risen = np.array([rows[k][f"{words.gauge}_mm"] for k in loaded])
         wanted = np.linspace(0.0, risen[np.abs(risen).argmax()], 9)[1:]
         shown |= {loaded[int(np.argmin(np.abs(risen - value)))] for value in wanted}
@@ -409,7 +415,7 @@ def profile_steps(rows: Sequence[Row], words: StateLabels) -> list[int]:
 
 
 def cut_profiles(
-    lines: Mapping[int, Array], rest: Array, path: tuple[Sequence[Row], StateLabels], axes_of_plane: Array, plane: str
+    lines: Mapping[float, Array], rest: Array, path: tuple[Sequence[Row], StateLabels], axes_of_plane: Array, plane: str
 ) -> Figure:
     """Plot the section of the outer surface by a plane at rest, seen along its normal.
 
@@ -451,8 +457,12 @@ def _direction(axis: Array) -> str:
     return "xyz"[near] if abs(axis[near]) > 1 - 1e-9 else f"along ({', '.join(f'{value:.3g}' for value in axis)})"
 
 
+TALLEST = 8.0
+"""Largest height of a profile's axes in inches."""
+
+
 def profiles(
-    lines: Mapping[int, Array],
+    lines: Mapping[float, Array],
     rest: Array,
     path: tuple[Sequence[Row], StateLabels],
     axial: bool = True,
@@ -474,7 +484,7 @@ def profiles(
     tall = max(high - low, 0.25 * (right - left)) * 1.16
     bottom = low - 0.08 * tall
     # The legend is beside the axes, so that it hides no line.
-    inner = 7.1
+    inner = min(7.1, TALLEST * (right - left) / tall)
     height = inner * tall / (right - left)
     names = _labels(*path, _labelled(list(lines)))
     whole = max(height + 1.25, 0.24 * sum(1.3 + name.count("\n") for name in names.values()) + 1.1)
@@ -504,16 +514,14 @@ def _legend_beside(axes: Axes, words: StateLabels) -> None:
     )
 
 
-def _labels(rows: Sequence[Row], words: StateLabels, steps: Collection[int]) -> dict[int, str]:
+def _labels(rows: Sequence[Row], words: StateLabels, steps: Collection[float]) -> dict[float, str]:
     """Return the legend entries of some steps: load, and part of the path."""
-    places = branches(rows, words)
-    return {
-        step: (
-            f"{number(rows[step]['pressure_cm'])} cm" if words.pressure else textwrap.fill(words.place(rows[step]), 19)
-        )
-        + ("\n" + textwrap.fill(f"({places[step]})", 19) if places[step] else "")
-        for step in steps
-    }
+    places, found = branches(rows, words), dict[float, str]()
+    for step in steps:
+        row, part = row_at(rows, step), places[math.ceil(step)]
+        name = f"{number(row['pressure_cm'])} cm" if words.pressure else textwrap.fill(words.place(row), 19)
+        found[step] = name + ("\n" + textwrap.fill(f"({part})", 19) if part else "")
+    return found
 
 
 def branches(rows: Sequence[Row], words: StateLabels) -> list[str]:
@@ -543,7 +551,7 @@ def branches(rows: Sequence[Row], words: StateLabels) -> list[str]:
     return found
 
 
-def _labelled(steps: list[int]) -> set[int]:
+def _labelled(steps: list[float]) -> set[float]:
     """Return the steps that get a line in the legend: all, or evenly chosen ones with the last among them."""
     every = -(-len(steps) // LEGEND_LINES) or 1
     return set(steps[::-1][::every])
