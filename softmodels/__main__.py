@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from softmodels.common.commands import stoppable
+from softmodels.common.commands import drawing_options, stoppable, unswept
 from softmodels.mechanics.mpi import speaks
 
 with stoppable("softmodels", speaks):
@@ -93,7 +93,7 @@ def softmodels() -> None:
     softmodels export case.toml -o x.inp    the same case for CalculiX or FEBio
     softmodels open results/disk        open a report in the browser
     softmodels compare results/a results/b  what differs, and by how much
-    softmodels draw results/disk        make the pictures, film and report of a run anew
+    softmodels draw results/disk        make the pictures and report of a run anew; its film with --film
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
     softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, its unstable range
     softmodels score --material fitted.toml --tensile other.csv   a material against held-out measurements
@@ -106,13 +106,13 @@ def softmodels() -> None:
 
 @softmodels.command("draw")
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--pictures", type=click.Choice(("all", "few")), default="all", show_default=True,
-              help="few: only the curves, the stress and the report.")  # fmt: skip
-def draw(folder: Path, pictures: str) -> None:
-    """Redraw the pictures, the film and the report of the results in FOLDER."""
-    from softmodels.pictures.draw import draw_folder
+@drawing_options
+def draw(folder: Path, pictures: str, film: bool, colormap: str) -> None:
+    """Redraw the pictures and the report of the results in FOLDER."""
+    from softmodels.pictures.draw import Wanted, draw_folder
 
-    draw_folder(folder, few=pictures == "few")
+    with unswept():
+        draw_folder(folder, wanted=Wanted(pictures == "few", film, colormap))
 
 
 @softmodels.command("doctor")

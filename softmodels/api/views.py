@@ -29,7 +29,7 @@ from softmodels.common.names import place
 from softmodels.common.processes import in_notebook
 from softmodels.common.units import brief
 from softmodels.pictures import film
-from softmodels.pictures.offscreen import SAMPLES, WINDOW, Image, Look, add_lights, can_render, look
+from softmodels.pictures.offscreen import WINDOW, Image, Look, add_lights, can_render, look
 from softmodels.pictures.style import CURVE, INK, STYLE, WARNING, drawn, headline
 from softmodels.runs.fields import coloured
 from softmodels.runs.outcomes import RunError
@@ -93,9 +93,7 @@ def _frame(states: States) -> Drawing:
         return None
     from softmodels.pictures.solid import section_stress
 
-    step = len(states.rows) - 1
-    stress, row = states.field(step, "von_mises"), states.rows[step]
-    return section_stress(states.points, states.moved(step), states.cells, stress, row, states.words)
+    return section_stress(look(states), len(states.rows) - 1)
 
 
 def _limit(limit: Limit) -> Drawing:
@@ -191,17 +189,17 @@ FOOT, HEAD = 0.17, 0.05
 
 def _fill(plotter: Plotter, shown: Look, step: int, field: str) -> None:
     """Add a deformed device to a plotter, with its colour bar, title and camera."""
-    states, scale = shown.states, shown.scale([step], field)
+    states, scale = shown.states, shown.scales[field]
     add_lights(plotter)
     plotter.set_background("white")
-    plotter.enable_anti_aliasing("msaa", multi_samples=SAMPLES)
+    plotter.enable_anti_aliasing("msaa", multi_samples=4)
     ticks = scale.ticks() if scale.power != 1.0 else np.linspace(scale.low, scale.top, TICKS).tolist()
     labels = {float(scale.norm(value)): f"{value:.3g}" for value in ticks}
     title = f"{scale.what} ({scale.unit})" if scale.unit else scale.what
     bar = {"title": title, "n_labels": 0, "color": INK, "width": 0.6, "position_x": 0.2, "position_y": 0.06}
     for data, style in shown.coloured(step, scale):
         if "scalars" in style:
-            plotter.add_mesh(data, ambient=0.5, annotations=labels, scalar_bar_args=bar, **style)
+            plotter.add_mesh(data, lighting=False, annotations=labels, scalar_bar_args=bar, **style)
         else:
             plotter.add_mesh(data, lighting="ambient" in style, show_scalar_bar=False, **style)
     plotter.add_text(headline(states.rows[step], states.words), font_size=10, color=INK)

@@ -28,7 +28,7 @@ from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import shown
 from softmodels.materials.silicones import HOUR, MINUTE
 from softmodels.pictures.offscreen import Layer, ViewCamera, can_render, direction, lines, studio, surface
-from softmodels.pictures.style import DPI, EDGE, number, page
+from softmodels.pictures.style import DPI, EDGE, Caption, number, page
 from softmodels.runs.grid import Cells
 
 HEADER = b"softmodels, lengths in mm"
@@ -394,7 +394,7 @@ def body_picture(body: MouldBody) -> Figure:
     with studio(camera) as shoot:
         image = shoot(_layers(body.facets, np.zeros(3), PRINTED))
     size = " x ".join(number(length) for length in np.ptp(body.facets.points, axis=0))
-    return page(image, f"{body.name[0].upper()}{body.name[1:]}: {size} mm, its inner side")
+    return page(image, Caption(f"{body.name[0].upper()}{body.name[1:]}: {size} mm, its inner side"))
 
 
 def exploded_picture(made: Made) -> Figure:
@@ -415,7 +415,7 @@ def exploded_picture(made: Made) -> Figure:
         image = shoot(layers)
     wide = np.full((image.shape[0], 200, 3), 255, dtype=np.uint8)
     text = "Exploded view of the mould along the pull, with the casts"
-    return page(np.concatenate([wide, image, wide], axis=1), text)
+    return page(np.concatenate([wide, image, wide], axis=1), Caption(text))
 
 
 def _layers(facets: Facets, shift: Array, colour: str) -> list[Layer]:

@@ -11,7 +11,7 @@ import click
 from geometries import MeshFileError, MeshingError
 from softmodels.cli.options import fail
 from softmodels.cli.run import end, start_drawing, tell_not_drawn
-from softmodels.common.commands import STOPPED, FolderType, asked_to_stop, stoppable
+from softmodels.common.commands import STOPPED, FolderType, asked_to_stop, colormap_option, stoppable
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.processes import say
 from softmodels.design.problem import DesignProblem
@@ -42,6 +42,7 @@ class DesignArguments(TypedDict):
     seed: int
     confirm_finer: bool
     no_pictures: bool
+    colormap: str
     quiet: bool
 
 
@@ -62,6 +63,7 @@ class DesignArguments(TypedDict):
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the further starts.")
 @click.option("--confirm-finer", is_flag=True, help="Confirm the design on a finer mesh, with cells half as large.")
 @click.option("--no-pictures", is_flag=True, help="Skip the runs before and after, the pictures and the report.")
+@colormap_option
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def design(file: Path, **options: Unpack[DesignArguments]) -> None:
     """Find the device that best meets the objective of a problem FILE, within its limits.
@@ -137,18 +139,18 @@ def _design(
         fail(no_memory(error), FAILED)
     except (OwnFolderError, OSError) as error:
         fail(f"the designs cannot be written ({error}); continue with --resume", FAILED)
-    return _close(result, folder, comm, quiet, options["no_pictures"])
+    return _close(result, folder, comm, quiet, None if options["no_pictures"] else options["colormap"])
 
 
-def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool, no_pictures: bool) -> int:
+def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool, colormap: str | None) -> int:
     """Write the summary, run the initial and the final device, draw, and print how the search ended."""
     from softmodels.design.result import FILE, notes, summary
 
     if folder is not None:
         folder.write({FILE: summary(result)})
     drawn = False
-    if not (no_pictures or result.stopped):
-        drawn = _drawn(result, folder, comm, quiet)
+    if colormap is not None and not result.stopped:
+        drawn = _drawn(result, folder, comm, quiet, colormap)
     status = STOPPED if result.stopped else FAILED if result.trouble else DONE if result.feasible else NO_EQUILIBRIUM
     if not is_root(comm) or folder is None:
         return status
@@ -171,7 +173,7 @@ def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
     return status
 
 
-def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool) -> bool:
+def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool, colormap: str) -> bool:
     """Run the initial and the final device and draw both; return whether there are pictures."""
     from softmodels.cli.run import run
     from softmodels.design.result import FILES
@@ -185,12 +187,13 @@ def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
         status = run(case, result.folder / name, quiet=True, draw=False, interrupts=asked_to_stop)
         if status not in (DONE, NO_EQUILIBRIUM):
             return False
-    return bool(on_root(comm, lambda: _draw(result)))
+    return bool(on_root(comm, lambda: _draw(result, colormap)))
 
 
-def _draw(result: DesignResult) -> bool:
+def _draw(result: DesignResult, colormap: str) -> bool:
     """Return the draw in a separate process, because VTK and DOLFINx each bring their own HDF5."""
-    process = start_drawing(result.problem.case, "softmodels.pictures.draw_design", str(result.folder))
+    words = str(result.folder), "--colormap", colormap
+    process = start_drawing(result.problem.case, "softmodels.pictures.draw_design", *words)
     try:
         out, errors = process.communicate()
     finally:

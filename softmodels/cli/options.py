@@ -33,6 +33,7 @@ from softmodels.common.commands import (
     FolderType,
     asked_to_stop,
     bounded,
+    drawing_options,
     open_folder,
     status_of,
     stoppable,
@@ -311,6 +312,8 @@ class RunOptions:
         quiet: Print only errors.
         pictures: How much is drawn: all, few or none.
         no_pictures: Draw nothing.
+        film: Draw the film too.
+        colormap: Colour map of fields in pictures.
         branch: Also follow the branch at the first bifurcation.
         ranks: Number of processes; None to choose by the model's size.
         petsc: Words for PETSc.
@@ -321,20 +324,19 @@ class RunOptions:
     quiet: bool
     pictures: str
     no_pictures: bool
+    film: bool
+    colormap: str
     branch: bool
     ranks: int | None
     petsc: tuple[str, ...]
 
 
 def run_options[Command: Callable[..., object]](command: Command) -> Command:
-    """Add the run options, without those of the case: ``--output``, ``--resume``, ``--quiet``, ``--pictures``, ``--ranks``,
+    """Add the run options, without those of the case: ``--output``, ``--resume``, ``--quiet``, what is drawn, ``--ranks``,
     PETSc."""
     command = click.argument("petsc", nargs=-1, type=click.UNPROCESSED)(command)
     command = click.option("--no-pictures", is_flag=True, help="The same as --pictures none.")(command)
-    text = "Pictures, film and report; few: only the curves, the stress and the report."
-    command = click.option(
-        "--pictures", type=click.Choice(("all", "few", "none")), default="all", show_default=True, help=text
-    )(command)
+    command = drawing_options(command, none=True)
     text = "Processes to solve on; auto: a core for each 30,000 unknowns of a solid, as far as there are cores."
     command = click.option("--ranks", type=RanksType(), default=AUTO, show_default=True, help=text)(command)
     text = "Also follow the branch at the first bifurcation; its results go to the folder branch."
@@ -389,6 +391,8 @@ def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = 
         _check_words(how.petsc)
         if how.branch:
             ready.load.check_branch()
+        if how.film and (how.no_pictures or how.pictures == "none"):
+            raise CaseError("--film has no effect without pictures; leave out --no-pictures and --pictures none")
     except INPUT_ERRORS as error:
         fail(str(error))
     with stoppable("softmodels", speaks):
@@ -402,7 +406,7 @@ def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = 
         status = run(
             ready, how.output, resume=how.resume, quiet=how.quiet, petsc=how.petsc,
             draw=how.pictures != "none" and not how.no_pictures, few=how.pictures == "few",
-            branch=how.branch, inputs=inputs, interrupts=asked_to_stop,
+            film=how.film, colormap=how.colormap, branch=how.branch, inputs=inputs, interrupts=asked_to_stop,
         )  # fmt: skip
     except StartError as error:
         fail(str(error), error.status)

@@ -93,11 +93,11 @@ def _made(folder: Path) -> bool:
             fail(str(error))
         return True
     if (folder / "case.toml").is_file() and any(folder.glob("*.h5")):
-        from softmodels.pictures.draw import draw_folder
+        from softmodels.pictures.draw import Wanted, draw_folder
 
         say(f"softmodels: making the report of {folder} (softmodels draw makes all pictures)", err=True)
         with contextlib.redirect_stdout(sys.stderr):  # the names of the files it draws
-            draw_folder(folder, few=True)
+            draw_folder(folder, wanted=Wanted(few=True))
         return True
     return False
 

@@ -10,6 +10,7 @@ import contextlib
 import json
 import math
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -21,7 +22,7 @@ from typing import TypedDict, Unpack
 from geometries.meshing import interpreter
 from softmodels.case.case import Case
 from softmodels.case.components import VARIABLE, own_modules
-from softmodels.common.commands import bounded
+from softmodels.common.commands import COLORMAP, bounded
 from softmodels.common.errors import reason, spoken
 from softmodels.common.processes import COLUMNS, columns, cores, say
 from softmodels.materials.silicones import stretch_at_break
@@ -89,7 +90,7 @@ def _counter(quiet: bool) -> Iterator[Callable[[str], None]]:
 
 
 class DrawingProcess:
-    """Draws pictures, film and report of a run in a separate process, because VTK and DOLFINx each bring their own HDF5.
+    """Draws pictures and report of a run in a separate process, because VTK and DOLFINx each bring their own HDF5.
 
     Loading what draws takes seconds, which the process spends while the path is being solved, if a core is free for that, and
     draws the device at rest there. All else has one camera and one colour scale for all states, and so waits for the last.
@@ -97,10 +98,12 @@ class DrawingProcess:
     Args:
         case: What is run.
         few: Draw only the curves, the stress and the report.
+        film: Draw the film too.
+        colormap: Colour map of fields.
     """
 
-    def __init__(self, case: Case, few: bool = False):
-        self.case, self.few = case, few
+    def __init__(self, case: Case, few: bool = False, film: bool = False, colormap: str = COLORMAP):
+        self.case, self.few, self.film, self.colormap = case, few, film, colormap
         self._process: subprocess.Popen[str] | None = None
 
     @property
@@ -108,12 +111,13 @@ class DrawingProcess:
         """Return the message before drawing."""
         if self.few:
             return "drawing curves, stress and report (--pictures all for everything, --pictures none to skip)"
-        return "drawing pictures, film and report (--pictures few for less, --pictures none to skip)"
+        return "drawing pictures and report (--pictures few for less, --pictures none to skip)"
 
-    @property
-    def made(self) -> str:
-        """Return which files were drawn, in a few words."""
-        return f"pictures (*.png){'' if self.few else ', film.gif, film.webp'} and report.html"
+    def made(self, folder: Path) -> str:
+        """Return which files were drawn into a folder, in a few words, and how to get the film."""
+        if self.film:
+            return "pictures (*.png), film.gif, film.webp and report.html"
+        return f"pictures (*.png) and report.html (the film: softmodels draw {shlex.quote(str(folder))} --film)"
 
     def get_ready(self, ranks: int) -> None:
         """Start the process, if there are more cores than ranks."""
@@ -122,7 +126,8 @@ class DrawingProcess:
                 self._process = self._started()
 
     def _started(self) -> subprocess.Popen[str]:
-        return start_drawing(self.case, "softmodels.pictures.draw", *(["--pictures", "few"] if self.few else []))
+        words = ["--pictures", "few" if self.few else "all", "--colormap", self.colormap]
+        return start_drawing(self.case, "softmodels.pictures.draw", *words, *(["--film"] if self.film else []))
 
     def begin(self, results: Results) -> None:
         """Draw the pictures of the first state, if the process runs; called once that state is stored."""
@@ -187,6 +192,8 @@ class RunOptions(TypedDict, total=False):
         petsc: Words for PETSc's option database.
         draw: Make the pictures at the end, which is the default.
         few: Only the curves, the stress and the report of them.
+        film: The film too.
+        colormap: Colour map of fields in pictures.
         branch: Also follow the branch at the first bifurcation, into the folder ``branch``.
         inputs: Files that the user has given: they are never written.
         interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
@@ -198,6 +205,8 @@ class RunOptions(TypedDict, total=False):
     petsc: Sequence[str]
     draw: bool
     few: bool
+    film: bool
+    colormap: str
     branch: bool
     inputs: Sequence[Path]
     interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]]
@@ -221,7 +230,8 @@ def run(case: Case, folder: Path | None, **how: Unpack[RunOptions]) -> int:
     abort_on_error(comm)
     draw, quiet = how.get("draw", True), how.get("quiet", False)
     progress = Progress(case.values[-1], case.unit, state_labels(case), quiet or not is_root(comm))
-    drawing = DrawingProcess(case, how.get("few", False)) if draw and is_root(comm) else None
+    looks = how.get("few", False), how.get("film", False), how.get("colormap", COLORMAP)
+    drawing = DrawingProcess(case, *looks) if draw and is_root(comm) else None
     teller = Teller(case, progress, drawing, comm.size, quiet, bool(how.get("petsc")))
 
     @contextlib.contextmanager
@@ -275,7 +285,9 @@ class Teller(Observer):
             return
         good = bool(results.stored) and self.status != BAD_INPUT
         took = self._drawn(results) if good else None
-        drawn = "" if self.drawing is None or took is None else f"{self.drawing.made}, in {took:.1f} s"
+        drawn = (
+            "" if self.drawing is None or took is None else f"{self.drawing.made(results.own.path)}, in {took:.1f} s"
+        )
         if message:
             states = "1 state" if len(results.stored) == 1 else f"{len(results.stored)} states"
             where = f". The results up to this point ({states}) are in {results.own.path}" if good else ""

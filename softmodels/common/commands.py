@@ -44,7 +44,8 @@ def bounded(sentence: str) -> str:
 
 @contextlib.contextmanager
 def unswept() -> Iterator[None]:
-    """Keep the collector of reference cycles away from all there is by the end of this: for imports, which stay.
+    """Keep the collector of reference cycles away from all there is by the end of this: for imports, which stay, and for a
+    process that only draws.
 
     Looking through them again and again, the most at the end of the process, takes a fifth of a short command's time. A
     process that goes on after the command has `gc.unfreeze` for it.
@@ -60,6 +61,45 @@ def unswept() -> Iterator[None]:
         gc.enable()
         atexit.unregister(gc.freeze)
         atexit.register(gc.freeze)  # what a process leaves behind goes with it
+
+
+class ColormapType(click.ParamType):
+    """A colour map by its name in matplotlib."""
+
+    name = "NAME"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        if value != COLORMAP:
+            import matplotlib
+
+            if value not in matplotlib.colormaps:
+                near = meant(value, matplotlib.colormaps)
+                self.fail(f"matplotlib has no colour map {value!r}{near or f'; {COLORMAP} is the default'}", param, ctx)
+        return str(value)
+
+
+COLORMAP = "viridis"
+"""Colour map of fields in pictures, unless another one is asked for."""
+
+
+def colormap_option[Command: Callable[..., object]](command: Command) -> Command:
+    """Add the option ``--colormap``."""
+    text = "Colour map of stress and stretch, by matplotlib's name: viridis, cividis, gray."
+    return click.option("--colormap", type=ColormapType(), default=COLORMAP, show_default=True, help=text)(command)
+
+
+def drawing_options[Command: Callable[..., object]](command: Command, none: bool = False) -> Command:
+    """Add the options of what is drawn of a run: ``--pictures``, ``--film`` and ``--colormap``.
+
+    Args:
+        command: The command.
+        none: Whether ``--pictures none`` is there too.
+    """
+    command = colormap_option(command)
+    command = click.option("--film", is_flag=True, help="Also the film: film.gif and film.webp.")(command)
+    choice = click.Choice(("all", "few", "none") if none else ("all", "few"))
+    text = "Pictures and report; few: only the curves, the stress and the report."
+    return click.option("--pictures", type=choice, default="all", show_default=True, help=text)(command)
 
 
 @contextlib.contextmanager

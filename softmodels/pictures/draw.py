@@ -6,13 +6,12 @@ and need no rendering, so machines that cannot render still get them, and the re
 
 from __future__ import annotations
 
-import contextlib
+import dataclasses
 import json
 import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -23,55 +22,33 @@ from softmodels.case.case import Case
 from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
-from softmodels.common.commands import unswept
+from softmodels.common.commands import COLORMAP, drawing_options, unswept
 from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError
 from softmodels.common.processes import say
 from softmodels.components.contact import obstacle_of
-from softmodels.pictures import curves, offscreen, report, solid
-from softmodels.pictures.film import Film
+from softmodels.pictures import curves, film, report, solid
 from softmodels.pictures.offscreen import Look, can_render, draw_outlines, look
 from softmodels.pictures.solid import AtRest
-from softmodels.pictures.style import STYLE, DrawnFolder, headline
+from softmodels.pictures.style import STYLE, DrawnFolder
 from softmodels.runs.store import ResultsError, States, axes_of, cut_line, picture_files, picture_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Picture makers that can start before the run ends: the film's process, and the pictures at rest.
+@dataclasses.dataclass(frozen=True)
+class Wanted:
+    """What is to be drawn of a folder.
 
-
-class Makers:
-    """Picture makers, ready to start; as a context manager they end the film's process.
-
-    Args:
-        beside: Make the film in a process of its own, in a program that has not rendered.
-        rendered: Whether this machine can render.
+    Attributes:
+        few: Only the curves, the stress and the report.
+        film: The film too.
+        colormap: Colour map of fields, by matplotlib's name.
     """
 
-    def __init__(self, beside: bool, rendered: bool):
-        self.film, self.rest = Film(beside and rendered), AtRest(rendered)
-
-    def __enter__(self) -> Makers:
-        self.film.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.film.__exit__(kind, error, trace)
-
-    def draw_early(self, folder: Path, name: str) -> None:
-        """Draw what is possible once a run has stored its first state.
-
-        Args:
-            folder: Results with their ``case.toml``.
-            name: Stem of the result files.
-        """
-        if self.rest.rendered:
-            self.film.rehearse(folder, name)
-        self.rest.draw_early(folder, name)
+    few: bool = False
+    film: bool = False
+    colormap: str = COLORMAP
 
 
 def orders() -> Iterator[list[Any]]:
@@ -83,16 +60,6 @@ def orders() -> Iterator[list[Any]]:
             yield json.loads(whole[-1])
 
 
-def get_ready(beside: bool) -> Makers:
-    """Load the renderer and check that it works, before there is anything to draw; ``beside`` as of `Makers`."""
-    with unswept():  # VTK's clean-up at exit would take a tenth of the drawing time
-        import pyvista.plotting  # noqa: F401
-
-        with contextlib.suppress(OwnModuleError):  # reported when something is drawn
-            import_own_modules()
-    return Makers(beside, can_render())
-
-
 NO_RENDERING = "this machine cannot render: pictures of the solid and the film are skipped"
 
 
@@ -101,20 +68,18 @@ def draw(
     name: str,
     say: Callable[[str], object] = print,
     *,
-    beside: bool = False,
-    makers: Makers | None = None,
-    few: bool = False,
+    wanted: Wanted = Wanted(),
+    at_rest: AtRest | None = None,
     each: Callable[[Path], object] = lambda path: None,
 ) -> list[Path]:
-    """Draw the pictures, film and report of a results folder into it, replacing earlier ones.
+    """Draw the pictures and report of a results folder into it, replacing earlier ones.
 
     Args:
         folder: Results with their ``case.toml``.
         name: Stem of the result files.
         say: Gets a sentence if something had to be left out.
-        beside: Make the film in a process beside this one, which must not have rendered anything yet.
-        makers: What draws, if it has been made ready or has drawn something already.
-        few: Draw only the curves, the stress and the report.
+        wanted: What is drawn.
+        at_rest: Pictures of the undeformed device, if they may have been drawn already.
         each: Is called with each file once it is drawn.
 
     Returns:
@@ -137,59 +102,35 @@ def draw(
         own.check_names(picture_files(states.actuator.gauge))
         own.remove(own.files)
         own.claim(picture_files(states.actuator.gauge))
-        with DrawnFolder(folder, report.shrunk, each) as out:
-            if few:
-                written = _draw_few(states, out, name, say)
-            else:
-                written = _draw(states, out, name, say, makers or Makers(beside, can_render()))
+        with DrawnFolder(folder, report.shrunk, each) as out, matplotlib.rc_context(STYLE):
+            _draw(look(states, wanted.colormap), out, wanted, at_rest or AtRest(), say)
         own.forget_unwritten()
-        return written
+        return out.written
     finally:
         own.leave()
 
 
-def _draw(states: States, out: DrawnFolder, name: str, say: Callable[[str], object], makers: Makers) -> list[Path]:
-    """Draw everything."""
-    rendered = makers.rest.rendered
-    with makers, matplotlib.rc_context(STYLE):
-        if rendered:
-            makers.film.begin(out.path, name)
-        shown = look(states)
-        _curves(states, out)
-        for stem, picture in makers.rest.pictures(shown).items():
+def _draw(shown: Look, out: DrawnFolder, wanted: Wanted, at_rest: AtRest, say: Callable[[str], object]) -> None:
+    """Draw what is wanted; ``say`` gets a sentence if something had to be left out."""
+    states = shown.states
+    _curves(states, out)
+    if not wanted.few:
+        for stem, picture in at_rest.pictures(shown).items():
             out.add(stem, picture)
-        if states.actuator.dimension == 2:
-            _sections(states, out)
-        if rendered:
-            _solids(shown, out)
-            _stress(shown, out)
-            out.save("cut", solid.cut(shown))
-            page = report.Report(shown, out.path, name)  # while the film is being made
-            written, left_out = makers.film.made()
-            for path in written:
-                out.drew(path)
-            for text in left_out:
-                say(text)
-        else:
-            page = report.Report(shown, out.path, name)
-            say(NO_RENDERING)
-        out.drew(page.write(out.pages()))
-    return out.written
-
-
-def _draw_few(states: States, out: DrawnFolder, name: str, say: Callable[[str], object]) -> list[Path]:
-    """Draw only the most useful pictures."""
-    shown = look(states)
-    with matplotlib.rc_context(STYLE):
-        _curves(states, out)
-        if states.actuator.dimension == 2:
-            _slice(states, out)
-        if can_render():
-            _stress(shown, out)
-        else:
-            say(NO_RENDERING)
-        out.drew(report.Report(shown, out.path, name).write(out.pages()))
-    return out.written
+    if states.actuator.dimension == 2:
+        _sections(shown, out, wanted.few)
+    elif can_render():
+        _solids(shown, out, wanted.few)
+    page = report.Report(shown, out.path, states.name)
+    if (states.actuator.dimension == 3 or wanted.film) and not can_render():
+        say(NO_RENDERING)
+    elif wanted.film:
+        written, left_out = film.make(shown, out.path)
+        for path in written:
+            out.drew(path)
+        if left_out:
+            say(left_out)
+    out.drew(page.write(out.pages()))
 
 
 def _curves(states: States, out: DrawnFolder) -> None:
@@ -239,63 +180,56 @@ def _plate(states: States) -> float | None:
     return point[2] if abs(normal[2]) > 1 - 1e-12 else None
 
 
-def _sections(states: States, out: DrawnFolder) -> None:
+def _sections(shown: Look, out: DrawnFolder, few: bool) -> None:
     """Draw the pictures of an axisymmetric section, without its mesh."""
-    step, words = states.main, states.words
-    points, moved, cells = states.points, states.moved(step), states.cells
-    _slice(states, out)
-    if (at := states.bifurcation) is not None:
-        out.save(
-            "mode",
-            solid.section_mode(points, states.moved(at), states.field(at, "mode"), cells, states.rows[at], words),
-        )
-    stretch, hot = states.field(step, "largest_stretch"), offscreen.hot_spots_of(states, step)
-    out.save("hot-spots", solid.section_hot(moved, cells, stretch, hot, states.rows[step]))
-
-
-def _slice(states: States, out: DrawnFolder) -> None:
-    """Draw the stress in a section."""
-    step, plate = states.main, _plate(states)
-    points, moved, values = states.points, states.moved(step), states.field(step, "von_mises")
-    stress = solid.section_stress(points, moved, states.cells, values, states.rows[step], states.words, plate)
-    draw_outlines(stress.axes[0], states, step)
-    out.save("slice", stress)
-
-
-def _solids(shown: Look, out: DrawnFolder) -> None:
-    """Draw the rendered pictures of the deformed solid, without the stress."""
     states = shown.states
-    if states.actuator.dimension == 3:
-        if len(states.skin.planes):
-            out.save("slice", solid.slice_stress(shown))
-        out.save("hot-spots", solid.hot_spots(shown))
-        if states.bifurcation is not None:
-            out.save("mode", solid.mode(shown, states.bifurcation))
+    stress = solid.section_stress(shown, states.main, _plate(states))
+    draw_outlines(stress.axes[0], states, states.main)
+    out.save("slice", stress)
+    out.save("stress", solid.section_sheet(shown))
+    if few:
+        return
+    if (at := states.bifurcation) is not None:
+        out.save("mode", solid.section_mode(shown, at))
+    out.save("hot-spots", solid.section_hot(shown))
 
 
-def _stress(shown: Look, out: DrawnFolder) -> None:
-    """Draw the solid with its stress at the requested values."""
-    rows, words = shown.states.rows, shown.states.words
-    images, camera, scale = solid.stress(shown)
+def _solids(shown: Look, out: DrawnFolder, few: bool) -> None:
+    """Draw the rendered pictures of the deformed solid."""
+    states, scale = shown.states, shown.scales["von_mises"]
+    images, camera = solid.stress(shown)
     texts = {
         "Camera": camera.text,
         "Scale": f"{scale.low:g} to {scale.top:.9g} {scale.unit}",
         "Largest": f"{scale.largest:.4g} {scale.unit} {scale.defined}",
     }
     for k, (step, image) in enumerate(images, 1):
-        title = headline(rows[step], words)
-        out.save(f"stress-{k}", solid.page(image, title, scale), {**texts, "Title": title})
-    out.save("stress", solid.sheet(images, rows, words, scale), texts)
+        caption = shown.caption(step, camera)
+        out.save(f"stress-{k}", solid.page(image, caption, scale), {**texts, "Title": caption.title})
+    out.save("stress", solid.sheet(images, shown, camera), texts)
+    if few:
+        return
+    if shown.opened:
+        out.save("cut", solid.page(image, caption, scale), texts)  # of the last state
+    else:
+        out.save("cut", solid.cut(shown))
+    if len(states.skin.planes):
+        out.save("slice", solid.slice_stress(shown))
+    out.save("hot-spots", solid.hot_spots(shown))
+    if states.bifurcation is not None:
+        out.save("mode", solid.mode(shown, states.bifurcation))
 
 
-def draw_folder(folder: Path, name: str | None = None, few: bool = False, makers: Makers | None = None) -> None:
-    """Draw a folder's pictures, film and report for a command; print the files, or the error and exit with status 2.
+def draw_folder(
+    folder: Path, name: str | None = None, wanted: Wanted = Wanted(), at_rest: AtRest | None = None
+) -> None:
+    """Draw a folder's pictures and report for a command; print the files, or the error and exit with status 2.
 
     Args:
         folder: Results with their ``case.toml``.
         name: Stem of the result files; None for the case's own name.
-        few: Draw only the curves, the stress and the report.
-        makers: As of `draw`.
+        wanted: What is drawn.
+        at_rest: As of `draw`.
     """
     try:
         import_own_modules()
@@ -310,7 +244,7 @@ def draw_folder(folder: Path, name: str | None = None, few: bool = False, makers
         def each(path: Path) -> None:
             print(path, flush=True)  # a run prints them as they come
 
-        draw(folder, name, left_out, beside=True, makers=makers, few=few, each=each)
+        draw(folder, name, left_out, wanted=wanted, at_rest=at_rest, each=each)
     except (ResultsError, CaseError, OwnFolderError, OwnModuleError, InUseError) as error:
         say(f"softmodels: {error}", err=True)
         sys.exit(2)
@@ -322,10 +256,9 @@ def draw_folder(folder: Path, name: str | None = None, few: bool = False, makers
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("folder", type=click.Path(path_type=Path), required=False)
 @click.option("--name", help="Stem of the result files.  [default: the case's name]")
-@click.option("--pictures", type=click.Choice(("all", "few")), default="all", show_default=True,
-              help="few: only the curves, the stress and the report.")  # fmt: skip
-def main(folder: Path | None, name: str | None, pictures: str) -> None:
-    """Draw the pictures, the film and the report of the results in FOLDER.
+@drawing_options
+def main(folder: Path | None, name: str | None, pictures: str, film: bool, colormap: str) -> None:
+    """Draw the pictures and the report of the results in FOLDER.
 
     Without FOLDER: get ready, then read orders from standard input, each a list in JSON on a line: a folder, the results'
     name, and whether they are complete. Before that, what the first state shows is drawn aside. Nothing is drawn if the
@@ -333,16 +266,16 @@ def main(folder: Path | None, name: str | None, pictures: str) -> None:
 
     Exit status: 0 drawn, 2 the folder holds no results that can be drawn.
     """
-    few = pictures == "few"
-    if folder is not None:
-        draw_folder(folder, name, few)
-        return
-    with get_ready(not few) as makers:
+    wanted, at_rest = Wanted(pictures == "few", film, colormap), AtRest()
+    with unswept():
+        if folder is not None:
+            draw_folder(folder, name, wanted)
+            return
         for place, stem, complete in orders():
             if complete:
-                draw_folder(Path(place), stem, few, makers)
+                draw_folder(Path(place), stem, wanted, at_rest)
                 return
-            makers.draw_early(Path(place), stem)
+            at_rest.draw_early(Path(place), stem)
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from softmodels.case.case import Case
 from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
+from softmodels.common.commands import COLORMAP, colormap_option
 from softmodels.common.files import image_uri, read_text, write_text
 from softmodels.common.pages import Bullets, Fact, Folded, Listing, Page, Picture, Provenance, Table, Text
 from softmodels.common.processes import say
@@ -45,6 +46,7 @@ from softmodels.pictures.style import (
     Scale,
     headline,
     load,
+    rulers,
     wrapped,
 )
 from softmodels.runs.fields import Row
@@ -213,10 +215,10 @@ def parameters(told: Sequence[ParameterTold]) -> Figure:
 NAMES = ("as given", "design")
 
 
-def shapes(pair: tuple[States, States]) -> Figure:
+def shapes(pair: tuple[States, States], colormap: str = COLORMAP) -> Figure:
     """Return both devices at their last requested state, coloured by von Mises stress."""
-    looks = [look(states) for states in pair]
-    scales = [one.scale([one.states.main]) for one in looks]
+    looks = [look(states, colormap) for states in pair]
+    scales = [one.scales["von_mises"] for one in looks]
     scale = max(scales, key=lambda one: one.top)
     scale.largest = max(one.largest for one in scales)
     clouds = [one.points(step) for one in looks for step in (0, one.states.main)]
@@ -234,6 +236,7 @@ def shapes(pair: tuple[States, States]) -> Figure:
         title = wrapped(f"{name}: {headline(states.rows[states.main], states.words)}", wide, 12)
         figure.text(0.25 + 0.5 * k, 1 - 0.15 / whole, title, ha="center", va="top", fontsize=12)
     scale.bar(figure)
+    rulers(figure, camera.metres, camera.axes)
     return figure
 
 
@@ -260,8 +263,8 @@ def sections(pair: tuple[States, States]) -> Figure:
     return figure
 
 
-def draw(folder: Path) -> list[Path]:
-    """Draw the pictures and the report of a folder of ``softmodels design``.
+def draw(folder: Path, colormap: str = COLORMAP) -> list[Path]:
+    """Draw the pictures and the report of a folder of ``softmodels design``, fields in the colours of a map.
 
     Returns:
         The files written.
@@ -283,7 +286,7 @@ def draw(folder: Path) -> list[Path]:
         if actuator.dimension == 2:
             out.save("sections", sections((before, after)))
         if can_render():
-            out.save("shapes", shapes((before, after)))
+            out.save("shapes", shapes((before, after), colormap))
     drawn = [name for name in CAPTIONS if (folder / name) in out.written]
     write_text(folder / REPORT, page(folder, told, drawn, (before, after)))
     return [*out.written, folder / REPORT]
@@ -332,11 +335,12 @@ def _states(folder: Path) -> States:
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("folder", type=click.Path(path_type=Path))
-def main(folder: Path) -> None:
+@colormap_option
+def main(folder: Path, colormap: str) -> None:
     """Draw the pictures and the report of the design in FOLDER."""
     try:
         import_own_modules()
-        for path in draw(folder):
+        for path in draw(folder, colormap):
             print(path)
     except (ResultsError, CaseError, OwnModuleError) as error:
         say(f"softmodels: {error}", err=True)

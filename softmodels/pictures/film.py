@@ -6,29 +6,18 @@ the report shows. An MP4 too if the package imageio-ffmpeg is installed.
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import io
-import multiprocessing
-import os
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from multiprocessing.connection import Connection
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from PIL import Image as Picture, ImageDraw, ImageFont
 
-from softmodels.case.entries import CaseError
 from softmodels.common.files import replace, write_bytes
-from softmodels.common.processes import cores
-from softmodels.pictures.offscreen import Image, Look, look, studio
+from softmodels.pictures.offscreen import Image, Look, studio
 from softmodels.pictures.style import Scale, load
-from softmodels.runs.columns import load_columns
-from softmodels.runs.fields import Row
-from softmodels.runs.store import ResultsError, States
 
 FRAMES = 40
 FEWER = (40, 32, 25, 19, 14, 10)
@@ -50,27 +39,18 @@ HEAD, FOOT = 48, 64
 
 def render_frames(look: Look, count: int = FRAMES) -> list[Image]:
     """Return pictures of states evenly spaced along the path (see `States.along`), interpolated linearly between steps."""
-    states = look.states
-    steps = list(range(len(states.rows)))
-    spread = sorted({0, *states.shown(8), states.main, steps[-1]})
-    scale = look.scale(spread)
-    camera = look.camera(spread, WIDE, tallest=0.75)
-    count = count if states.loaded and len(steps) > 1 else 1
+    states, scale = look.states, look.scales["von_mises"]
+    last = len(states.rows) - 1
+    camera = look.camera(sorted({0, *states.shown(8), states.main, last}), WIDE, tallest=0.75)
+    count = count if states.loaded and last else 1
     found = []
-    with studio(camera, draft=True) as shoot:
+    with studio(camera) as shoot:
         for place in np.linspace(0.0, 1.0, count):
-            position = float(np.interp(place, states.along, steps)) if count > 1 else float(steps[-1])
-            found.append(_captioned(shoot(look.coloured(position, scale)), _caption(states, position), scale))
+            step = float(np.interp(place, states.along, range(last + 1))) if count > 1 else float(last)
+            row, words = states.row(step), states.words
+            text = f"{load(row, words, kilopascals=False)}   {words.gauge} rise {row[f'{words.gauge}_mm']:+.2f} mm"
+            found.append(_captioned(shoot(look.coloured(step, scale)), text, scale))
     return found
-
-
-def _caption(states: States, position: float) -> str:
-    words, first = states.words, states.rows[0]
-    rise = f"{words.gauge}_mm"
-    names = [rise, *(["load_step"] if "load_step" in first else []), *words.pressures(first), *load_columns(first)]
-    steps = range(len(states.rows))
-    row = Row((name, float(np.interp(position, steps, [row[name] for row in states.rows]))) for name in names)
-    return f"{load(row, words, kilopascals=False)}   {words.gauge} rise {row[rise]:+.2f} mm"
 
 
 def _captioned(image: Image, text: str, scale: Scale) -> Image:
@@ -178,123 +158,23 @@ def write_mp4(path: Path, images: list[Image]) -> None:
         raise RuntimeError(f"the film could not be encoded ({error})") from error
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# Make the film in a second process, in parallel with the still pictures.
-#
-# The process is forked before anything is rendered, because a render window does not survive a fork.
+def make(shown: Look, folder: Path) -> tuple[list[Path], str]:
+    """Render the frames and write the film in each format into a folder.
 
-
-Place = tuple[Path, str]
-"""A folder of results, and their name."""
-Made = tuple[list[Path], list[str]]
-"""The written files, and sentences on skipped ones."""
-
-
-class Film:
-    """The maker of a run's film; as a context manager it ends its process.
-
-    Args:
-        beside: Make it in a process of its own, forked at once; else when it is asked for. Only in a program that has not
-            rendered.
+    Returns:
+        The written files, and a sentence if a format was left out.
     """
-
-    def __init__(self, beside: bool):
-        self._process = None
-        self._place: Place | None = None
-        if beside and sys.platform == "linux":
-            # Software rendering uses all cores per picture, so the two processes would wait
-            # for each other's threads.
-            os.environ.setdefault("LP_NUM_THREADS", str(max(cores() // 2 - 1, 0)))
-            context = multiprocessing.get_context("fork")
-            self._pipe, other = context.Pipe()
-            self._process = context.Process(target=_answer_to, args=(other, self._pipe), daemon=True)
-            self._process.start()
-            other.close()  # otherwise its end would not be detected here
-
-    def __enter__(self) -> Film:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._process is not None and self._process.is_alive():
-            self._process.terminate()
-            self._process.join()
-
-    def rehearse(self, folder: Path, name: str) -> None:
-        """Make its process open a window and render the first states once, without output."""
-        self._tell((folder, name), True)
-
-    def begin(self, folder: Path, name: str) -> None:
-        """Start making the film, from results into their folder."""
-        self._place = (folder, name)
-        self._tell(self._place, False)
-
-    def _tell(self, place: Place, rehearsal: bool) -> None:
-        if self._process is not None:
-            with contextlib.suppress(BrokenPipeError):  # its end is reported when waiting for it
-                self._pipe.send((place, rehearsal))
-
-    def made(self) -> Made:
-        """Wait for the film.
-
-        Raises:
-            OSError: It could not be written.
-        """
-        assert self._place is not None
-        if self._process is None:
-            return make(look(States(*self._place)), self._place[0])
-        try:
-            outcome: Made | OSError = self._pipe.recv()
-        except (EOFError, ConnectionResetError):
-            self._process.join()
-            return [], [f"the film could not be made (its process ended with status {self._process.exitcode})"]
-        self._pipe.close()  # ends the process
-        self._process.join()
-        if isinstance(outcome, OSError):
-            raise outcome
-        return outcome
-
-
-def make(shown: Look, folder: Path, wanted: Callable[[], bool] = lambda: True) -> Made:
-    """Render the frames and write the film in each format, unless cancelled."""
     frames = render_frames(shown)
-    written: list[Path] = []
-    left_out: list[str] = []
     encoders = {"film.gif": gif, "film.webp": webp}
     with ThreadPoolExecutor(len(encoders)) as both:  # encoders are written in C and let each other run
         encoded = {name: both.submit(encoder, frames) for name, encoder in encoders.items()}
     for name, data in encoded.items():
-        if not wanted():
-            return written, left_out
         write_bytes(folder / name, data.result())
-        written.append(folder / name)
-    if can_mp4() and wanted():
+    written = [folder / name for name in encoders]
+    if can_mp4():
         try:
             write_mp4(folder / "film.mp4", frames)
-            written.append(folder / "film.mp4")
         except RuntimeError as error:
-            left_out.append(str(error))
-    return written, left_out
-
-
-def _answer_to(pipe: Connection, others: Connection) -> None:
-    """Rehearse and make films on request, until the pipe is closed."""
-    others.close()  # an open copy here would keep the pipe open after its owner ends
-    asked_by = os.getppid()
-    while True:
-        try:
-            place, rehearsal = pipe.recv()
-        except EOFError:
-            return
-        if rehearsal:
-            with contextlib.suppress(ResultsError, CaseError, OSError):  # reported when the film is made
-                render_frames(look(States(*place)), 1)
-            continue
-        try:
-            # The folder of an aborted drawing may now belong to another run.
-            pipe.send(make(look(States(*place)), place[0], lambda: os.getppid() == asked_by))
-        except OSError as error:
-            pipe.send(error)
-        except (ResultsError, CaseError) as error:
-            pipe.send(([], [f"the film could not be made ({error})"]))
+            return written, str(error)
+        written.append(folder / "film.mp4")
+    return written, ""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-import math
 import os
 import subprocess
 import sys
@@ -14,11 +13,13 @@ from typing import TYPE_CHECKING, Literal, TypedDict
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image as Picture
+from PIL import Image as Picture, ImageFilter
 
 from softmodels.common.arrays import Array
+from softmodels.common.commands import COLORMAP
 from softmodels.components.contact import RigidShape, obstacle_of, surface_of
-from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Scale, load, number
+from softmodels.pictures.style import DPI, EDGE, INK, WARNING, WIDTH, Caption, Scale, headline, load, number, subject
+from softmodels.runs.fields import coloured
 from softmodels.runs.grid import CUT, OUTSIDE, Cells, Surface
 from softmodels.runs.store import States
 
@@ -29,7 +30,9 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The lights of rendered pictures, and how they shade a surface.
+# The lights of rendered pictures, and how they shade a surface without a field's colours.
+#
+# Colours are not shaded (ambient light 1), so that each pixel can be read off the colour bar.
 #
 # VTK computes specular reflection per light and pixel, nearly half of a picture's time without a graphics
 # card. Nothing here is specular, so skipping it changes no pixel.
@@ -65,9 +68,6 @@ def shade(actor: Actor) -> None:
 PIXELS = round(WIDTH * DPI)
 """Width of a picture."""
 
-SAMPLES = 4
-"""Subpixel offsets for anti-aliasing."""
-
 Image = npt.NDArray[np.uint8]
 
 
@@ -80,11 +80,10 @@ class Style(TypedDict, total=False):
     clim: tuple[float, float]
     opacity: float
     ambient: float
+    lighting: bool
     line_width: float
     culling: Literal["front", "back"]
     smooth_shading: bool
-    split_sharp_edges: bool
-    feature_angle: float
 
 
 type Layer = tuple[PolyData, Style]
@@ -180,6 +179,18 @@ class ViewCamera:
         return cls(_triple(direction), _triple(up), _triple(focus), float(scale), (width, height))
 
     @property
+    def metres(self) -> float:
+        """Length of a pixel across the view."""
+        return 2 * self.scale / self.size[1]
+
+    @property
+    def axes(self) -> Array:
+        """Where x, y and z point in the picture, to the right and upwards, shape (3, 2)."""
+        right = np.cross(self.up, self.direction)
+        right /= np.linalg.norm(right)
+        return np.column_stack([right, np.cross(self.direction, right)])
+
+    @property
     def text(self) -> str:
         """The camera as text, for a picture's metadata."""
         names = ("direction", "up", "focus", "scale", "size")
@@ -214,6 +225,13 @@ def lines(points: Array, pairs: Cells) -> PolyData:
     return pyvista.PolyData(points, lines=np.column_stack([np.full(len(pairs), 2), pairs]).ravel())
 
 
+def seen_lines(points: Array, pairs: Cells) -> list[Layer]:
+    """Return the layers of straight lines that are seen on all colours, white with a dark rim; arguments as of `lines`."""
+    drawn = lines(points, pairs) if len(pairs) else None
+    styles: tuple[Style, ...] = ({"color": INK, "line_width": 4.0}, {"color": "#e4e7eb", "line_width": 2.0})
+    return [] if drawn is None else [(drawn, style) for style in styles]
+
+
 def ring(centre: Array, direction: Array, radius: float) -> PolyData:
     """Return a circle to draw around a place, seen from a direction; lengths in m."""
     import pyvista
@@ -222,11 +240,10 @@ def ring(centre: Array, direction: Array, radius: float) -> PolyData:
 
 
 @functools.cache
-def _plotter(multisampled: bool, process: int) -> Plotter:
+def _plotter(process: int) -> Plotter:
     """Return a render window with lights, cached because a new one recompiles its shaders.
 
     Args:
-        multisampled: Whether a pixel has several samples, against jagged edges.
         process: Whose it is; a window does not survive that its process is forked.
     """
     import pyvista
@@ -235,44 +252,32 @@ def _plotter(multisampled: bool, process: int) -> Plotter:
     plotter.set_background("white")
     add_lights(plotter)
     plotter.camera.parallel_projection = True
-    if multisampled:
-        plotter.enable_anti_aliasing("msaa", multi_samples=SAMPLES)
-    else:
-        plotter.disable_anti_aliasing()
+    plotter.disable_anti_aliasing()
     return plotter
 
 
 @contextlib.contextmanager
-def studio(camera: ViewCamera, draft: bool = False) -> Iterator[Shoot]:
+def studio(camera: ViewCamera) -> Iterator[Shoot]:
     """Provide a function from layers to an image, shape (height, width, 3), for one camera.
 
-    One at a time in a process.
-
-    Args:
-        camera: Camera of the view.
-        draft: For images that are soon gone by, in two thirds of the time: jagged edges are softened by the mean of two images
-            half a pixel apart.
+    One at a time in a process. Jagged edges are softened by the mean of two images half a pixel apart, which takes half as
+    long as four samples a pixel without a graphics card.
     """
-    plotter = _plotter(not draft, os.getpid())
+    plotter = _plotter(os.getpid())
     direction, focus = np.asarray(camera.direction), np.asarray(camera.focus)
     far = 4 * camera.scale * max(1.0, camera.size[0] / camera.size[1])
 
     def shoot(layers: Sequence[Layer]) -> Image:
         plotter.clear_actors()
         for data, style in layers:
-            if data.n_lines and "scalars" not in style:
-                # Offset towards the viewer; in parallel projection this shifts nothing.
-                lifted = data.translate(1e-3 * far * direction)
-                style = {**style, "line_width": math.floor(style["line_width"])} if draft else style
-                plotter.add_mesh(
-                    lifted, lighting=False, show_scalar_bar=False, render=False, reset_camera=False, **style
-                )
-            else:
-                shaded: Style = {"ambient": 0.5, **style}
-                shade(plotter.add_mesh(data, show_scalar_bar=False, render=False, reset_camera=False, **shaded))
+            lit = style.get("lighting", "scalars" not in style and not data.n_lines)
+            how: Style = {"ambient": 0.5, **style, "lighting": True} if lit else {**style, "lighting": False}
+            # Lines are offset towards the viewer; in parallel projection this shifts nothing.
+            placed = data.translate(1e-3 * far * direction) if data.n_lines else data
+            actor = plotter.add_mesh(placed, show_scalar_bar=False, render=False, reset_camera=False, **how)
+            if lit:
+                shade(actor)
         plotter.renderer.ResetCameraClippingRange()
-        if not draft:
-            return rendered(0.0)
         one, other = (Picture.fromarray(rendered(shift)) for shift in (0.25, -0.25))
         return np.asarray(Picture.blend(one, other, 0.5))
 
@@ -393,11 +398,13 @@ class Look:
         states: Its states.
         kept: The images of the slice that are shown; of a round device about a quarter is left out, to see inside.
         direction: From the device to the viewer, shape (3,).
+        colours: Name of the colour map of fields.
     """
 
     states: States
     kept: npt.NDArray[np.intp]
     direction: Array
+    colours: str = COLORMAP
 
     @property
     def opened(self) -> bool:
@@ -411,10 +418,22 @@ class Look:
     def points(self, step: float, kept: npt.NDArray[np.intp] | None = None) -> Array:
         """Return the deformed vertices of the shown images in m, shape (n, 3)."""
         skin = self.states.skin
-        moved = self.states.points + self.states.between(step, "displacement")
-        return skin.device(skin.points(moved), self.kept if kept is None else kept)
+        return skin.device(skin.points(self.states.moved(step)), self.kept if kept is None else kept)
 
-    def camera(self, steps: list[int], width: int = PIXELS, tallest: float = 0.62) -> ViewCamera:
+    def caption(self, step: float, camera: ViewCamera | None = None, **more: str) -> Caption:
+        """Return what stands around a picture of a state, with further fields of `Caption`."""
+        states = self.states
+        texts = {"title": headline(states.row(step), states.words), **more}
+        of = subject(states.case) + ("; grey: undeformed" if step else "")
+        of += "; interpolated between computed states" if step % 1 else ""
+        return Caption(
+            subject=of,
+            metres=None if camera is None else camera.metres,
+            axes=None if camera is None else camera.axes,
+            **texts,
+        )
+
+    def camera(self, steps: Sequence[float], width: int = PIXELS, tallest: float = 0.62) -> ViewCamera:
         """Return the camera that frames some states, and nearby parts of rigid shapes."""
         clouds = [self.points(step) for step in steps]
         low, high = (limit([limit(cloud, axis=0) for cloud in clouds], axis=0) for limit in (np.min, np.max))
@@ -459,55 +478,52 @@ class Look:
         border: Style = {"color": WARNING, "line_width": 2.0}
         return [*shapes, (surface(self.plate, fan), style), (lines(self.plate, ring), border)]
 
-    def scale(self, steps: Sequence[int], field: str = "von_mises") -> Scale:
-        """Return a common scale for the visible surface of some states: everything if a cut is visible, else only the
-        outside."""
-        states, skin = self.states, self.states.skin
-        rows = [states.rows[step] for step in steps]
-        if self.opened:
-            return Scale(np.array([states.field(step, field) for step in steps]), field, rows=rows)
-        seen = np.unique(skin.nodes[skin.triangles[skin.part == OUTSIDE][self._facing(steps[-1])]])
-        return Scale(np.array([states.field(step, field)[seen] for step in steps]), field, "visible surface", rows)
-
-    def _facing(self, step: int) -> npt.NDArray[np.bool_]:
-        """Return which triangles of the outside face the viewer in one of the images, shape (t,)."""
-        skin = self.states.skin
-        a, b, c = skin.points(self.states.moved(step))[skin.triangles[skin.part == OUTSIDE]].transpose(1, 0, 2)
-        towards = np.linalg.inv(skin.images[self.kept]) @ self.direction
-        flipped = np.sign(np.linalg.det(skin.images[self.kept]))
-        return np.asarray((np.cross(b - a, c - a) @ towards.T * flipped > 0).any(axis=1))
+    @functools.cached_property
+    def scales(self) -> dict[str, Scale]:
+        """The scale of each field, one in all pictures of the run."""
+        states, found = self.states, dict[str, Scale]()
+        steps = sorted({*states.shown(), states.main, len(states.rows) - 1})
+        for field in coloured():
+            values = np.array([states.field(step, field) for step in steps])
+            found[field] = Scale(values, field, [states.row(step) for step in steps], self.colours)
+        return found
 
     def coloured(self, step: float, scale: Scale) -> list[Layer]:
         """Return the layers of a state, coloured, with its sharp edges."""
         states, skin = self.states, self.states.skin
-        moved = skin.points(states.points + states.between(step, "displacement"))
-        values = np.tile(scale.share(states.between(step, scale.field))[skin.nodes], len(self.kept))
-        shown = skin.device(moved, self.kept)
-        data = surface(shown, self.visible, skin.device(skin.normals(moved), self.kept), values)
-        style: Style = {**SOLID_STYLE, "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+        values = np.tile(scale.share(states.field(step, scale.field))[skin.nodes], len(self.kept))
+        shown = self.points(step)
+        data = surface(shown, self.visible, None, values)
+        style: Style = {"culling": "back", "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
         pairs = skin.device_lines(skin.edges, self.kept)
         if self.opened:
             pairs = np.concatenate([pairs, self.open_rims])
-        edges: list[Layer] = [(lines(shown, pairs), {"color": INK, "line_width": 1.5})] if len(pairs) else []
-        return [(data, style), *edges, *self.plate_layers(step)]
+        return [(data, style), *seen_lines(shown, pairs), *self.plate_layers(step)]
 
-    def translucent(self, step: float, opacity: float, walls: Style | None) -> list[Layer]:
-        """Return the layers of a state with a translucent outside; its cavities' walls before it in a style, None leaves them
-        out."""
+    def rest(self, kept: npt.NDArray[np.intp]) -> Array:
+        """Return the undeformed vertices of some images in m, shape (n, 3)."""
+        return self.states.skin.device(self.states.skin.points(self.states.points), kept)
+
+    def at_rest(self, shoot: Shoot, kept: npt.NDArray[np.intp]) -> Image:
+        """Return how much of each pixel images of the undeformed slice cover, 0 to 255, shape (height, width)."""
+        data = surface(self.rest(kept), self.states.skin.device_triangles(None, kept))
+        return 255 - shoot([(data, {"color": "black", "lighting": False})])[..., 0]
+
+    def translucent(self, step: float, walls: Style | None, outside: Style) -> list[Layer]:
+        """Return the layers of a state with its outside in a translucent style; its cavities' walls before it in another
+        style, None leaves them out."""
         states, skin = self.states, self.states.skin
-        moved = skin.points(states.moved(int(step)))
+        moved = skin.points(states.moved(step))
         everything = np.arange(len(skin.images))
         shown, normals = skin.device(moved), skin.device(skin.normals(moved))
         found: list[Layer] = []
-        outside: Style = {"color": "#8fa8c0", "opacity": opacity, "culling": "back"}
-        for part, style in ((1, walls), (0, outside)):
-            chosen = skin.part > OUTSIDE if part else skin.part == OUTSIDE
+        for chosen, style in ((skin.part > OUTSIDE, walls), (skin.part == OUTSIDE, outside)):
             if chosen.any() and style is not None:
                 data = surface(shown, skin.device_triangles(chosen, everything), normals)
-                found.append((data, {"smooth_shading": True, **style}))
+                found.append((data, {"color": "#8fa8c0", "smooth_shading": True, **style}))
         if len(skin.edges):
             edge = lines(shown, skin.device_lines(skin.edges))
-            found.append((edge, {"color": EDGE, "line_width": 1.5, "opacity": 0.6}))
+            found.append((edge, {"color": EDGE, "line_width": 2.0, "opacity": 0.6}))
         return found
 
     @functools.cached_property
@@ -529,12 +545,16 @@ class Look:
 
     def _single(self, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Of lines or triangles between the shown images, those that are there once; vertices, shape (k, 2 or 3)."""
-        states = self.states
-        places = states.skin.device(states.skin.points(states.points), self.kept)[corners].mean(axis=1)
-        # Off the round numbers that meshes like, where the last digit would decide.
-        rounded = np.floor(places / states.actuator.size * 1e6 + 0.4142).astype(np.int64)
-        _, first, count = np.unique(rounded, axis=0, return_index=True, return_counts=True)
-        return np.asarray(corners[first[count == 1]])
+        places = self.rest(self.kept)[corners].mean(axis=1)
+        first = joined_places(places, self.states.actuator.size)
+        return np.asarray(corners[np.bincount(first, minlength=len(first))[first] == 1])
+
+
+def joined_places(points: Array, size: float) -> Cells:
+    """Return for each point the first one at its place, shape (n,); lengths and ``size`` in m."""
+    # Off the round numbers that meshes like, where the last digit would decide.
+    _, first, place = np.unique(np.floor(points / size * 1e6 + 0.4142), axis=0, return_index=True, return_inverse=True)
+    return np.asarray(first[place.ravel()])
 
 
 def direction(azimuth: float, elevation: float, up: Array) -> Array:
@@ -546,14 +566,14 @@ def direction(azimuth: float, elevation: float, up: Array) -> Array:
     return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]) @ turned
 
 
-def look(states: States) -> Look:
+def look(states: States, colours: str = COLORMAP) -> Look:
     """Return how a device is shown: a round one without a quarter, another one whole, from the side of its free end."""
     skin, up = states.skin, np.asarray(states.actuator.lift)
     whole = np.arange(len(skin.images))
     if not states.actuator.axial:
-        return Look(states, whole, direction(-58.0, 24.0, up))
+        return Look(states, whole, direction(-58.0, 24.0, up), colours)
     if len(whole) == 1:
-        return Look(states, whole, direction(-45.0, 32.0, up))
+        return Look(states, whole, direction(-45.0, 32.0, up), colours)
     begin = np.degrees(np.arctan2(skin.planes[0][0], -skin.planes[0][1]))  # across the plane's normal (y, -x)
     centre = skin.points(states.points).mean(axis=0)
     x, y, _ = (skin.images @ centre).T
@@ -561,7 +581,7 @@ def look(states: States) -> Look:
     angle = 360.0 / len(whole)
     removed = max(1, round(len(whole) / 4))
     order = np.argsort(around)
-    return Look(states, order[: len(whole) - removed], direction(begin - removed * angle / 2, 32.0, up))
+    return Look(states, order[: len(whole) - removed], direction(begin - removed * angle / 2, 32.0, up), colours)
 
 
 def towards_slice(states: States) -> Array:
@@ -582,97 +602,62 @@ def across_cut(skin: Surface, up: Array) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Regions of largest stretch: 1 % of the surface, bounded by an isoline.
-#
-# The stretch is the nodal field, continuous over the cells; whole cells would give ragged patches.
-
-
-HOT = 1.0
-"""Percentage of the surface (outside and cavity walls) shown as hot."""
+# The place of the largest stretch: on which wall it is, and where.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class HotSpots:
-    """The regions of largest stretch of a state.
+class HotSpot:
+    """The largest stretch of a state.
 
     Attributes:
-        limit: The largest stretch that `HOT` percent of the surface exceeds.
-        peak: Where the largest stretch is in the deformed slice, m, shape (3,); None if unknown.
-        note: Its value and place in words.
+        value: The largest stretch.
+        place: Where it is in the deformed slice, m, shape (3,).
+        part: The wall it is on: `OUTSIDE` or the number of a cavity; None inside the silicone.
+        wall: The wall in words.
+        note: The load and the place at rest in words.
     """
 
-    limit: float
-    peak: Array | None
+    value: float
+    place: Array
+    part: int | None
+    wall: str
     note: str
 
 
-def hot_spots_of(states: States, step: int) -> HotSpots:
-    """Return the regions of largest stretch of a state."""
-    return HotSpots(hot_limit(states, step), peak_place(states, step), peak_text(states, step))
-
-
-def hot_limit(states: States, step: int) -> float:
-    """Return the largest stretch that `HOT` percent of the device's surface (at rest) exceeds."""
-    skin = states.skin
-    triangles = skin.triangles[skin.part != CUT]
-    a, b, c = skin.points(states.points)[triangles].transpose(1, 0, 2)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    value = states.field(step, "largest_stretch")[skin.nodes][triangles].mean(axis=1)
-    order = np.argsort(value)
-    covered = np.cumsum(area[order]) / area.sum()
-    return float(value[order][min(int(np.searchsorted(covered, 1 - HOT / 100)), len(order) - 1)])
-
-
-def hot_layers(states: States, step: int, limit: float, scale: Scale) -> list[Layer]:
-    """Return the walls of the cavities coloured by stretch, the outside above a limit, and the isoline of the
-    limit."""
-    skin = states.skin
-    stretch = states.field(step, scale.field)[skin.nodes]
-    everything = np.arange(len(skin.images))
-    points = skin.device(skin.points(states.moved(step)))
-    layers: list[Layer] = []
-    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "ambient": 0.7}
-    for inside in (True, False):
-        chosen = skin.part > OUTSIDE if inside else skin.part == OUTSIDE
-        if not chosen.any():
-            continue
-        data = surface(points, skin.device_triangles(chosen, everything))
-        data.point_data["stretch"] = np.tile(stretch, len(everything))
-        data.point_data["values"] = np.tile(scale.share(states.field(step, scale.field))[skin.nodes], len(everything))
-        shown = data if inside else data.clip_scalar(scalars="stretch", invert=False, value=limit)
-        if shown.n_cells:
-            layers.append((shown, style))
-        lines = data.contour([limit], scalars="stretch")
-        if lines.n_cells:
-            layers.append((lines, {"color": "black", "line_width": 2.5}))
-    return layers
-
-
-def hot_title(limit: float) -> str:
-    """Return the title of the picture."""
-    return f"The {HOT:g} % of the surface with the largest stretch: above {limit:.3g}, inside the black line"
-
-
-def peak_text(states: States, step: int) -> str:
-    """Return the value and place of the largest stretch of a state, from ``path.csv``."""
-    row, words = states.rows[step], states.words
+def hot_spot(states: States, step: int) -> HotSpot:
+    """Return the largest stretch of a state: that of ``path.csv``, or without its place there the largest at a node."""
+    row, stretch, skin = states.rows[step], states.field(step, "largest_stretch"), states.skin
+    value = row["max_stretch"] if "max_stretch" in row else float(stretch.max())
+    rest = states.points[int(np.argmax(stretch))]
+    if "max_stretch_x_mm" in row:
+        rest = np.array([row[f"max_stretch_{axis}_mm"] for axis in "xyz"]) * 1e-3
+    flat = np.array([np.hypot(*rest[:2]), 0.0, rest[2]]) if states.actuator.dimension == 2 else rest
+    # The wall that the nearest cell has nodes on, and of these the one nearest to the place.
+    cell = states.cells[np.argmin(np.linalg.norm(states.points[states.cells].mean(axis=1) - flat, axis=1))]
+    part_of = np.full(len(states.points), CUT)
+    for walls in range(skin.cavities + 1):
+        part_of[skin.nodes[skin.triangles[skin.part == walls]]] = walls
+    near = cell[np.argsort(np.linalg.norm(states.points[cell] - flat, axis=1))]
+    part = next((int(part_of[node]) for node in near if part_of[node] != CUT), None)
+    name = {None: "inside the silicone", OUTSIDE: "on the outer face"}.get(part, f"on the wall of cavity {part}")
+    name = "on the cavity's wall" if part == skin.cavities == 1 else name
+    words = states.words
     under = load(row, words) if "load_step" in row else words.under(row, f"{number(row['pressure_cm'])} cm")
-    if "max_stretch" not in row:
-        return f"largest stretch at a node {states.field(step, 'largest_stretch').max():.4g} at {under}"
-    text = f"largest stretch {row['max_stretch']:.4g} at {under}"
-    if "max_stretch_x_mm" not in row:
-        return text
-    place = ", ".join(f"{axis} = {row[f'max_stretch_{axis}_mm']:.2f}" for axis in "xyz")
-    return f"{text}; at the ring, undeformed position {place} mm"
+    at = ", ".join(f"{axis} = {1e3 * x:.2f}" for axis, x in zip("xyz", rest, strict=True))
+    return HotSpot(
+        value, flat + states.field(step, "displacement")[near[:4]].mean(axis=0), part, name,
+        f"largest stretch {value:.4g} at {under}; at the ring, undeformed position {at} mm",
+    )  # fmt: skip
 
 
-def peak_place(states: States, step: int) -> Array | None:
-    """Return where the largest stretch of ``path.csv`` is in the deformed slice, m, shape (3,); None if unknown."""
-    row = states.rows[step]
-    if "max_stretch_x_mm" not in row:
-        return None
-    place = np.array([row[f"max_stretch_{axis}_mm"] for axis in "xyz"]) * 1e-3
-    if states.actuator.dimension == 2:
-        place = np.array([np.hypot(place[0], place[1]), 0.0, place[2]])
-    nearest = np.argsort(np.linalg.norm(states.points - place, axis=1))[:4]
-    return np.asarray(place + states.field(step, "displacement")[nearest].mean(axis=0))
+def outlined(image: Image, covered: Image) -> Image:
+    """Return an image with the outline of what covers a part of it; ``covered`` as of `Look.at_rest`."""
+    soft = np.asarray(Picture.fromarray(covered).filter(ImageFilter.BoxBlur(1)), dtype=np.float32) / 255
+    line = 1 - np.abs(2 * soft - 1)
+    on, found = line > 0.02, image.copy()
+    found[on] = image[on] + line[on, None] * (np.array(OUTLINE) - image[on])
+    return found
+
+
+OUTLINE = (150, 150, 150)
+"""Colour of the undeformed outline."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,26 +21,25 @@ from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.pictures.offscreen import (
     SOLID_STYLE,
-    HotSpots,
+    HotSpot,
     Image,
     Layer,
     Look,
     Style,
     ViewCamera,
-    hot_layers,
-    hot_limit,
-    hot_title,
+    can_render,
+    hot_spot,
+    joined_places,
     lines,
     look,
-    peak_place,
-    peak_text,
+    outlined,
     ring,
+    seen_lines,
     studio,
     surface,
     towards_slice,
 )
 from softmodels.pictures.style import (
-    COLOURS,
     CURVE,
     DPI,
     EDGE,
@@ -57,12 +57,11 @@ from softmodels.pictures.style import (
     number,
     page,
     png,
+    rulers,
     title_colour,
     wrapped,
 )
-from softmodels.runs.columns import StateLabels
-from softmodels.runs.fields import Row
-from softmodels.runs.grid import CUT, OUTSIDE, SHARP, Cells, Surface, edge_curves, fine_triangles, outer_faces, outline
+from softmodels.runs.grid import CUT, OUTSIDE, Cells, Surface, edge_curves, fine_triangles, outer_faces, outline
 from softmodels.runs.store import ResultsError, States
 
 if TYPE_CHECKING:
@@ -74,96 +73,127 @@ if TYPE_CHECKING:
 # Pictures of an axisymmetric section in millimetres; no rendering needed.
 
 
-def section_mesh(points: Array, cells: Cells) -> Figure:
-    """Draw the half section with the edges of its cells; points in m, shape (n, 3) with y = 0."""
-    flat = points[:, ::2] * 1e3
+def section_mesh(look: Look) -> Figure:
+    """Draw the undeformed half section with the edges of its cells."""
+    flat, cells = look.states.points[:, ::2] * 1e3, look.states.cells
     figure, axes = _section_axes(flat, 0.0)
     fine, triangles = fine_triangles(flat, cells)
     axes.tripcolor(Triangulation(fine[:, 0], fine[:, 1], triangles), np.zeros(len(fine)), cmap=ListedColormap([SOLID]))
     axes.add_collection(LineCollection(list(edge_curves(flat, cells)), colors=EDGE, linewidths=0.9))
     axes.set_title(f"Undeformed half section, {len(cells)} cells")
+    _name(figure, axes, look.caption(0).subject)
     return figure
 
 
-def section_stress(
-    points: Array, moved: Array, cells: Cells, values: Array, row: Row, words: StateLabels, plate: float | None = None
-) -> Figure:
+def section_stress(look: Look, step: float, plate: float | None = None) -> Figure:
     """Draw the deformed half section coloured by stress, over the undeformed outline.
 
     Args:
-        points: Undeformed, in m, shape (n, 3) with y = 0.
-        moved: Deformed, likewise.
-        cells: Shape (c, 6).
-        values: Von Mises stress in Pa, shape (n,).
-        row: The state's row of ``path.csv``.
-        words: What its run shows.
+        look: The device.
+        step: The state.
         plate: Height of a rigid plane that stops it, m.
     """
-    before, after, stress = points[:, ::2] * 1e3, moved[:, ::2] * 1e3, Scale(values, rows=[row])
-    figure, axes = _section_axes(np.concatenate([before, after]), FOOT)
-    fine, triangles = fine_triangles(np.column_stack([after, values / 1e3]), cells)
-    flat = Triangulation(fine[:, 0], fine[:, 1], triangles)
-    axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=COLOURS, norm=stress.norm)
-    for shown, colour in ((after, INK), (before, FAINT)):
-        axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.0))
+    states, scale = look.states, look.scales["von_mises"]
+    figure, axes = _section_axes(np.concatenate([states.points, states.moved(step)])[:, ::2] * 1e3, FOOT)
+    _coloured_section(axes, states, step, scale)
     if plate is not None:
         axes.axhline(plate * 1e3, color=WARNING, linewidth=1.5, linestyle="--")
-    title = headline(row, words) + ("" if plate is None else "; the rigid plane dashed")
-    axes.set_title(title, color=title_colour(title))
-    stress.bar(figure)
+    caption = look.caption(step)
+    axes.set_title(
+        caption.title + ("" if plate is None else "; the rigid plane dashed"), color=title_colour(caption.title)
+    )
+    _name(figure, axes, caption.subject)
+    scale.bar(figure)
     return figure
 
 
-def section_hot(points: Array, cells: Cells, values: Array, hot: HotSpots, row: Row) -> Figure:
-    """Draw the deformed half section coloured by stretch, with the isoline around the largest stretch.
+def _coloured_section(axes: Axes, states: States, step: float, scale: Scale) -> None:
+    """Draw a deformed half section in the colours of a field, over the undeformed outline."""
+    after, values = states.moved(step)[:, ::2] * 1e3, scale.factor * states.field(step, scale.field)
+    fine, triangles = fine_triangles(np.column_stack([after, values]), states.cells)
+    flat = Triangulation(fine[:, 0], fine[:, 1], triangles)
+    axes.tripcolor(flat, fine[:, 2], shading="gouraud", cmap=scale.colours, norm=scale.norm)
+    for shown, colour in ((after, INK), (states.points[:, ::2] * 1e3, FAINT)):  # thin, as walls may be
+        axes.add_collection(LineCollection(list(outline(shown, states.cells)), colors=colour, linewidths=0.6))
 
-    Args:
-        points: Deformed, in m, shape (n, 3) with y = 0.
-        cells: Shape (c, 6).
-        values: Largest principal stretch, shape (n,).
-        hot: What is stretched most.
-        row: The state's row of ``path.csv``.
-    """
-    flat, scale = points[:, ::2] * 1e3, Scale(values, "largest_stretch", rows=[row])
-    figure, axes = _section_axes(flat, FOOT + 0.3)
-    fine, triangles = fine_triangles(np.column_stack([flat, values]), cells)
-    mesh = Triangulation(fine[:, 0], fine[:, 1], triangles)
-    axes.tripcolor(mesh, fine[:, 2], shading="gouraud", cmap=COLOURS, norm=scale.norm)
-    axes.add_collection(LineCollection(list(outline(flat, cells)), colors=INK, linewidths=0.7))
-    if fine[:, 2].min() < hot.limit < fine[:, 2].max():
-        axes.tricontour(mesh, fine[:, 2], levels=[hot.limit], colors="black", linewidths=1.6)
-    if hot.peak is not None:
-        for colour, wide in (("white", 5.0), ("black", 2.0)):
-            axes.plot(
-                1e3 * hot.peak[0], 1e3 * hot.peak[2], "o", mfc="none", color=colour, markersize=16, markeredgewidth=wide
-            )
-    axes.set_title(hot_title(hot.limit))
+
+def _name(figure: Figure, axes: Axes, text: str) -> None:
+    """Write what is drawn below the title of a page's axes."""
+    top = axes.get_position().y1 + 0.06 / figure.get_figheight()
+    axes.title.set_position((0.5, 1.0))
+    axes.set_title(axes.get_title(), pad=22, color=axes.title.get_color())
+    figure.text(0.5, top, text, ha="center", va="bottom", fontsize=11, color=EDGE)
+
+
+def section_sheet(look: Look) -> Figure:
+    """Draw the half sections of the shown states side by side over one colour bar."""
+    states, steps, scale = look.states, look.states.shown(), look.scales["von_mises"]
+    flat = np.concatenate([states.points, *(states.moved(step) for step in steps)])[:, ::2] * 1e3
+    low, (wide, tall) = flat.min(axis=0), np.ptp(flat, axis=0)
+    columns = COLUMNS[len(steps)] if tall < 1.2 * wide else len(steps)
+    inner, head = WIDTH / columns - 0.4, 0.55
+    height = min(inner * tall / wide, 5.0)
+    used, rows = height * wide / tall, -(-len(steps) // columns)
+    whole = rows * (height + head) + 0.35 + FOOT
+    figure = Figure((WIDTH, whole), dpi=DPI)
+    for k, step in enumerate(steps):
+        left, down = (k % columns + 0.5) * WIDTH / columns - used / 2, 0.3 + (height + head) * (k // columns + 1)
+        axes = figure.add_axes((left / WIDTH, 1 - down / whole, used / WIDTH, height / whole))
+        _coloured_section(axes, states, step, scale)
+        axes.set(xlim=(low[0], low[0] + wide), ylim=(low[1], low[1] + tall))
+        axes.set_axis_off()
+        text = load(states.row(step), states.words)
+        title = wrapped(text, WIDTH / columns, 11)
+        axes.set_title(title, fontsize=11, color=title_colour(text))
+    name = look.caption(states.main).subject
+    figure.text(0.5, 1 - 0.08 / whole, name, ha="center", va="top", fontsize=11, color=EDGE)
+    scale.bar(figure)
+    rulers(figure, 1e-3 * tall / (height * DPI), np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]))
+    return figure
+
+
+def section_hot(look: Look) -> Figure:
+    """Draw the deformed half section coloured by stretch, with a ring around the largest one."""
+    states, step, scale = look.states, look.states.main, look.scales["largest_stretch"]
+    hot = hot_spot(states, step)
+    figure, axes = _section_axes(np.concatenate([states.points, states.moved(step)])[:, ::2] * 1e3, FOOT + 0.3)
+    _coloured_section(axes, states, step, scale)
+    for colour, wide in (("white", 5.0), ("black", 2.0)):
+        axes.plot(1e3 * hot.place[0], 1e3 * hot.place[2], "o", mfc="none", color=colour, markersize=16,
+                  markeredgewidth=wide)  # fmt: skip
+    axes.set_title(hot_title(hot))
+    _name(figure, axes, look.caption(step).subject)
     figure.text(0.5, 1.2 / figure.get_figheight(), hot.note, ha="center", color=WARNING, fontsize=11)
     scale.bar(figure)
     return figure
 
 
-def section_mode(
-    points: Array, moved: Array, mode: Array, cells: Cells, row: Row, words: StateLabels, amount: float = 0.15
-) -> Figure:
+def hot_title(hot: HotSpot) -> str:
+    """Return the title of the picture."""
+    return f"Largest stretch {hot.value:.4g}, {hot.wall}"
+
+
+def section_mode(look: Look, step: int, amount: float = 0.15) -> Figure:
     """Draw the half section at a bifurcation and the two branches.
 
     Args:
-        points: Undeformed, in m, shape (n, 3) with y = 0.
-        moved: At the bifurcation, likewise.
-        mode: Its mode, largest component 1, shape (n, 3).
-        cells: Shape (c, 6).
-        row: The state's row of ``path.csv``.
-        words: What its run shows.
+        look: The device.
+        step: The state at the bifurcation.
         amount: Largest displacement of the mode as drawn, in widths of the undeformed section.
     """
-    before, after = points[:, ::2] * 1e3, moved[:, ::2] * 1e3
+    states, cells = look.states, look.states.cells
+    before, after = states.points[:, ::2] * 1e3, states.moved(step)[:, ::2] * 1e3
     size = amount * np.ptp(before[:, 0])
+    mode = states.field(step, "mode")
     shapes = [(after + sign * size * mode[:, ::2], colour) for sign, colour in ((1, WARNING), (-1, CURVE))]
     figure, axes = _section_axes(np.concatenate([before, *(shape for shape, _ in shapes)]), 0.0)
     for shown, colour in ((before, FAINT), (after, INK), *shapes):
         axes.add_collection(LineCollection(list(outline(shown, cells)), colors=colour, linewidths=1.4))
-    axes.set_title(f"Bifurcation at {headline(row, words)}: the mode in both directions (arbitrary amplitude)")
+    caption = look.caption(step)
+    axes.set_title(
+        wrapped(f"Bifurcation at {caption.title}: the mode in both directions (arbitrary amplitude)", WIDTH, 13)
+    )
+    _name(figure, axes, caption.subject)
     return figure
 
 
@@ -250,7 +280,7 @@ def _section_area(corners: Array, normal: Array, place: Array) -> float:
     return float(abs((np.cross(begin - place, end - place) @ normal).sum()) / 2)
 
 
-def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scale) -> list[Layer]:
+def cut_open(states: States, step: float, plane: Plane, viewer: Array, scale: Scale) -> list[Layer]:
     """Return the layers of a state whose material before a plane of the undeformed device is taken away.
 
     Args:
@@ -268,28 +298,32 @@ def cut_open(states: States, step: int, plane: Plane, viewer: Array, scale: Scal
     shell = surface(skin.device(skin.points(states.points)), skin.device_triangles(skin.part != CUT))
     shell.point_data["displacement"] = skin.device(skin.points(u))
     shell.point_data["values"] = np.tile(values[skin.nodes], len(skin.images))
-    # Images of the slice meet in their symmetry plane: one surface, so that no seam is shaded there.
-    behind = shell.clean(tolerance=1e-7).clip(normal=normal, origin=place)
-    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0), "smooth_shading": True}
-    found: list[Layer] = [
-        (behind.warp_by_vector("displacement"), {**style, "split_sharp_edges": True, "feature_angle": SHARP})
-    ]
-    pieces = []
+    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+    found: list[Layer] = [(shell.clip(normal=normal, origin=place).warp_by_vector("displacement"), style)]
+    rest, moved, shares, faces, count = list[Array](), list[Array](), list[Array](), list[Cells](), 0
     for image in skin.images:
         piece = _section(states.points, states.cells, u, values, image.T @ normal, image.T @ place)
         if piece.n_cells:
-            piece.point_data["displacement"] = piece.point_data["displacement"] @ image.T
-            piece.points = piece.points @ image.T
-            pieces.append(piece)
-    if pieces:
-        together = pieces[0].append_polydata(*pieces[1:]) if len(pieces) > 1 else pieces[0]
-        face = together.clean(tolerance=1e-7, polys_to_lines=False, lines_to_points=False)
-        face = face.warp_by_vector("displacement")
-        found.append((face, {**style, "split_sharp_edges": False}))
-        rim = face.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
-        if rim.n_cells:
-            found.append((rim, {"color": INK, "line_width": 1.5}))
+            faces.append(piece.regular_faces + count)
+            count += piece.n_points
+            rest.append(piece.points @ image.T)
+            moved.append((piece.points + piece.point_data["displacement"]) @ image.T)
+            shares.append(piece.point_data["values"])
+    if faces:
+        # Images of the slice meet in their symmetry plane: one face, so that no edge is drawn there.
+        corners = joined_places(np.concatenate(rest), states.actuator.size)[np.concatenate(faces)]
+        points = np.concatenate(moved)
+        found.append((surface(points, corners, None, np.concatenate(shares)), style))
+        found += seen_lines(points, border_of(corners))
     return found
+
+
+def border_of(triangles: Cells) -> Cells:
+    """Return the edges that belong to a single triangle, shape (e, 2)."""
+    ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    ends = ends[ends[:, 0] < ends[:, 1]]
+    edges, count = np.unique(ends, axis=0, return_counts=True)
+    return np.asarray(edges[count == 1])
 
 
 def _aside(vertices: Array, normal: Array, place: Array) -> Array:
@@ -308,7 +342,7 @@ def _section(points: Array, cells: Cells, u: Array, values: Array, normal: Array
 
     grid = pyvista.UnstructuredGrid({QUADRATIC_TETRA: cells}, points)
     grid.point_data["displacement"], grid.point_data["values"] = u, values
-    return grid.slice(normal=normal, origin=place).extract_surface(algorithm="dataset_surface").clean()
+    return grid.slice(normal=normal, origin=place).extract_surface(algorithm="dataset_surface").triangulate()
 
 
 AIR = "#2f6f9f"
@@ -322,10 +356,10 @@ def undeformed(look: Look) -> Figure:
     whole = states.skin.device(states.skin.points(states.points))
     camera = ViewCamera.around([whole], look.direction, look.up)
     with studio(camera) as shoot:
-        image = shoot(look.translucent(0, 0.35, {"color": AIR}))
+        image = shoot(look.translucent(0, {"color": AIR}, {"opacity": 0.35, "culling": "back"}))
     count = states.skin.cavities
     what = {0: "", 1: ", its cavity inside"}.get(count, f", its {count} cavities inside")
-    return page(image, f"Undeformed device{what}: {_size(whole)}")
+    return page(image, look.caption(0, camera, title=f"Undeformed device{what}: {_size(whole)}"))
 
 
 def _size(points: Array) -> str:
@@ -343,8 +377,9 @@ def mesh(look: Look) -> Figure:
     with studio(camera) as shoot:
         solid = surface(points, skin.triangles, skin.normals(points))
         edges = lines(curves.reshape(-1, 3), pairs)
-        image = shoot([(solid, {**SOLID_STYLE, "color": SOLID}), (edges, {"color": EDGE, "line_width": 1.5})])
-    return page(image, f"Undeformed {_slice_name(states.actuator)}, {len(states.cells)} cells")
+        image = shoot([(solid, {**SOLID_STYLE, "color": SOLID}), (edges, {"color": EDGE, "line_width": 1.0})])
+    title = f"Undeformed {_slice_name(states.actuator)}, {len(states.cells)} cells"
+    return page(image, look.caption(0, camera, title=title))
 
 
 def _slice_name(actuator: Actuator) -> str:
@@ -355,24 +390,23 @@ def _slice_name(actuator: Actuator) -> str:
 
 def slice_stress(look: Look) -> Figure:
     """Draw the deformed slice seen on its cut, coloured by stress, with the undeformed edges."""
-    states, step = look.states, look.states.main
+    states, step, scale = look.states, look.states.main, look.scales["von_mises"]
     skin = states.skin
-    scale = Scale(states.field(step, "von_mises"), rows=[states.rows[step]])
     rest, moved = skin.points(states.points), skin.points(states.moved(step))
     values = scale.share(states.field(step, scale.field))[skin.nodes]
     edges = np.concatenate([skin.edges, skin.rims])
-    style: Style = {**SOLID_STYLE, "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+    style: Style = {"culling": "back", "scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
     camera = ViewCamera.around([rest, moved], towards_slice(states), look.up)
     with studio(camera) as shoot:
         image = shoot(
             [
-                (surface(moved, skin.triangles, skin.normals(moved), values), style),
-                (lines(moved, edges), {"color": INK, "line_width": 2.0}),
-                (lines(rest, edges), {"color": FAINT, "line_width": 1.5}),
+                (surface(moved, skin.triangles, None, values), style),
+                *seen_lines(moved, edges),
+                (lines(rest, edges), {"color": FAINT, "line_width": 2.0}),
                 *look.plate_layers(step),
             ]
         )
-    return page(image, headline(states.rows[step], states.words), scale)
+    return page(image, look.caption(step, camera), scale)
 
 
 def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
@@ -395,45 +429,50 @@ def mode(look: Look, step: int, amount: float = 0.15) -> Figure:
             [
                 (surface(moved, skin.triangles, skin.normals(moved)), {**SOLID_STYLE, "color": SOLID}),
                 (lines(moved, edges), {"color": INK, "line_width": 2.0}),
-                (lines(before, edges), {"color": FAINT, "line_width": 1.5}),
+                (lines(before, edges), {"color": FAINT, "line_width": 2.0}),
             ]
         )
-    return page(image, f"Bifurcation at {headline(states.rows[step], states.words)}: the mode (arbitrary amplitude)")
+    title = f"Bifurcation at {headline(states.rows[step], states.words)}: the mode (arbitrary amplitude)"
+    return page(image, look.caption(step, camera, title=title))
 
 
-def stress(look: Look) -> tuple[list[tuple[int, Image]], ViewCamera, Scale]:
+def stress(look: Look) -> tuple[list[tuple[float, Image]], ViewCamera]:
     """Draw the von Mises stress on the deformed device at the shown states, with the same camera and colour scale.
 
     Returns:
-        Steps and images; the camera and the scale of them all.
+        Steps and images, with the undeformed outline; the camera of them all.
     """
-    states = look.states
-    steps = states.shown()
-    scale = look.scale(steps)
+    steps, scale = look.states.shown(), look.scales["von_mises"]
     camera = look.camera([0, *steps])
     with studio(camera) as shoot:
-        return [(step, shoot(look.coloured(step, scale))) for step in steps], camera, scale
+        rest = look.at_rest(shoot, look.kept)
+        return [(step, outlined(shoot(look.coloured(step, scale)), rest)) for step in steps], camera
 
 
-def sheet(images: list[tuple[int, Image]], rows: Sequence[Row], words: StateLabels, scale: Scale) -> Figure:
+def sheet(images: list[tuple[float, Image]], look: Look, camera: ViewCamera) -> Figure:
     """Return the images of `stress` side by side over one colour bar."""
-    figure = tiled([(load(rows[step], words), image) for step, image in images], FOOT)
-    scale.bar(figure)
+    states = look.states
+    named = [(load(states.row(step), states.words), image) for step, image in images]
+    figure = tiled(named, FOOT, look.caption(states.main).subject)
+    look.scales["von_mises"].bar(figure)
+    rulers(figure, COLUMNS[len(images)] * camera.metres, camera.axes)
     return figure
 
 
-def tiled(images: Sequence[tuple[str, Image]], foot: float = 0.0) -> Figure:
-    """Return up to four images side by side under their titles, with ``foot`` inches free below them."""
+def tiled(images: Sequence[tuple[str, Image]], foot: float = 0.0, name: str = "") -> Figure:
+    """Return up to four images side by side under their titles and a name, with ``foot`` inches free below them."""
     columns = COLUMNS[len(images)]
     rows_ = -(-len(images) // columns)
     wide = WIDTH / columns
     tall = wide * images[0][1].shape[0] / images[0][1].shape[1]
     titles = [wrapped(title, wide, 12) for title, _ in images]
     head = 0.4 + 0.2 * max(title.count("\n") for title in titles)
-    whole = rows_ * (tall + head) + foot
+    above = 0.3 if name else 0.0
+    whole = rows_ * (tall + head) + above + foot
     figure = Figure((WIDTH, whole), dpi=DPI)
+    figure.text(0.5, 1 - 0.1 / whole, name, ha="center", va="top", fontsize=11, color=EDGE)
     for k, (_, image) in enumerate(images):
-        left, top = k % columns * wide, whole - k // columns * (tall + head)
+        left, top = k % columns * wide, whole - above - k // columns * (tall + head)
         small = Picture.fromarray(image).resize((round(wide * DPI), round(tall * DPI)), Picture.Resampling.BOX)
         figure.add_artist(Pixels(np.asarray(small), round((top - head - tall) * DPI), round(left * DPI)))
         place = (left + wide / 2) / WIDTH, (top - 0.6 * head) / whole
@@ -443,41 +482,44 @@ def tiled(images: Sequence[tuple[str, Image]], foot: float = 0.0) -> Figure:
 
 def cut(look: Look) -> Figure:
     """Draw the device cut open through its channels, with the von Mises stress on the cut."""
-    states, step = look.states, look.states.main
-    scale = Scale(states.field(step, "von_mises"), rows=[states.rows[step]])
-    if look.opened:
-        layers, direction, where = look.coloured(step, scale), look.direction, ""
-    else:
-        plane = best_plane(states.skin, states.points, look.up, states.actuator.axial)
-        towards = plane[0] if plane[0] @ look.direction > 0 else -plane[0]
-        direction = 0.8 * towards + 0.6 * look.direction
-        layers = cut_open(states, step, plane, towards, scale)
-        axis = int(np.argmax(np.abs(plane[0])))
-        where = f"; cut at {'xyz'[axis]} = {number(plane[1][axis] * 1e3)} mm"
-        layers += look.plate_layers(step)
+    states, step, scale = look.states, look.states.main, look.scales["von_mises"]
+    plane = best_plane(states.skin, states.points, look.up, states.actuator.axial)
+    towards = plane[0] if plane[0] @ look.direction > 0 else -plane[0]
+    direction = 0.8 * towards + 0.6 * look.direction
+    layers = cut_open(states, step, plane, towards, scale) + look.plate_layers(step)
+    axis = int(np.argmax(np.abs(plane[0])))
+    where = f"; cut at {'xyz'[axis]} = {number(plane[1][axis] * 1e3)} mm"
     clouds = [np.asarray(data.points) for data, _ in layers]
     camera = ViewCamera.around(clouds, direction, look.up if abs(direction @ look.up) < 0.99 else np.eye(3)[0])
     with studio(camera) as shoot:
         image = shoot(layers)
-    return page(image, headline(states.rows[step], states.words) + where, scale)
+    caption = look.caption(step, camera)
+    return page(image, dataclasses.replace(caption, title=caption.title + where), scale)
 
 
 def hot_spots(look: Look) -> Figure:
-    """Draw the regions of largest stretch inside the translucent deformed device, and the peak."""
-    states, step = look.states, look.states.main
-    skin = states.skin
-    limit = hot_limit(states, step)
-    scale = Scale(states.field(step, "largest_stretch"), "largest_stretch", rows=[states.rows[step]])
-    layers = [*hot_layers(states, step, limit, scale), *look.translucent(step, 0.22, None)]
-    whole = [skin.device(skin.points(states.moved(step)))]
-    camera = ViewCamera.around(whole, look.direction, look.up)
-    if (peak := peak_place(states, step)) is not None:
-        before = peak + 3 * camera.scale * look.direction  # in front of everything; parallel projection shifts nothing
-        circle = ring(before, look.direction, 0.05 * camera.scale)
-        layers += [(circle, {"color": colour, "line_width": wide}) for colour, wide in (("white", 7.0), ("black", 3.0))]
+    """Draw the wall with the largest stretch, coloured by stretch, and a ring around its place.
+
+    Of a cavity the device is drawn translucent around its coloured walls, otherwise its outside is coloured.
+    """
+    states, step, scale = look.states, look.states.main, look.scales["largest_stretch"]
+    skin, hot, everything = states.skin, hot_spot(states, step), np.arange(len(states.skin.images))
+    outside = hot.part == OUTSIDE or not skin.cavities
+    points = skin.device(skin.points(states.moved(step)))
+    values = np.tile(scale.share(states.field(step, scale.field))[skin.nodes], len(skin.images))
+    walls = skin.device_triangles(skin.part == OUTSIDE if outside else skin.part > OUTSIDE)
+    style: Style = {"scalars": "values", "cmap": scale.colours, "clim": (0.0, 1.0)}
+    layers = [(surface(points, walls, None, values), style)]
+    # Of the translucent outside only what is behind the walls, whose colours are those of the bar.
+    layers += look.translucent(step, None, {"opacity": 0.0 if outside else 0.3, "culling": "front"})
+    camera = ViewCamera.around([points, look.rest(everything)], look.direction, look.up)
+    places = skin.images @ hot.place  # of the equal places in the images of the slice, the one nearest to the viewer
+    nearest = places[np.argmax(places @ look.direction)] + 3 * camera.scale * look.direction
+    circle = ring(nearest, look.direction, 0.05 * camera.scale)  # in front of everything
+    layers += [(circle, {"color": colour, "line_width": wide}) for colour, wide in (("white", 7.0), ("black", 3.0))]
     with studio(camera) as shoot:
-        image = shoot(layers)
-    return page(image, hot_title(limit), scale, peak_text(states, step))
+        image = outlined(shoot(layers), look.at_rest(shoot, everything))
+    return page(image, look.caption(step, camera, title=hot_title(hot), note=hot.note), scale)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -485,14 +527,9 @@ def hot_spots(look: Look) -> Figure:
 
 
 class AtRest:
-    """Pictures of a device at rest, drawn once.
+    """Pictures of a device at rest, drawn once."""
 
-    Args:
-        rendered: Whether this machine can render.
-    """
-
-    def __init__(self, rendered: bool):
-        self.rendered = rendered
+    def __init__(self) -> None:
         self._of: Look | None = None
         self._drawn: dict[str, bytes] = {}
 
@@ -515,13 +552,11 @@ class AtRest:
         return self._drawn
 
     def _all(self, shown: Look) -> dict[str, bytes]:
-        states, figures = shown.states, {}
-        if states.actuator.dimension == 2:
-            figures["mesh"] = section_mesh(states.points, states.cells)
-        if self.rendered:
-            figures["undeformed"] = undeformed(shown)
-            if states.actuator.dimension == 3:
-                figures["mesh"] = mesh(shown)
+        figures = {}
+        if shown.states.actuator.dimension == 2:
+            figures["mesh"] = section_mesh(shown)
+        elif can_render():
+            figures = {"undeformed": undeformed(shown), "mesh": mesh(shown)}
         return {stem: png(figure) for stem, figure in figures.items()}
 
 

@@ -5,6 +5,7 @@ Figures are made without pyplot, so without global state or a display.
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import math
 import textwrap
@@ -12,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -23,18 +24,24 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
 from PIL import Image as Picture
 from PIL.PngImagePlugin import PngInfo
 
 from softmodels.common.arrays import Array
+from softmodels.common.commands import COLORMAP
 from softmodels.common.files import write_bytes
+from softmodels.materials.silicones import named
 from softmodels.runs.columns import OVERLAP_MARK, StateLabels, overlap_text
 from softmodels.runs.fields import Row, coloured
 
-DPI = 160
+if TYPE_CHECKING:
+    from softmodels.case.case import Case
+
+DPI = 128
 WIDTH = 10.0
-"""Width of every page in inches: 1600 pixels."""
+"""Width of every page in inches: 1280 pixels, as wide as a report shows them."""
 
 CHARACTER = 0.62
 """Width of a character, in sizes of the font: a little more than the mean of the fonts' letters and digits."""
@@ -92,15 +99,14 @@ def wrapped(text: str, width: float, size: float) -> str:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Colour scale and colour bar of a field, below a rendered image.
+# Colour scale and colour bar of a field, with axes and a scale bar, below a rendered image.
 
 
 LINE_COLOURS = ("#2f6f9f", "#c0392b", "#2e8b57", "#8e5ea2", "#d98b1f", "#5d6d7e", "#16a3a3")
-COLOURS = "Spectral_r"
-FOOT = 1.15
-"""Inches below a picture for its colour bar and text."""
+FOOT, LOW_FOOT = 1.15, 0.65
+"""Inches below a picture for its colour bar, axes, scale bar and text; without a colour bar."""
 CLIPPED = 99.5
-"""Percentile of the nodal values at which the colour scale is clipped."""
+"""Percentile of the nodal values above which the colours end."""
 
 
 class Pixels(Artist):
@@ -124,70 +130,121 @@ class Pixels(Artist):
         renderer.draw_image(renderer.new_gc(), self._left, self._above, np.dstack([self._image, opaque])[::-1])
 
 
-def page(image: npt.NDArray[np.uint8], title: str, scale: Scale | None = None, note: str = "") -> Figure:
+@dataclasses.dataclass(frozen=True)
+class Caption:
+    """What stands around an image.
+
+    Attributes:
+        title: Above it.
+        subject: Below the title: the device and its silicone.
+        note: Below that, in the warning colour.
+        metres: Of one pixel; None where no length can be read off.
+        axes: Where x, y and z point in the image, to the right and upwards, shape (3, 2).
+    """
+
+    title: str
+    subject: str = ""
+    note: str = ""
+    metres: float | None = None
+    axes: Array | None = None
+
+
+def subject(case: Case) -> str:
+    """Return the device and the silicone of a case in words."""
+    material = case.material
+    silicone = named(material) or material.name
+    return (
+        f"{type(case.actuator).__name__}, {silicone} ({material.shear_modulus_0 / 1e3:.3g} kPa initial shear modulus)"
+    )
+
+
+def page(image: npt.NDArray[np.uint8], caption: Caption, scale: Scale | None = None) -> Figure:
     """Return a rendered image under its title, with the colour bar below if it shows a field.
 
     Title and note go on in further lines where they are wider than the page: a program names every cavity's pressure.
     """
-    title, note = wrapped(title, WIDTH, 13), wrapped(note, WIDTH, 11)
-    above = 0.28 + 0.22 * title.count("\n")  # to the last line of the title, inches
-    below = 0.32 + 0.19 * note.count("\n") if note else 0.0
-    head, foot = above + below + (0.25 if note else 0.27), 0.0 if scale is None else FOOT
+    texts = [(caption.title, 13, title_colour(caption.title)), (caption.subject, 11, EDGE), (caption.note, 11, WARNING)]
+    head, placed = 0.17, list[tuple[float, str, int, str]]()
+    for text, size, colour in texts:
+        if text:
+            lines = wrapped(text, WIDTH, size)
+            placed.append((head, lines, size, colour))
+            head += (1 + lines.count("\n")) * 1.25 * size / 72 + 0.02
+    head += 0.1
+    foot = FOOT if scale is not None else LOW_FOOT if caption.metres is not None else 0.0
     whole = head + image.shape[0] / DPI + foot
     figure = Figure((WIDTH, whole), dpi=DPI)
     figure.add_artist(Pixels(image, round(foot * DPI)))
-    figure.text(0.5, 1 - 0.17 / whole, title, ha="center", va="top", fontsize=13, color=title_colour(title))
-    figure.text(0.5, 1 - (above + 0.23) / whole, note, ha="center", va="top", fontsize=11, color=WARNING)
+    for above, text, size, colour in placed:
+        figure.text(0.5, 1 - above / whole, text, ha="center", va="top", fontsize=size, color=colour)
     if scale is not None:
         scale.bar(figure)
+    if caption.metres is not None and caption.axes is not None:
+        rulers(figure, caption.metres, caption.axes)
     return figure
 
 
+def rulers(figure: Figure, metres: float, axes: Array) -> None:
+    """Draw the axes and a scale bar in the lower corners of a page; arguments as of `Caption`."""
+    whole = figure.get_figheight()
+    wide, tall = figure.get_figwidth() * DPI, whole * DPI
+    for name, way in zip("xyz", axes, strict=True):
+        centre = DPI * np.array([0.9, 0.4])
+        end, size = centre + 0.29 * DPI * way, float(np.linalg.norm(way))
+        if size > 0.15:
+            figure.add_artist(Line2D(*(np.array([centre, end]).T / [[wide], [tall]]), color=INK, linewidth=1.6))
+            place = (end + 0.08 * DPI * way / size) / (wide, tall)
+            figure.text(place[0], place[1], name, ha="center", va="center", fontsize=10, color=INK)
+    length = next(k * 10.0**n for n in range(3, -5, -1) for k in (5, 2, 1) if k * 10.0**n <= 1.44e3 * DPI * metres)
+    half, middle, height = length * 1e-3 / metres / 2 / wide, 0.9, 0.31 * DPI / tall
+    figure.add_artist(Line2D([middle - half, middle + half], [height, height], color=INK, linewidth=2.5))
+    for end in (middle - half, middle + half):
+        figure.add_artist(Line2D([end, end], [height - 6 / tall, height + 6 / tall], color=INK, linewidth=1.6))
+    figure.text(middle, height + 10 / tall, f"{length:g} mm", ha="center", va="bottom", fontsize=10.5, color=INK)
+
+
 class Scale:
-    """The colour scale of a field, from its smallest value at rest up to nearly its largest.
+    """The colour scale of a field, one for all pictures of a run, from its value at rest up to nearly its largest.
 
     Corners make a few nodes stand far out, and a scale up to them would leave the body one colour. The scale therefore ends
-    where, in the state that has most, a two-hundredth of the nodes lies above it, as the colour bar states. The largest value
-    on the bar is the one of ``path.csv``, over the integration points of the whole device: nodal values scatter around it.
+    at the next round value above which, in the state that has most, a two-hundredth of the nodes lies. The bar says so, and
+    whether its colours follow the value or a power of it. The largest value on the bar is the one of ``path.csv``, over the
+    integration points of the whole device: nodal values scatter around it.
 
     Args:
         values: Nodal values of the states that are shown, SI units, shape (n,) or (states, n).
         field: Name of the field, one of `coloured`.
-        where: Words for where the values were taken, such as "outside"; empty for everywhere.
         rows: Rows of ``path.csv`` of the states that are shown, for the largest value.
+        colours: Name of the colour map.
     """
 
-    def __init__(self, values: Array, field: str = "von_mises", where: str = "", rows: Sequence[Row] = ()):
-        shown, colours = coloured()[field]
-        self.what, self.unit, self.factor, self.low = shown.title, colours.unit, colours.factor, colours.rest
+    def __init__(self, values: Array, field: str = "von_mises", rows: Sequence[Row] = (), colours: str = COLORMAP):
+        shown, how = coloured()[field]
+        self.what, self.unit, self.factor, self.low = shown.title, how.unit, how.factor, how.rest
         column = shown.largest.column if shown.largest else ""
-        self.field, self.where = field, where
+        self.field, self.power = field, how.power
         told = [float(row[column]) for row in rows if column in row]
         self.largest = max(told) if told else float(values.max()) * self.factor
         self.defined = "at an integration point" if told else "at a node"
-        self.top = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
-        if not self.top > self.low:
-            self.top = max(self.largest, self.low + 1.0)
-        self.power = colours.power
-        self.colours = matplotlib.colormaps[COLOURS]
+        end = float(np.percentile(values, CLIPPED, axis=-1).max()) * self.factor
+        self.top = self.low + _round_up(end - self.low) if end > self.low else self.low + 1.0
+        self.colours = matplotlib.colormaps[colours]
 
     @property
     def norm(self) -> Normalize:
         """Map from a value in the bar's unit to its position along the colours, 0 to 1."""
-        return (
-            PowerNorm(self.power, self.low, self.top, clip=True) if self.power != 1.0 else Normalize(self.low, self.top)
-        )
+        linear = self.power == 1.0
+        return Normalize(self.low, self.top, True) if linear else PowerNorm(self.power, self.low, self.top, True)
 
     def share(self, values: Array) -> Array:
         """Return the places along the colours, 0 to 1, of values in SI units; any shape."""
         return np.clip((values * self.factor - self.low) / (self.top - self.low), 0.0, 1.0) ** self.power
 
     def ticks(self) -> list[float]:
-        """Return the tick values of a nonlinear colour bar: 1, 2 and 5 times powers
-        of ten."""
+        """Return the tick values of a nonlinear colour bar: its ends, and 1, 2 and 5 times powers of ten."""
         high = math.floor(math.log10(self.top))
-        series = [k * 10.0**n for n in range(high, high - 4, -1) for k in (5, 2, 1) if k * 10.0**n <= self.top]
-        chosen, before = [], 1.15
+        series = [k * 10.0**n for n in range(high, high - 4, -1) for k in (5, 2, 1) if k * 10.0**n < self.top]
+        chosen, before = [self.top], 1.0
         for value in series:
             place = float(self.norm(value))
             if 0.08 < place < before - 0.09:
@@ -195,27 +252,39 @@ class Scale:
                 before = place
         return [self.low, *chosen[::-1]]
 
+    @property
+    def kind(self) -> str:
+        """How colours follow the field."""
+        return {1.0: "linear scale", 0.5: "square-root scale"}.get(self.power, f"scale of the power {self.power:g}")
+
     def bar(self, figure: Figure) -> None:
         """Draw the bar at the foot of a figure, which must be `FOOT` inches high or more."""
         whole = figure.get_figheight()
         axes = figure.add_axes((0.2, 0.82 / whole, 0.6, 0.18 / whole))
-        unit = (f" in {self.unit}" if self.unit else "") + (f", {self.where}" if self.where else "")
-        largest = f"{self.largest:.4g} {self.unit}".strip()
-        anywhere = " in the whole device" if self.where else ""
-        note = f"colour scale clipped at the {CLIPPED:g}th percentile; largest{anywhere}, {self.defined}: {largest}"
         scale = ScalarMappable(self.norm, self.colours)
         extend = "max" if self.largest > self.top else "neither"
-        bar = figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=f"{self.what}{unit}")
-        if self.power != 1.0:
-            bar.set_ticks(self.ticks())
+        ticks = None if self.power == 1.0 else self.ticks()
+        label = f"{self.what}{f' in {self.unit}' if self.unit else ''}, {self.kind}"
+        figure.colorbar(scale, cax=axes, orientation="horizontal", extend=extend, label=label, ticks=ticks)
+        beyond = f"; at most {100 - CLIPPED:g} % of the nodes lie above the scale" if self.largest > self.top else ""
+        note = f"largest, {self.defined}: {f'{self.largest:.4g} {self.unit}'.strip()}{beyond}"
         figure.text(0.5, 0.14 / whole, note, ha="center", fontsize=10.5, color=EDGE)
+
+
+ROUND = (1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
+
+
+def _round_up(value: float) -> float:
+    """Return the next round number above a positive one."""
+    unit = 10.0 ** math.floor(math.log10(value))
+    return next(k * unit for k in ROUND if k * unit >= value * (1 - 1e-9))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # A folder for pictures, and a record of the written files.
 
 
-COMPRESSION = 3
+COMPRESSION = 2
 """Compression level of a PNG: 5 takes a third longer and saves a sixth."""
 
 

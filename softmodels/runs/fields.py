@@ -435,8 +435,8 @@ class Colours:
         unit: Of the colour bar.
         factor: From SI to it.
         rest: Value at rest in it, where the colours begin.
-        power: Colours follow this power of the value: stress by its square root, or all but a few corners and the last
-            state would be dark.
+        power: Colours follow this power of the value, as the bar says: stress by its square root, or all but the cavities'
+            walls would be dark.
     """
 
     unit: str

@@ -374,23 +374,20 @@ class States:
         """Rows of each source of the silicone, the run's own among them; none where no others were solved."""
         return self.results.sources(self.case)
 
-    def field(self, step: int, name: str) -> Array:
-        """Return a nodal field of a state, shape (n,) or (n, 3), SI units."""
-        return np.asarray(self._read(step, name))
+    def field(self, step: float, name: str) -> Array:
+        """Return a nodal field of a state, shape (n,) or (n, 3), SI units; of step 2.5 the mean of steps 2 and 3."""
+        begin, share = int(step), step - int(step)
+        if not share:
+            return np.asarray(self._read(begin, name))
+        return (1 - share) * np.asarray(self._read(begin, name)) + share * np.asarray(self._read(begin + 1, name))
 
-    def moved(self, step: int) -> Array:
+    def moved(self, step: float) -> Array:
         """Return the deformed nodes of a state in m, shape (n, 3)."""
         return self.points + self.field(step, "displacement")
 
-    def between(self, position: float, name: str) -> Array:
-        """Return a nodal field between two steps, straight from one to the other; 2.5 is in the middle of steps 2 and 3."""
-        step = min(int(position), len(self.rows) - 1)
-        share = position - step
-        return (
-            self.field(step, name)
-            if share < 1e-9
-            else (1 - share) * self.field(step, name) + share * self.field(step + 1, name)
-        )
+    def row(self, step: float) -> Row:
+        """Return the row of a state; see `row_at`."""
+        return row_at(self.rows, step)
 
     @functools.cached_property
     def loaded(self) -> list[int]:
@@ -426,22 +423,55 @@ class States:
         along = np.concatenate([[0.0], np.cumsum(lengths)])
         return np.asarray(along / (along[-1] or 1.0))
 
-    def shown(self, most: int = STILLS) -> list[int]:
+    def shown(self, most: int = STILLS) -> list[float]:
         """The states to show: the requested ones under load, or some spread over the path, the last included.
 
         Args:
             most: At most this many; of more requested ones, some are chosen evenly, with the last.
+
+        Returns:
+            Their steps. A round pressure between two steps is a fraction: the state there is interpolated.
         """
         asked = [k for k in self.loaded if self.rows[k]["requested"]]
         if len(asked) > most:
-            return [asked[round(k)] for k in np.linspace(0, len(asked) - 1, most + 1)[1:]]
+            asked = [asked[round(k)] for k in np.linspace(0, len(asked) - 1, most + 1)[1:]]
         if len(asked) >= 2:
-            return asked
+            return list[float](asked)
         if not self.loaded:
             return [len(self.rows) - 1]
+        if even := [] if self.case.program else round_steps(self.rows[: self.main + 1], self.case.column, most):
+            return even
         wanted = np.linspace(0.0, 1.0, most + 1)[1:]
         places = self.along[self.loaded]
-        return sorted({self.loaded[int(np.argmin(np.abs(places - value)))] for value in wanted} | set(asked))[-most:]
+        found = {self.loaded[int(np.argmin(np.abs(places - value)))] for value in wanted}
+        return list[float](sorted(found | set(asked))[-most:])
+
+
+def row_at(rows: Sequence[Row], step: float) -> Row:
+    """Return the row of a state, of step 2.5 the mean of the numbers of steps 2 and 3."""
+    begin, share = int(step), step - int(step)
+    if not share:
+        return rows[begin]
+    pairs = [(name, value, rows[begin + 1].cells.get(name)) for name, value in rows[begin].cells.items()]
+    both = [(name, a, b) for name, a, b in pairs if isinstance(a, int | float) and isinstance(b, int | float)]
+    return Row((name, (1 - share) * a + share * b) for name, a, b in both)
+
+
+def round_steps(rows: Sequence[Row], column: str, most: int) -> list[float]:
+    """Return where a column has round values, at most ``most``, and the last step; empty unless it only rises.
+
+    Fractions are between two steps, where the column is taken as straight.
+    """
+    values = np.array([row[column] for row in rows])
+    if len(values) < 2 or values[-1] <= 0 or not (np.diff(values) > 0).all():
+        return []
+    wide = values[-1] / most
+    unit = 10.0 ** np.floor(np.log10(wide))
+    wide = next(unit * k for k in (1.0, 2.0, 2.5, 5.0, 10.0) if unit * k >= wide * (1 - 1e-9))
+    wanted = wide * np.arange(1, most + 1)
+    places = np.interp(wanted[wanted < values[-1] - 0.35 * wide], values, np.arange(len(values)))
+    near = places.round()
+    return [*np.where(np.abs(places - near) < 1e-6, near, places).tolist(), len(rows) - 1]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

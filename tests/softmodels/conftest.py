@@ -72,9 +72,9 @@ def drawn(made_once):
 
     def draw(folder):
         started = {}
-        for kind, device, name in (("wedge", WEDGE, "disk"), ("half_slab", SLAB, "slab")):
+        for kind, device, name, more in (("wedge", WEDGE, "disk", ["--film"]), ("half_slab", SLAB, "slab", [])):
             (folder / kind).mkdir()
-            started[kind] = start_drawing(made_up(folder / kind, device, name))
+            started[kind] = start_drawing(made_up(folder / kind, device, name), *more)
         ended = {kind: finished(process) for kind, process in started.items()}
         return {kind: (done.returncode, done.stdout, done.stderr) for kind, done in ended.items()}
 

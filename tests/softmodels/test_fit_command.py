@@ -118,7 +118,7 @@ def test_numbers_pictures_and_page(whole):
     assert all(abs(float(row["measured_Pa"]) - float(row["yeoh_Pa"])) < 150.0 for row in rows)
     for name in ("curves.png", "residuals.png", "profiles-yeoh.png", "profiles-ogden1.png", "profiles-neo-hookean.png"):
         image = matplotlib.image.imread(folder / name)
-        assert image.shape[1] == 1600, (name, image.shape)
+        assert image.shape[1] == 1280, (name, image.shape)
         assert image[..., :3].std() > 0.02, "an empty picture"
     page = (folder / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 5 and "http" not in page.replace("http-equiv", "")

@@ -23,6 +23,7 @@ MEANINGLESS = [
     (disk, [*SECTION, "--angle=90deg"], "--angle has no effect with --section axisymmetric"),
     (disk, [*SECTION, "--azimuth=10deg"], "--azimuth has no effect with --section axisymmetric"),
     (disk, [*SECTION, "--contact=top"], "needs faces"),
+    (disk, [*SECTION, "--film", "--no-pictures"], "--film has no effect"),
     (disk, CYCLE, "--branch"),
     (whole, ["run", "program.toml", "--branch"], "--branch is not available with a series for each cavity"),
     (whole, ["limit", "--variant=shadow", "--samples=8"], "give one with --vary"),

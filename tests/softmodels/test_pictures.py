@@ -20,11 +20,11 @@ from softmodels.path.supply import Syringe
 from softmodels.pictures import curves as curves_module, draw as pictures, offscreen, solid
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.solid import cut_open
-from softmodels.pictures.style import Scale, png
+from softmodels.pictures.style import Caption, Scale, png
 from softmodels.runs import grid
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.grid import CUT
-from softmodels.runs.store import Results, ResultsError, States
+from softmodels.runs.store import Results, ResultsError, States, round_steps
 from tests.support import made_up as drawings
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6
@@ -43,15 +43,11 @@ def test_every_picture_is_drawn_and_shows_something(kind, drawn):
     gauge = "tip" if kind == "half_slab" else "apex"
     names = {f"{name}.png" for name in ("undeformed", "mesh", "slice", "cut", "hot-spots", "profile", gauge, "stress")}
     names |= {"stress-1.png", "stress-2.png"}  # two pressures were requested
-    assert {Path(line).name for line in done.stdout.split()} - {"film.mp4"} == {
-        *names,
-        "film.gif",
-        "film.webp",
-        "report.html",
-    }
+    film = {"film.gif", "film.webp"} if kind == "wedge" else set()  # asked for
+    assert {Path(line).name for line in done.stdout.split()} - {"film.mp4"} == {*names, *film, "report.html"}
     for name in names:
         image = matplotlib.image.imread(folder / name)[:, :, :3]
-        assert image.shape[1] == 1600 and 250 < image.shape[0] < 1900, name
+        assert image.shape[1] == offscreen.PIXELS and 200 < image.shape[0] < 1600, name
         assert image.std() > 0.04, f"{name} is nearly blank"
         # A white rim: nothing is cut off.
         rim = np.concatenate([image[:3].reshape(-1, 3), image[-3:].reshape(-1, 3), image[:, :3].reshape(-1, 3)])
@@ -67,12 +63,13 @@ def test_stress_has_one_camera_and_one_scale(kind, drawn):
     assert pages[0].size == pages[1].size and pages[0].text["Title"] != pages[1].text["Title"]
     low, high = pages[0].text["Scale"].split(" to ")
     states = States(folder, "disk" if kind != "half_slab" else "slab")
-    stresses = np.concatenate([states.field(step, "von_mises") for step in states.shown()])
-    assert float(low) == 0.0 and 0.3 * stresses.max() < float(high.split()[0]) * 1e3 <= stresses.max()
+    stresses = np.concatenate([states.field(step, "von_mises") for step in range(STEPS)])  # the film shows all
+    assert float(low) == 0.0 and 0.3 * stresses.max() < float(high.split()[0]) * 1e3 <= 1.2 * stresses.max()
 
 
 def test_without_rendering_the_curves_are_drawn_and_one_sentence_said(wedge, tmp_path, monkeypatch):
-    monkeypatch.setattr(pictures, "can_render", lambda: False)
+    for module in (pictures, solid):
+        monkeypatch.setattr(module, "can_render", lambda: False)
     said: list[str] = []
     names = [path.name for path in pictures.draw(plain(wedge, tmp_path), "disk", said.append)]
     assert names == ["apex.png", "profile.png", "report.html"]
@@ -81,8 +78,10 @@ def test_without_rendering_the_curves_are_drawn_and_one_sentence_said(wedge, tmp
 
 def test_the_flat_sections_need_no_rendering(half_section, tmp_path, monkeypatch):
     monkeypatch.setattr(pictures, "can_render", lambda: False)
-    names = [path.name for path in pictures.draw(plain(half_section, tmp_path), "disk", lambda text: None)]
-    assert names == ["apex.png", "profile.png", "mesh.png", "slice.png", "hot-spots.png", "report.html"]
+    said: list[str] = []
+    names = [path.name for path in pictures.draw(plain(half_section, tmp_path), "disk", said.append)]
+    assert names == ["apex.png", "profile.png", "mesh.png", "slice.png", "stress.png", "hot-spots.png", "report.html"]
+    assert said == []
 
 
 def test_a_crash_of_the_renderer_is_no_crash_of_the_program(monkeypatch):
@@ -226,8 +225,18 @@ def test_the_state_shown_is_the_last_requested_one(wedge):
     assert [states.rows[k]["pressure_cm"] for k in states.shown()] == [50.0, 100.0]
     # The pressure turns at 120 cm: the path is measured along its arc there.
     assert (np.diff(states.along) > 0).all() and states.along[[0, -1]].tolist() == [0.0, 1.0]
-    half = states.between(2.5, "displacement")
+    half = states.field(2.5, "displacement")
     assert half == pytest.approx((states.field(2, "displacement") + states.field(3, "displacement")) / 2)
+    assert states.row(2.5)["pressure_cm"] == 75.0
+
+
+def test_few_requested_values_are_filled_up_with_round_ones():
+    """Between two steps where the path has none there, and none right before the last; not where the pressure turns."""
+    path = [{"pressure_cm": 177.0 * k / 13} for k in range(14)]
+    found = round_steps(path, "pressure_cm", 4)
+    assert found == pytest.approx([50 * 13 / 177, 100 * 13 / 177, 150 * 13 / 177, 13])
+    assert round_steps([{"pressure_cm": 10.0 * k} for k in range(17)], "pressure_cm", 4) == [5, 10, 16]
+    assert round_steps([{"pressure_cm": p} for p in (0.0, 20.0, 10.0)], "pressure_cm", 4) == []
 
 
 def test_fine_triangles_keep_area_and_bend():
@@ -255,12 +264,7 @@ def test_a_bifurcation_is_drawn_with_its_mode(kind, request, monkeypatch):
         "field",
         lambda self, k, name: field(self, k, "displacement") / 5e-3 if name == "mode" else field(self, k, name),
     )
-    if kind == "wedge":
-        figure = solid.mode(look(states), step)
-    else:
-        figure = solid.section_mode(
-            states.points, states.moved(step), states.field(step, "mode"), states.cells, states.rows[step], states.words
-        )
+    figure = (solid.mode if kind == "wedge" else solid.section_mode)(look(states), step)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     assert np.asarray(canvas.buffer_rgba())[..., :3].std() > 10.0
@@ -273,33 +277,28 @@ def test_a_cut_in_a_symmetry_plane_has_no_cracks(kind, name, slices, request):
     skin = states.skin
     plane = (skin.planes[0], np.zeros(3))
     layers = cut_open(states, 0, plane, plane[0], Scale(states.field(0, "von_mises")))
-    face, rim = (data for data, _ in layers[1:])
+    face, rim = (data for data, _ in layers[1:3])
     corners = skin.points(states.points)[skin.triangles[skin.part == CUT]]
     corners = corners[np.abs(corners @ plane[0]).max(axis=1) < 1e-9]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
     assert face.area == pytest.approx(slices * area, rel=1e-3)
     ends = rim.lines.reshape(-1, 3)[:, 1:].ravel()
-    assert (np.bincount(ends) == 2).all()
+    assert set(np.bincount(ends)) == {0, 2}
 
 
 def test_a_rendered_image_stands_on_its_page_as_it_is():
-    image = np.random.default_rng(5).integers(0, 256, (200, 1600, 3), dtype=np.uint8)
-    drawn = png(solid.page(image, "a title", note="and a note"), {"Title": "a title"})
+    image = np.random.default_rng(5).integers(0, 256, (200, offscreen.PIXELS, 3), dtype=np.uint8)
+    drawn = png(solid.page(image, Caption("a title", note="and a note")), {"Title": "a title"})
     with Image.open(io.BytesIO(drawn)) as page:
         found = np.asarray(page)
-        assert page.mode == "RGB" and page.text["Title"] == "a title" and found.shape[1] == 1600
+        assert page.mode == "RGB" and page.text["Title"] == "a title" and found.shape[1] == offscreen.PIXELS
     assert (found[-200:] == image).all() and not (found[:-200] == 255).all()
 
 
 @pytest.mark.skipif(not offscreen.can_render(), reason="this machine cannot render")
-def test_a_draft_shows_the_same_and_is_soft_at_its_edges(wedge):
+def test_a_picture_is_soft_at_its_edges(wedge):
     shown = look(States(wedge, "disk"))
-    camera = shown.camera([0], width=320)
-    scale = shown.scale([STEPS - 1])
-    found = []
-    for draft in (False, True):
-        with offscreen.studio(camera, draft=draft) as shoot:
-            found.append(shoot(shown.coloured(0.0, scale)).astype(float))
-    assert found[0].shape == found[1].shape and np.abs(found[0] - found[1]).mean() < 4.0
-    between = (found[1] > 60).all(axis=2) & (found[1] < 245).all(axis=2) & (np.ptp(found[1], axis=2) < 40)
+    with offscreen.studio(shown.camera([0], width=320)) as shoot:
+        found = shoot(shown.coloured(0, shown.scales["von_mises"])).astype(float)
+    between = (found > 60).all(axis=2) & (found < 245).all(axis=2) & (np.ptp(found, axis=2) < 40)
     assert between.sum() > 50  # the mean of a dark line and of white, all around

@@ -16,6 +16,7 @@ from PIL import Image
 from softmodels.pictures.film import LARGEST
 from softmodels.pictures.offscreen import look
 from softmodels.pictures.report import packed
+from softmodels.runs.grid import SECTOR, turn
 from softmodels.runs.store import States
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
@@ -67,9 +68,8 @@ def test_nothing_is_fetched(report):
 
 
 def test_it_is_small(report):
-    folder, text, _ = report
+    _, text, _ = report
     assert len(text.encode()) < 6e6
-    assert (folder / "film.gif").stat().st_size < LARGEST
 
 
 def test_its_view_finds_every_part_of_the_page(report):
@@ -102,8 +102,9 @@ def test_parameters_are_told_with_their_units(report):
     assert told[lengths[0]] == lengths[1] and told["shear modulus"] == "30 kPa"
 
 
-def test_the_film_runs_over_the_path(report):
-    folder, _, _ = report
+def test_the_film_runs_over_the_path(drawn):
+    folder, _ = drawn("wedge")
+    assert (folder / "film.gif").stat().st_size < LARGEST
     with Image.open(folder / "film.gif") as film:
         assert film.width >= 960 and 10 <= film.n_frames <= 60
         first = np.asarray(film.convert("L"), dtype=float)
@@ -125,26 +126,46 @@ def test_the_view_holds_the_steps(report):
         at += 2 * count
         return low | high << 8
 
-    triangles = column(3 * meta["triangles"]).astype(int) + (column(3 * meta["triangles"]).astype(int) << 16)
-    assert triangles.max() == n - 1
-    place, stress = np.zeros(3 * n, dtype=np.uint16), np.zeros(n, dtype=np.uint16)
-    for _ in meta["steps"]:
-        place, stress = place + column(3 * n), stress + column(n)
-        column(n)
-    assert at == len(data)
+    def numbers(count):
+        low = column(count)
+        return low.astype(int) | column(count).astype(int) << 16
+
+    triangles, edges = numbers(3 * meta["triangles"]).reshape(-1, 3), numbers(2 * meta["edges"])
     states = States(folder, "slab" if "slab" in folder.name else "disk")
-    last = len(states.rows) - 1
-    shown = np.array(meta["low"]) + meta["span"] * place.reshape(-1, 3) / 65535
-    skin = states.skin
-    moved = skin.points(states.moved(last))
-    corners = moved[skin.triangles[skin.part != -1]]
-    assert shown.max(axis=0) == pytest.approx(corners.max(axis=(0, 1)), abs=1e-5 * meta["span"])
-    assert np.sort(shown[triangles, 2]) == pytest.approx(np.sort(corners[..., 2].ravel()), abs=1e-5 * meta["span"])
-    top = states.field(last, "von_mises")[skin.nodes[skin.triangles[skin.part != -1]]].max() / 1e3
-    field = meta["fields"][0]
-    assert field["top"] * (stress.max() / 65535) ** (1 / field["power"]) == pytest.approx(
-        min(top, field["top"]), rel=1e-4
+    skin, last = states.skin, len(states.rows) - 1
+    cells = numbers(states.cells.size).reshape(states.cells.shape)
+    assert (
+        (cells == states.cells).all() and meta["cells"] == len(cells) and set(edges) == set(skin.nodes[skin.edges].flat)
     )
+    place, fields = np.zeros(3 * n, dtype=np.uint16), np.zeros((2, n), dtype=np.uint16)
+    for _ in meta["steps"]:
+        place = place + column(3 * n)
+        fields = fields + np.array([column(n), column(n)])
+    assert at == len(data) and n == len(states.points)
+    shown = np.array(meta["low"]) + meta["span"] * place.reshape(-1, 3) / 65535
+    assert shown == pytest.approx(states.moved(last), abs=1e-5 * meta["span"])
+    seen = skin.nodes[skin.triangles[skin.part != -1]]
+    assert np.unique(np.sort(triangles, axis=1), axis=0).tolist() == np.unique(np.sort(seen, axis=1), axis=0).tolist()
+    for name, field, parts in zip(("von_mises", "largest_stretch"), meta["fields"], fields, strict=True):
+        values = states.field(last, name) * (1e-3 if name == "von_mises" else 1.0)
+        found = field["low"] + (field["top"] - field["low"]) * (parts / 65535) ** (1 / field["power"])
+        assert found == pytest.approx(np.minimum(values, field["top"]), rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["wedge", "half_section"])
+def test_the_cells_of_the_view_fill_the_silicone(kind, request):
+    """What the view cuts: the parts of each cell have its volume, and no gap is between them."""
+    states = States(request.getfixturevalue(kind), "disk")
+    skin, meta = states.skin, packed(look(states), [0])[0]
+    cells = states.cells
+    points = skin.points(states.points)
+    if kind == "half_section":
+        cells = np.concatenate([cells, cells + len(states.points)], axis=1)
+    nodes = states.points if kind == "wedge" else np.concatenate([states.points, states.points @ turn(SECTOR).T])
+    corners = nodes[cells[:, meta["split"]]].reshape(-1, 4, 3)
+    volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6
+    a, b, c = points[skin.triangles].transpose(1, 0, 2)
+    assert volume == pytest.approx((np.cross(a, b) * c).sum() / 6, rel=1e-9)  # inside the closed surface
 
 
 def test_a_long_path_leaves_steps_out_of_the_view(wedge, monkeypatch):

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from softmodels.pictures import curves, film, offscreen, report
+from softmodels.pictures import curves, offscreen, report
 from softmodels.pictures.style import headline
 from softmodels.runs.store import States
 from tests.support import runs
@@ -35,7 +35,7 @@ def drawn(states):
     row, words = states.rows[states.main], states.words
     labels = curves._labels(states.rows, words, range(len(states.rows)))
     return [
-        headline(row, words), film._caption(states, 0.5), offscreen.peak_text(states, states.main), *labels.values(),
+        headline(row, words), headline(states.row(0.5), words), offscreen.hot_spot(states, states.main).note, *labels.values(),
         report.ending(states, {}), *report._notes(states),
         *(str(line["term"]) for line in report._lines(states.rows, states)),
     ]  # fmt: skip

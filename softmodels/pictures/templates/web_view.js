@@ -21,9 +21,12 @@
     at += 2 * count;
     return found;
   }
-  const n = meta.vertices, low = column(3 * meta.triangles), high = column(3 * meta.triangles);
-  const triangles = new Uint32Array(low.length);
-  for (let i = 0; i < low.length; i++) triangles[i] = low[i] | (high[i] << 16);
+  function numbers(count) {
+    const low = column(count), high = column(count);
+    return Uint32Array.from(low, (v, i) => v | (high[i] << 16));
+  }
+  const n = meta.vertices, triangles = numbers(3 * meta.triangles), edges = numbers(2 * meta.edges);
+  const nodes = 1 + Math.max(...meta.split.flat()), cells = numbers(nodes * meta.cells);
   const places = [], fields = [];
   for (let s = 0; s < meta.steps.length; s++) {
     const place = column(3 * n), values = meta.fields.map(() => column(n));
@@ -56,47 +59,68 @@
     return found;
   }
   rest.set(metres(places[0]));
-  function normals(p) {
-    const found = new Float32Array(3 * n);
-    for (let t = 0; t < triangles.length; t += 3) {
-      const a = 3 * triangles[t], b = 3 * triangles[t + 1], c = 3 * triangles[t + 2];
-      const ux = p[b] - p[a], uy = p[b + 1] - p[a + 1], uz = p[b + 2] - p[a + 2];
-      const vx = p[c] - p[a], vy = p[c + 1] - p[a + 1], vz = p[c + 2] - p[a + 2];
-      const x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
-      for (const k of [a, b, c]) { found[k] += x; found[k + 1] += y; found[k + 2] += z; }
-    }
-    meta.planes.forEach((q, k) => {  // smooth over the planes where the next image of the slice goes on
-      for (const i of onPlane[k]) {
-        const d = q[0] * found[3 * i] + q[1] * found[3 * i + 1] + q[2] * found[3 * i + 2];
-        for (let j = 0; j < 3; j++) found[3 * i + j] -= d * q[j];
+
+  // -- the cut: where a plane of the undeformed device meets its silicone ------------------------------------------
+  // Each corner of the cut lies between two nodes of one image of the slice: their numbers, the share, the image.
+  let section = null;
+  function cutAt(clip) {
+    const found = { one: [], other: [], share: [], image: [] }, d = new Float32Array(n);
+    meta.images.forEach((m, k) => {
+      const p = [0, 1, 2].map((j) => clip[0] * m[j] + clip[1] * m[3 + j] + clip[2] * m[6 + j]);
+      for (let i = 0; i < n; i++) {
+        d[i] = p[0] * rest[3 * i] + p[1] * rest[3 * i + 1] + p[2] * rest[3 * i + 2] - clip[3] + 2e-5 * meta.span;
+      }
+      const corner = (a, b) => {
+        found.one.push(a); found.other.push(b); found.share.push(d[a] / (d[a] - d[b])); found.image.push(k);
+      };
+      for (let c = 0; c < cells.length; c += nodes) {
+        for (const part of meta.split) {
+          const before = [], behind = [];
+          for (const j of part) (d[cells[c + j]] > 0 ? before : behind).push(cells[c + j]);
+          if (!before.length || !behind.length) continue;
+          if (before.length === 2) {
+            const [a, b] = before, [e, f] = behind;
+            for (const [x, y] of [[a, e], [a, f], [b, e], [b, e], [a, f], [b, f]]) corner(x, y);
+          } else {
+            const [alone, three] = before.length === 1 ? [before[0], behind] : [behind[0], before];
+            for (const x of three) corner(alone, x);
+          }
+        }
       }
     });
     return found;
   }
+  function cutPlaces(place, value) {
+    const count = section.one.length, at = new Float32Array(3 * count), of = new Uint16Array(count);
+    for (let i = 0; i < count; i++) {
+      const a = section.one[i], b = section.other[i], t = section.share[i], m = meta.images[section.image[i]];
+      const q = [0, 1, 2].map((j) => place[3 * a + j] + t * (place[3 * b + j] - place[3 * a + j]));
+      for (let j = 0; j < 3; j++) at[3 * i + j] = m[3 * j] * q[0] + m[3 * j + 1] * q[1] + m[3 * j + 2] * q[2];
+      of[i] = Math.round(value[a] + t * (value[b] - value[a]));
+    }
+    return [at, of];
+  }
 
   // -- drawing ------------------------------------------------------------------------------------------------------
+  // No light: a pixel's colour is that of the bar.
   const vertexText = `#version 300 es
-    in vec3 rest, place, normal; in float value;
-    uniform mat3 image; uniform mat4 view;
-    out vec3 material, outward; out float v;
+    in vec3 rest, place; in float value;
+    uniform mat3 image; uniform mat4 view; uniform float deformed;
+    out vec3 material; out float v;
     void main() {
-      material = image * rest; outward = image * normal; v = value;
-      gl_Position = view * vec4(image * place, 1.0);
+      material = image * rest; v = value;
+      gl_Position = view * vec4(image * mix(rest, place, deformed), 1.0);
     }`;
   const fragmentText = `#version 300 es
     precision highp float;
-    in vec3 material, outward; in float v;
-    uniform vec4 clip; uniform float gain, alpha; uniform vec3 towards, above, plain; uniform bool coloured;
+    in vec3 material; in float v;
+    uniform vec4 clip; uniform float alpha; uniform vec3 plain; uniform bool coloured;
     uniform sampler2D colours;
     out vec4 colour;
     void main() {
       if (dot(material, clip.xyz) > clip.w) discard;
-      bool front = gl_FrontFacing;
-      if (!front && alpha == 1.0) { colour = vec4(0.62, 0.66, 0.71, 1.0); return; }  // seen from within: the cut silicone
-      vec3 N = normalize(outward) * (front ? 1.0 : -1.0);
-      float light = 0.55 + 0.3 * max(dot(N, towards), 0.0) + 0.22 * max(dot(N, above), 0.0);
-      vec3 paint = coloured ? texture(colours, vec2(clamp(v * gain, 0.002, 0.998), 0.5)).rgb : plain;
-      colour = vec4(min(paint * light, 1.0) * alpha, alpha);
+      vec3 paint = coloured ? texture(colours, vec2((0.5 + 255.0 * v) / 256.0, 0.5)).rgb : plain;
+      colour = vec4(paint * alpha, alpha);
     }`;
   function shader(kind, text) {
     const made = gl.createShader(kind);
@@ -109,19 +133,26 @@
   gl.attachShader(program, shader(gl.FRAGMENT_SHADER, fragmentText));
   gl.linkProgram(program); gl.useProgram(program);
   const uniform = (name) => gl.getUniformLocation(program, name);
-  const buffers = {};
-  for (const [name, size] of [["rest", 3], ["place", 3], ["normal", 3], ["value", 1]]) {
-    buffers[name] = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name]);
-    const where = gl.getAttribLocation(program, name);
-    gl.enableVertexAttribArray(where);
-    if (size === 1) gl.vertexAttribPointer(where, 1, gl.UNSIGNED_SHORT, true, 0, 0);
-    else gl.vertexAttribPointer(where, 3, gl.FLOAT, false, 0, 0);
+  function mesh(indices) {  // a set of buffers: of the surface, or of the cut
+    const made = { array: gl.createVertexArray(), buffers: {} };
+    gl.bindVertexArray(made.array);
+    for (const [name, size] of [["rest", 3], ["place", 3], ["value", 1]]) {
+      made.buffers[name] = gl.createBuffer();
+      gl.bindBuffer(gl.ARRAY_BUFFER, made.buffers[name]);
+      const where = gl.getAttribLocation(program, name);
+      gl.enableVertexAttribArray(where);
+      if (size === 1) gl.vertexAttribPointer(where, 1, gl.UNSIGNED_SHORT, true, 0, 0);
+      else gl.vertexAttribPointer(where, 3, gl.FLOAT, false, 0, 0);
+    }
+    if (indices) {
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
+    }
+    return made;
   }
-  const fill = (name, data) => { gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name]); gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW); };
-  fill("rest", rest);
-  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-  gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
+  const fill = (of, name, data) => { gl.bindBuffer(gl.ARRAY_BUFFER, of.buffers[name]); gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW); };
+  const skin = mesh(Uint32Array.from([...triangles, ...edges])), face = mesh(null);
+  fill(skin, "rest", rest);
   gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
   gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, meta.colours.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE,
     new Uint8Array(meta.colours.flatMap((c) => [...c, 255])));
@@ -145,19 +176,14 @@
 
   function draw() {
     const now = state();
-    if (!shown || shown.step !== now.step) {
-      const place = metres(places[now.step]);
-      fill("place", place); fill("normal", normals(place));
-    }
-    if (!shown || shown.step !== now.step || shown.field !== now.field) fill("value", fields[now.step][now.field]);
-    shown = now;
-    const field = meta.fields[now.field], inside = now.axis >= 0 || now.through;
-    const top = inside ? field.top : field.outside;
-    find("label").textContent = meta.steps[now.step].label;
-    find("low").textContent = field.low; find("top").textContent = "≥ " + top.toPrecision(3) + " " + field.unit;
-    const middle = field.low + (top - field.low) * 0.5 ** (1 / field.power);
-    find("middle").textContent = middle.toPrecision(2);
-    find("what").textContent = field.what;
+    const place = metres(places[now.step]), value = fields[now.step][now.field];
+    if (!shown || shown.step !== now.step) fill(skin, "place", place);
+    if (!shown || shown.step !== now.step || shown.field !== now.field) fill(skin, "value", value);
+    const field = meta.fields[now.field];
+    find("label").textContent = meta.subject + ": " + meta.steps[now.step].label;
+    find("low").textContent = field.low; find("top").textContent = "≥ " + +field.top.toPrecision(4) + " " + field.unit;
+    find("middle").textContent = +(field.low + (field.top - field.low) * 0.5 ** (1 / field.power)).toPrecision(4);
+    find("what").textContent = field.label;
     find("cut").disabled = now.axis < 0;
 
     const ratio = Math.min(window.devicePixelRatio || 1, 2), wide = canvas.clientWidth, tall = canvas.clientHeight;
@@ -169,42 +195,80 @@
     const row = (axis, s) => [...axis.map((v) => s * v), -s * dot(axis, eye.focus)];
     const [a, b, c] = [row(right, x), row(above, y), row(eye.towards, -z)];
     gl.uniformMatrix4fv(uniform("view"), false, [0, 1, 2, 3].flatMap((i) => [a[i], b[i], c[i], i === 3 ? 1 : 0]));
-    gl.uniform3fv(uniform("towards"), eye.towards);
-    gl.uniform3fv(uniform("above"), unit(add(add(above, right, -0.4), eye.towards, 0.3)));
-    const clip = [0, 0, 0, 1];
+    const clip = [0, 0, 0, 1e9];
     if (now.axis >= 0) {
       const side = eye.towards[now.axis] >= 0 ? 1 : -1;  // what is before the cut is taken away
       clip[now.axis] = side;
       clip[3] = side * (meta.box[0][now.axis] + now.cut * (meta.box[1][now.axis] - meta.box[0][now.axis]));
     }
     gl.uniform4fv(uniform("clip"), clip);
-    gl.uniform1f(uniform("gain"), ((field.top - field.low) / (top - field.low)) ** field.power);
-    const pass = (first, count, alpha, coloured) => {
+    if (now.axis < 0) section = null;
+    else {
+      if (!section || section.clip.some((v, i) => v !== clip[i])) section = { ...cutAt(clip), clip };
+      const [at, of] = cutPlaces(place, value);
+      fill(face, "rest", at); fill(face, "place", at); fill(face, "value", of);
+    }
+    shown = now;
+    const pass = (kind, first, count, alpha, coloured, deformed = 1, plain = [0.62, 0.72, 0.82]) => {
+      gl.bindVertexArray(skin.array);
       gl.uniform1f(uniform("alpha"), alpha); gl.uniform1i(uniform("coloured"), coloured ? 1 : 0);
-      gl.uniform3fv(uniform("plain"), [0.62, 0.72, 0.82]);
+      gl.uniform1f(uniform("deformed"), deformed); gl.uniform3fv(uniform("plain"), plain);
       for (const image of meta.images) {
         gl.uniformMatrix3fv(uniform("image"), true, image);
         const [p, q, r] = [image.slice(0, 3), image.slice(3, 6), image.slice(6, 9)];
         gl.frontFace(dot(p, cross(q, r)) < 0 ? gl.CW : gl.CCW);
-        gl.drawElements(gl.TRIANGLES, 3 * count, gl.UNSIGNED_INT, 12 * first);
+        gl.drawElements(kind, count, gl.UNSIGNED_INT, 4 * first);
       }
+    };
+    const every = 3 * meta.triangles;
+    const drawLines = () => {
+      pass(gl.LINES, every, 2 * meta.edges, 1, false, 1, now.through ? [0.2, 0.3, 0.4] : [0.85, 0.87, 0.9]);
+      if (now.step) pass(gl.LINES, every, 2 * meta.edges, 1, false, 0, [0.6, 0.6, 0.6]);
+    };
+    const cutFace = () => {  // all of it is in the plane: nothing of it is taken away
+      if (!section || !section.one.length) return;
+      gl.bindVertexArray(face.array);
+      gl.uniform4fv(uniform("clip"), [0, 0, 0, 1e9]);
+      gl.uniform1f(uniform("alpha"), 1); gl.uniform1i(uniform("coloured"), 1); gl.uniform1f(uniform("deformed"), 1);
+      gl.uniformMatrix3fv(uniform("image"), true, [1, 0, 0, 0, 1, 0, 0, 0, 1]);
+      gl.drawArrays(gl.TRIANGLES, 0, section.one.length);
+      gl.uniform4fv(uniform("clip"), clip);
     };
     // Where a wall turns away from the viewer its two sides lie at one depth: the side seen from within the silicone wins,
     // or a dotted line is seen through the cut.
     const solid = () => {
       gl.enable(gl.CULL_FACE); gl.cullFace(gl.FRONT);
-      pass(0, meta.triangles, 1, true);
+      pass(gl.TRIANGLES, 0, every, 1, true);
       gl.cullFace(gl.BACK); gl.enable(gl.POLYGON_OFFSET_FILL); gl.polygonOffset(2, 4);
-      pass(0, meta.triangles, 1, true);
+      pass(gl.TRIANGLES, 0, every, 1, true);
       gl.disable(gl.POLYGON_OFFSET_FILL); gl.disable(gl.CULL_FACE);
+      cutFace();
+      drawLines();
     };
     gl.disable(gl.BLEND); gl.depthMask(true);
     if (now.through) {
-      pass(meta.outside, meta.triangles - meta.outside, 0.999, true);
+      // Of the outside only what is behind the walls: before them it would change their colours.
       gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA); gl.depthMask(false);
-      pass(0, meta.outside, 0.16, false);
-      gl.depthMask(true);
+      gl.enable(gl.CULL_FACE); gl.cullFace(gl.FRONT);
+      pass(gl.TRIANGLES, 0, 3 * meta.outside, 0.25, false);
+      gl.depthMask(true); gl.disable(gl.CULL_FACE); gl.disable(gl.BLEND);
+      pass(gl.TRIANGLES, 3 * meta.outside, every - 3 * meta.outside, 1, true);
+      cutFace();
+      drawLines();
     } else solid();
+    rulers(right, above, tall);
+  }
+  // Axes and a bar of a round length, both as the view lies now.
+  function rulers(right, above, tall) {
+    const pixel = (2 * half()) / tall, series = [3, 2, 1, 0, -1, -2, -3, -4].flatMap((e) => [5, 2, 1].map((k) => k * 10 ** e));
+    const length = series.find((mm) => mm <= 1e3 * pixel * 140);
+    find("bar").style.width = length / 1e3 / pixel + "px"; find("bar").textContent = length + " mm";
+    find("axes").innerHTML = ["x", "y", "z"].map((name, k) => {
+      const x = right[k], y = -above[k], size = Math.hypot(x, y);
+      if (size < 0.15) return "";
+      const text = `<text x="${40 + 28 * x + (10 * x) / size}" y="${44 + 28 * y + (10 * y) / size}">${name}</text>`;
+      return `<line x1="40" y1="40" x2="${40 + 28 * x}" y2="${40 + 28 * y}"/>` + text;
+    }).join("");
   }
   let waiting = false;
   const redraw = () => { if (!waiting) { waiting = true; requestAnimationFrame(() => { waiting = false; draw(); }); } };

@@ -1,0 +1,56 @@
+"""Draw the pictures of runs on the pages again, small: ``uv run python docs/pictures.py [NAME ...]``.
+
+Each is a default picture of a command's run.
+"""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+DISK, RUN = ("softmodels.disk",), ("softmodels", "run", "--device")
+BALL = '[contact.ball]\nshape = "sphere"\nfaces = "top"\nat = ["0 mm", "0 mm", "26.5 mm"]\nradius = "10 mm"\n'
+GUIDED = BALL + 'guide = "z"\nspring = "50 N/m"\nmass = "20 g"\n[gravity]\ndirection = "-z"\n'
+TABLE = '[contact.table]\nshape = "plane"\nfaces = "bottom, tip"\nat = ["0 mm", "0 mm", "-4.5 mm"]\nalong = [0, 0, 1]\n'
+TABLE += "friction = 0.6\n"
+CASE = 'name = "case"\n[geometry]\ndevice = "{}"\n[load]\npressure_cm = {}\n'
+RUNS = {
+    ("disk",): (*DISK, "--pressure-cm", "0:177"),
+    ("balloon",): (*RUN, "Balloon", "--volume-ml", "0:40:10"),
+    ("bellows",): (*RUN, "Bellows", "--pressure-cm", "0:30"),
+    ("membrane",): (*RUN, "Membrane", "--volume-ml", "0:20:5"),
+    ("cylinder",): (*RUN, "Cylinder", "--pressure-cm", "0:40"),
+    ("beam",): (*RUN, "Beam", "--gravity", "-z", "--weight-share", "0,0.25,1"),
+    ("bending-bellows",): (*RUN, "BendingBellows", "--pressure-cm", "0,10,25"),
+    ("pneunet", "pneunet-stress"): (*RUN, "PneuNet", "--pressure-cm", "0,3,6,9"),
+    ("contact-ball",): CASE.format("HollowDisk", "[0, 20, 40, 60]") + BALL,
+    ("contact-lifted",): CASE.format("HollowDisk", "[0, 30, 50, 70, 90]") + GUIDED,
+    ("contact-friction",): CASE.format("PneuNet", "[0, 6, 12]") + TABLE,
+    ("seminar", "lift"): ("softmodels.seminar", "--pressure-cm", "0,70,130,177"),
+}
+"""The pages' pictures, and the command or the case of their run."""
+FROM = {"disk": "cut", "pneunet": "cut", "seminar": "cut", "contact-friction": "stress-2"}
+"""The run's picture, if it is not the stress at the shown pressures."""
+WIDE = 1000
+
+
+def draw(names: tuple[str, ...], run: tuple[str, ...] | str, folder: Path) -> None:
+    """Run a command or a case and write its pictures on the pages."""
+    if isinstance(run, str):
+        (folder / "case.toml").write_text(run)
+        run = ("softmodels", "run", str(folder / "case.toml"))
+    subprocess.run([sys.executable, "-m", *run, "--quiet", "-o", folder / "run"], check=True)
+    for name in names:
+        with Image.open(folder / "run" / f"{FROM.get(name, 'stress')}.png") as picture:
+            small = picture.resize((WIDE, round(picture.height * WIDE / picture.width)), Image.Resampling.LANCZOS)
+        few = small.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        few.save(Path(__file__).parent / f"pages/img/{name}.png", optimize=True)
+        print(name, flush=True)
+
+
+for names, run in RUNS.items():
+    if len(sys.argv) == 1 or set(names) & set(sys.argv[1:]):
+        with tempfile.TemporaryDirectory() as folder:
+            draw(names, run, Path(folder))
