@@ -37,7 +37,7 @@ def drawn(states):
     return [
         headline(row, words), headline(states.row(0.5), words), offscreen.hot_spot(states, states.main).note, *labels.values(),
         report.ending(states, {}), *report._notes(states),
-        *(str(line["term"]) for line in report._lines(states.rows, states)),
+        *(line[0].text for line in report._lines(states.rows, states).rows),
     ]  # fmt: skip
 
 
