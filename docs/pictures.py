@@ -45,7 +45,7 @@ def draw(names: tuple[str, ...], run: tuple[str, ...] | str, folder: Path) -> No
     for name in names:
         with Image.open(folder / "run" / f"{FROM.get(name, 'stress')}.png") as picture:
             small = picture.resize((WIDE, round(picture.height * WIDE / picture.width)), Image.Resampling.LANCZOS)
-        few = small.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        few = small.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.FLOYDSTEINBERG)
         few.save(Path(__file__).parent / f"pages/img/{name}.png", optimize=True)
         print(name, flush=True)
 

@@ -17,7 +17,7 @@ section = run.last.grid.warp_by_vector("displacement").extract_surface(algorithm
 solid = section.extrude_rotate(angle=270, resolution=90, rotation_axis=(0, 0, 1), capping=True)
 solid["von Mises stress (kPa)"] = solid["von_mises"] / 1e3
 plotter = pv.Plotter(off_screen=True, window_size=(800, 560))
-plotter.add_mesh(solid, scalars="von Mises stress (kPa)", cmap="viridis", ambient=0.3, scalar_bar_args=BAR)
+plotter.add_mesh(solid, scalars="von Mises stress (kPa)", cmap="viridis", lighting=False, scalar_bar_args=BAR)
 plotter.add_mesh(pv.Sphere(radius=ball.radius, center=ball.at), color="silver", opacity=0.5)
 plotter.camera_position = [(0.08, -0.08, 0.05), (0, 0, 0.014), (0, 0, 1)]
 plotter.screenshot("ball.png")

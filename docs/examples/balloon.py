@@ -24,7 +24,7 @@ for place, volume in enumerate(("0 ml", "20 ml", "40 ml")):
         cmap="viridis",
         clim=(1, 2.2),
         show_scalar_bar=place == 1,
-        ambient=0.3,
+        lighting=False,
         scalar_bar_args=BAR,
     )
     plotter.camera_position = [(0.11, -0.11, 0.08), (0, 0, 0.022), (0, 0, 1)]

@@ -23,7 +23,7 @@ for place, pressure in enumerate(("0 cm", "20 cm")):
         cmap="viridis",
         clim=(1, 1.6),
         show_scalar_bar=place == 1,
-        ambient=0.3,
+        lighting=False,
         scalar_bar_args=BAR,
     )
     plotter.camera_position = [(0.1, -0.1, 0.09), (0, 0, 0.028), (0, 0, 1)]

@@ -16,7 +16,7 @@ section = run.last.grid.warp_by_vector("displacement").extract_surface(algorithm
 solid = section.extrude_rotate(angle=270, resolution=90, rotation_axis=(0, 0, 1), capping=True)
 solid["von Mises stress (kPa)"] = solid["von_mises"] / 1e3
 plotter = pv.Plotter(off_screen=True, window_size=(800, 500))
-plotter.add_mesh(solid, scalars="von Mises stress (kPa)", cmap="viridis", ambient=0.3, scalar_bar_args=BAR)
+plotter.add_mesh(solid, scalars="von Mises stress (kPa)", cmap="viridis", lighting=False, scalar_bar_args=BAR)
 plotter.camera_position = "xz"
 plotter.camera.azimuth, plotter.camera.elevation = 45, 25
 plotter.camera.zoom(1.4)

@@ -29,7 +29,7 @@ for place, (name, run) in enumerate(cases.items()):
         cmap="viridis",
         clim=(1, 1.8),
         show_scalar_bar=place == 1,
-        ambient=0.3,
+        lighting=False,
         scalar_bar_args=BAR,
     )
     plotter.camera_position = [(0.12, -0.12, 0.1), (0, 0, 0.034), (0, 0, 1)]
