@@ -8,6 +8,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+import matplotlib
+import numpy as np
 from PIL import Image
 
 DISK, RUN = ("softmodels.disk",), ("softmodels", "run", "--device")
@@ -16,7 +18,7 @@ GUIDED = BALL + 'guide = "z"\nspring = "50 N/m"\nmass = "20 g"\n[gravity]\ndirec
 TABLE = '[contact.table]\nshape = "plane"\nfaces = "bottom, tip"\nat = ["0 mm", "0 mm", "-4.5 mm"]\nalong = [0, 0, 1]\n'
 TABLE += "friction = 0.6\n"
 CASE = 'name = "case"\n[geometry]\ndevice = "{}"\n[load]\npressure_cm = {}\n'
-RUNS = {
+RUNS: dict[tuple[str, ...], tuple[str, ...] | str] = {
     ("disk",): (*DISK, "--pressure-cm", "0:177"),
     ("balloon",): (*RUN, "Balloon", "--volume-ml", "0:40:10"),
     ("bellows",): (*RUN, "Bellows", "--pressure-cm", "0:30"),
@@ -45,7 +47,10 @@ def draw(names: tuple[str, ...], run: tuple[str, ...] | str, folder: Path) -> No
     for name in names:
         with Image.open(folder / "run" / f"{FROM.get(name, 'stress')}.png") as picture:
             small = picture.resize((WIDE, round(picture.height * WIDE / picture.width)), Image.Resampling.LANCZOS)
-        few = small.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.FLOYDSTEINBERG)
+        of_maps = (matplotlib.colormaps["viridis"](np.linspace(0, 1, 200))[:, :3] * 255).astype(np.uint8).tobytes()
+        palette = Image.new("P", (1, 1))
+        palette.putpalette(of_maps + bytes((small.convert("RGB").quantize(56).getpalette() or [])[:168]))
+        few = small.convert("RGB").quantize(palette=palette, dither=Image.Dither.NONE)
         few.save(Path(__file__).parent / f"pages/img/{name}.png", optimize=True)
         print(name, flush=True)
 
