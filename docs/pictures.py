@@ -49,7 +49,9 @@ def draw(names: tuple[str, ...], run: tuple[str, ...] | str, folder: Path) -> No
             small = picture.resize((WIDE, round(picture.height * WIDE / picture.width)), Image.Resampling.LANCZOS)
         of_maps = (matplotlib.colormaps["viridis"](np.linspace(0, 1, 200))[:, :3] * 255).astype(np.uint8).tobytes()
         palette = Image.new("P", (1, 1))
-        palette.putpalette(of_maps + bytes((small.convert("RGB").quantize(56).getpalette() or [])[:168]))
+        palette.putpalette(
+            of_maps + bytes([255, 255, 255, *(small.convert("RGB").quantize(55).getpalette() or [])[:165]])
+        )
         few = small.convert("RGB").quantize(palette=palette, dither=Image.Dither.NONE)
         few.save(Path(__file__).parent / f"pages/img/{name}.png", optimize=True)
         print(name, flush=True)
