@@ -14,8 +14,8 @@ all of it for every module): help 0.80 and 0.20 s (4.1 times), a refused option 
 2.04 in nine rounds), wedge with all its pictures 22.4 and 7.7 s (2.9 times), its first run 36.8 and 12.8 s (2.9 times), medians
 of three; the slab, one round, 78.9 and 33.9 s on one rank, 51.2 and 22.2 s on two (2.3 times each).
 
-Pictures without light and with the film on demand, against db512b1, on a busy machine, medians of five in CPU seconds: of a
-section 8.25 and 1.79 s (4.7 times), of the wedge 8.34 and 3.81 s (2.2 times).
+Pictures without light and with the film on demand, against db512b1, medians of three: of a section 8.12 and 1.82 s of CPU (4.3
+times), 7.7 and 1.6 s of wall time, of the wedge 7.66 and 3.51 s (2.2 times), 4.4 and 2.9 s.
 """
 
 from __future__ import annotations
