@@ -12,6 +12,8 @@ import matplotlib
 import numpy as np
 from PIL import Image
 
+from softmodels.cli.examples import BENCH
+
 DISK, RUN = ("softmodels.disk",), ("softmodels", "run", "--device")
 BALL = '[contact.ball]\nshape = "sphere"\nfaces = "top"\nat = ["0 mm", "0 mm", "26.5 mm"]\nradius = "10 mm"\n'
 GUIDED = BALL + 'guide = "z"\nspring = "50 N/m"\nmass = "20 g"\n[gravity]\ndirection = "-z"\n'
@@ -30,6 +32,7 @@ RUNS: dict[tuple[str, ...], tuple[str, ...] | str] = {
     ("contact-ball",): CASE.format("HollowDisk", "[0, 20, 40, 60]") + BALL,
     ("contact-lifted",): CASE.format("HollowDisk", "[0, 30, 50, 70, 90]") + GUIDED,
     ("contact-friction",): CASE.format("PneuNet", "[0, 6, 12]") + TABLE,
+    ("suction-cup",): BENCH["cup.toml"],
     ("seminar", "lift"): ("softmodels.seminar", "--pressure-cm", "0,70,130,177"),
 }
 """The pages' pictures, and the command or the case of their run."""
