@@ -358,13 +358,13 @@ def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
 
 
 def limit(kind: type[Actuator], **values: object) -> None:
-    """Find the largest pressure (with --vacuum the largest vacuum) a device can take, and the place of its largest strain.
+    """Find the largest pressure a device can take, and the place of its largest strain.
 
-    The device is that of a case FILE or of the options below (as a section, unless --section is given; --device NAME
-    has those of another one); every --material adds a row. With --vary the limit's scatter over fabrication tolerances is
-    added: of any thickness or other length, and of the offset of the cavity, which on a disk sits too high in a part of the
-    same height (a thinner membrane over a thicker base). A sideways shift of a disk's core is not
-    sampled: by symmetry it has no first-order effect.
+    With --vacuum it is the largest vacuum. The device is that of a case FILE or of the options below (as a section, unless
+    --section is given; --device NAME has those of another one); every --material adds a row. With --vary the limit's scatter
+    over fabrication tolerances is added: of any thickness or other length, and of the offset of the cavity, which on a disk
+    sits too high in a part of the same height (a thinner membrane over a thicker base). A sideways shift of a disk's core is
+    not sampled: by symmetry it has no first-order effect.
 
     Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium under the preload.
 

@@ -52,7 +52,7 @@ def begun(place, count, seconds=0.3):
                          env=environment(seconds))  # fmt: skip
     until, sign = (
         time.monotonic() + 60.0,
-        place / "out" / (f"iterates/{count:04d}.json" if count else ".softmodels.json"),
+        place / "out" / (f"iterates/{count:04d}.json" if count else ".softmodels.lock"),
     )
     while time.monotonic() < until and not sign.exists():
         time.sleep(0.05)
