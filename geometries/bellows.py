@@ -28,12 +28,12 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import ClassVar, NamedTuple
 
 from geometries.actuator import HeldTip, Hold, Vector, tip_field
 from geometries.registry import register_device
-from geometries.revolved import Panel, Place, Revolved, Side, section_field, through_field, wedge_field
+from geometries.revolved import Panel, Place, Revolved, Side, rectangle, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
 from softmodels.common.schema import LONGEST, ROUNDING, SHORTEST, choice_field, length_field, shown
 
@@ -189,9 +189,6 @@ def bellows_panels(bellows: Bellows) -> tuple[Panel, ...]:
     """Return the half section; see `Bellows`."""
     through = bellows.rows
 
-    def cells(length: float) -> int:
-        return max(1, math.ceil(length / bellows.cell_size - 1e-9))
-
     def side(start: Place, end: Place, centre: Place | None, count: int, role: str) -> Side:
         radius = math.dist(start, centre) if centre else 1.0
         return Side(start, end, count, role, centre, (radius, radius))
@@ -200,29 +197,27 @@ def bellows_panels(bellows: Bellows) -> tuple[Panel, ...]:
     panels = []
     for a, b in itertools.pairwise(wall):
         quarter = 0.5 * math.pi * bellows.bend if b.centre else 0.0
-        count = max(3, cells(quarter)) if b.centre else cells(math.dist(a.inside, b.inside))
+        count = max(3, bellows.along(quarter)) if b.centre else bellows.along(math.dist(a.inside, b.inside))
         low, high = Side(a.inside, a.outside, through), Side(b.outside, b.inside, through)
         right, left = (side(*pair, b.centre, count, role) for pair, role in
                        (((a.outside, b.outside), "outer"), ((b.inside, a.inside), "cavity")))  # fmt: skip
         panels.append(Panel("solid", (low, right, high, left)))
-    return (*_plate(bellows, wall[0], 0.0, cells), *panels, *_plate(bellows, wall[-1], bellows.height, cells))
+    return (*_plate(bellows, wall[0], 0.0), *panels, *_plate(bellows, wall[-1], bellows.height))
 
 
-def _plate(bellows: Bellows, cut: Cut, level: float, cells: Callable[[float], int]) -> Iterator[Panel]:
+def _plate(bellows: Bellows, cut: Cut, level: float) -> Iterator[Panel]:
     """Yield a plate between a height outside and the wall's end: within the wall, and below or above it."""
     (inner, floor), (outer, _) = cut.inside, cut.outside
     upper = level > floor
     low, high = min(level, floor), max(level, floor)
-    across, up, through = cells(inner), max(bellows.rows, cells(high - low)), bellows.rows
+    across, up, through = bellows.along(inner), max(bellows.rows, bellows.along(high - low)), bellows.rows
     face, bonded = ("tip" if upper else "support"), ""
     for left, right, count, inside, ends in (
         (0.0, inner, across, "cavity", ("axis", "")),
         (inner, outer, through, bonded, ("", "outer")),
     ):
         below, above = (inside, face) if upper else (face, inside)
-        a, b, c, d = (left, low), (right, low), (right, high), (left, high)
-        yield Panel("solid", (Side(a, b, count, below), Side(b, c, up, ends[1]), Side(c, d, count, above),
-                              Side(d, a, up, ends[0])))  # fmt: skip
+        yield rectangle((left, low), (right, high), (count, up), (below, ends[1], above, ends[0]))
 
 
 @register_device

@@ -143,6 +143,21 @@ class Panel:
         return tuple(side.start for side in self.sides)
 
 
+def rectangle(low: Place, high: Place, cells: tuple[int, int], roles: tuple[str, str, str, str]) -> Panel:
+    """Return a panel of the solid between two corners.
+
+    Args:
+        low, high: The corners nearest to and farthest from the axis at the bottom.
+        cells: Along the radius and along the height.
+        roles: Of its sides below, outside, above and inside.
+    """
+    (left, down), (right, up) = low, high
+    corners = (low, (right, down), high, (left, up))
+    ends = (*corners[1:], corners[0])
+    a, b, c, d = (Side(*one) for one in zip(corners, ends, (*cells, *cells), roles, strict=True))
+    return Panel("solid", (a, b, c, d))
+
+
 def outline(panels: Iterable[Panel]) -> list[Side]:
     """Return the sides of panels that have a role, each once."""
     return list({side.key: side for panel in panels for side in panel.sides if side.role}.values())
@@ -547,6 +562,10 @@ class Revolved(Wedged):
     def rows(self) -> int:
         """Number of cells through a wall."""
         return round(self.through)
+
+    def along(self, length: float) -> int:
+        """Return the number of cells along a length in m of its walls."""
+        return max(1, math.ceil(length / self.cell_size - 1e-9))
 
     @functools.cached_property
     def sides(self) -> list[Side]:

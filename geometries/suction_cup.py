@@ -28,7 +28,7 @@ from typing import ClassVar
 
 from geometries.actuator import Hold, Vector
 from geometries.registry import register_device
-from geometries.revolved import Panel, Revolved, Side, section_field, through_field, wedge_field
+from geometries.revolved import Panel, Revolved, Side, rectangle, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
 from softmodels.common.schema import LONGEST, length_field, shown
 
@@ -74,28 +74,15 @@ def check_cup(cup: SuctionCup) -> None:
 
 def cup_panels(cup: SuctionCup) -> tuple[Panel, ...]:
     """Return the half section; see `SuctionCup`."""
-
-    def cells(length: float) -> int:
-        return max(1, math.ceil(length / cup.cell_size - 1e-9))
-
     through, level, top = cup.rows, cup.depth + cup.roof, cup.height
-    stem, ceiling = cells(cup.stem_radius), cells(cup.ceiling - cup.stem_radius)
-    skirt, rise = cells(math.hypot(cup.radius - cup.ceiling, cup.depth)), cells(cup.stem_height)
+    stem, ceiling = cup.along(cup.stem_radius), cup.along(cup.ceiling - cup.stem_radius)
+    skirt, rise = cup.along(math.hypot(cup.radius - cup.ceiling, cup.depth)), cup.along(cup.stem_height)
     s, c, h = cup.stem_radius, cup.ceiling, cup.depth
-
-    def panel(
-        left: float, right: float, low: float, high: float, counts: tuple[int, int], roles: tuple[str, str, str, str]
-    ) -> Panel:
-        corners = ((left, low), (right, low), (right, high), (left, high))
-        ends = (*corners[1:], corners[0])
-        a, b, d, e = (Side(*one) for one in zip(corners, ends, (*counts, *counts), roles, strict=True))
-        return Panel("solid", (a, b, d, e))
-
     inner, outer = (cup.radius, 0.0), (cup.outer_radius, 0.0)
     return (
-        panel(0.0, s, level, top, (stem, rise), ("", "outer", "top", "axis")),
-        panel(0.0, s, h, level, (stem, through), ("cavity", "", "", "axis")),
-        panel(s, c, h, level, (ceiling, through), ("cavity", "", "outer", "")),
+        rectangle((0.0, level), (s, top), (stem, rise), ("", "outer", "top", "axis")),
+        rectangle((0.0, h), (s, level), (stem, through), ("cavity", "", "", "axis")),
+        rectangle((s, h), (c, level), (ceiling, through), ("cavity", "", "outer", "")),
         Panel("solid", (Side(inner, outer, through, "lip"), Side(outer, (c, level), skirt, "outer"),
                         Side((c, level), (c, h), through), Side((c, h), inner, skirt, "cavity"))),
     )  # fmt: skip
