@@ -80,6 +80,7 @@ class Progress:
 
     def __init__(self, last: float, unit: str, words: StateLabels, quiet: bool):
         self.last, self.unit, self.words, self.quiet = last, unit, words, quiet
+        self._way = -1.0 if last < 0.0 else 1.0  # down to a vacuum
         self.started = time.monotonic()
         self._console: Console | None = None
         self._bar: Bar | None = None
@@ -113,7 +114,7 @@ class Progress:
                 TimeRemainingColumn(),
             )
             self._bar = Bar(*parts, console=self._console)
-            self._task = self._bar.add_task("starting", total=self.last)
+            self._task = self._bar.add_task("starting", total=abs(self.last))
             self._bar.start()
         return self
 
@@ -128,7 +129,7 @@ class Progress:
         if self._cell is not None:
             from IPython.display import HTML
 
-            bar = f'<progress value="{self._done:.6g}" max="{self.last:.6g}" style="width:20em"></progress>'
+            bar = f'<progress value="{self._done:.6g}" max="{abs(self.last):.6g}" style="width:20em"></progress>'
             self._cell.update(HTML(f"{bar} {escape(spoken(text))}"))
             return
         try:
@@ -147,7 +148,7 @@ class Progress:
 
     def step(self, row: Row, value: float) -> None:
         """Report a step: its row of the table, and the progress towards the last requested value."""
-        gauge, done = self.words.gauge, max(0.0, min(value, self.last))
+        gauge, done = self.words.gauge, max(0.0, min(self._way * value, abs(self.last)))
         if self._cell is not None:
             rise = f"{gauge} rise {row[f'{gauge}_mm']:.4g} mm"
             spent = f"{row['step'] + 1} states in {time.monotonic() - self.started:.1f} s"
@@ -172,6 +173,6 @@ class Progress:
         if self._first is None:
             self._first = (now, value)  # the time of meshing and compiling does not predict that of the steps
         since, first = self._first
-        left = (now - since) * (self.last - value) / (value - first) if value > first else None
-        rest = "" if left is None else f", about {max(left, 0.0):.0f} s left"
+        left = (now - since) * (self.last - value) / (value - first) if self._way * (value - first) > 0.0 else None
+        rest = "" if left is None else f", about {max(0.0, left):.0f} s left"
         self.say(f"{text}  {now - self.started:6.1f} s{rest}")

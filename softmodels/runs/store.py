@@ -458,12 +458,14 @@ def row_at(rows: Sequence[Row], step: float) -> Row:
 
 
 def round_steps(rows: Sequence[Row], column: str, most: int) -> list[float]:
-    """Return where a column has round values, at most ``most``, and the last step; empty unless it only rises.
+    """Return where a column has round values, at most ``most``, and the last step; empty unless it only rises, or only falls
+    from 0.
 
     Fractions are between two steps, where the column is taken as straight.
     """
     values = np.array([row[column] for row in rows])
-    if len(values) < 2 or values[-1] <= 0 or not (np.diff(values) > 0).all():
+    values = values * np.sign(values[-1])
+    if len(values) < 2 or not values[-1] or not (np.diff(values) > 0).all():
         return []
     wide = values[-1] / most
     unit = 10.0 ** np.floor(np.log10(wide))
