@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterable
 from html import escape
 
 import numpy as np
@@ -72,29 +71,27 @@ def section_svg(
     margin = 0.06 * radius
     wide, tall = 2 * (radius + margin), high - low + 2 * margin
     places = np.clip((section.values / top * len(colours)).astype(int), 0, len(colours) - 1)
-    drawn = []
-    for sign in (1, -1):
-        by_colour: dict[int, list[str]] = {}
-        for triangle, place in zip(section.corners, places, strict=True):
-            by_colour.setdefault(int(place), []).append(_path(triangle, sign, closed=True))
-        drawn += [
-            f'<path d="{"".join(paths)}" fill="{colours[k]}" stroke="{colours[k]}" stroke-width="{wide / 1500:.4f}"/>'
-            for k, paths in sorted(by_colour.items())
-        ]
-    pens = ((section.rest, "rest"), (section.edges, "edge"))
-    for curves, name in pens:
-        paths = "".join(_path(curve, sign) for sign in (1, -1) for curve in curves)
-        drawn.append(f'<path d="{paths}" class="{name}" fill="none" stroke-width="{wide / 700:.4f}"/>')
+    half = [
+        f'<path d="{_paths(section.corners[places == k], "Z")}" fill="{colours[k]}" stroke="{colours[k]}" '
+        f'stroke-width="{wide / 1500:.4f}"/>'
+        for k in np.unique(places)
+    ]
+    half += [
+        f'<path d="{_paths(curves)}" class="{name}" fill="none" stroke-width="{wide / 700:.4f}"/>'
+        for curves, name in ((section.rest, "rest"), (section.edges, "edge"))
+    ]
+    drawn = f'<g id="half-section">{"".join(half)}</g><use href="#half-section" transform="scale(-1 1)"/>'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{escape(text)}" class="section" '
-        f'viewBox="{-wide / 2:.4f} {-(high + margin):.4f} {wide:.4f} {tall:.4f}">{"".join(drawn)}'
+        f'viewBox="{-wide / 2:.4f} {-(high + margin):.4f} {wide:.4f} {tall:.4f}">{drawn}'
         f"{_scale_bar(wide, -(low - margin))}</svg>"
     )
 
 
-def _path(points: Iterable[Iterable[float]], sign: int, closed: bool = False) -> str:
-    corners = "L".join(f"{sign * x:.3f} {-y:.3f}" for x, y in points)
-    return f"M{corners}{'Z' if closed else ''}"
+def _paths(curves: Array, end: str = "") -> str:
+    """Return curves of k points each, shape (n, k, 2), as the path of an SVG, whose y points downwards."""
+    one = "M" + "L".join(["%.3f %.3f"] * curves.shape[1]) + end
+    return one * len(curves) % tuple((curves * (1.0, -1.0)).ravel().tolist())
 
 
 def _scale_bar(wide: float, foot: float) -> str:
