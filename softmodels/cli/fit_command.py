@@ -430,10 +430,10 @@ def write(report: FitReport, folder: Path, draw: bool) -> None:
     (folder / "fit.json").write_text(as_json(report), encoding="utf-8")
     write_curves(folder / "curves.csv", report.laws, report.curves)
     if draw:
-        from softmodels.pictures.fits import page, pictures
+        from softmodels.pictures.fits import as_png, figures, page
 
-        images = pictures(report)
-        for name, data in images.items():
-            (folder / name).write_bytes(data)
+        drawn = figures(report)
+        for name, figure in drawn.items():
+            (folder / f"{name}.png").write_bytes(as_png(figure))
         tables = {file.name: read_text(file) for file in [folder / "curves.csv"] if file.exists()}
-        (folder / "report.html").write_text(page(report, images, tables), encoding="utf-8")
+        (folder / "report.html").write_text(page(report, drawn, tables), encoding="utf-8")

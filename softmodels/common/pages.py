@@ -219,10 +219,15 @@ class Picture:
 
 @dataclasses.dataclass(frozen=True)
 class Charts:
-    """Drawings beside each other, or below on a narrow screen: name of the file to download, and SVG marked as HTML."""
+    """Drawings beside each other, or below on a narrow screen: name of the file to download, and SVG marked as HTML.
+
+    Attributes:
+        caption: What they show.
+    """
 
     kind: ClassVar[str] = "charts"
     drawings: Sequence[tuple[str, str]]
+    caption: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -323,7 +328,12 @@ def _filled(part: Part | None) -> bool:
     return part is not None and any(getattr(part, field.name) for field in dataclasses.fields(part)[:1])
 
 
-INKS = {"#000000": "currentColor", "#ffffff": "var(--paper, #ffffff)", "#2f6f9f": "var(--accent, #2f6f9f)"}
+INKS = {
+    "#000000": "currentColor",
+    "#102a43": "currentColor",
+    "#ffffff": "var(--paper, #ffffff)",
+    "#2f6f9f": "var(--accent, #2f6f9f)",
+}
 """Colours of drawings, and those of a page, which change on a dark screen."""
 
 

@@ -25,11 +25,11 @@ from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
 from softmodels.common.commands import COLORMAP, colormap_option
 from softmodels.common.files import image_uri, read_text, write_text
-from softmodels.common.pages import Bullets, Fact, Folded, Listing, Page, Picture, Provenance, Table, Text
+from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Part, Picture, Provenance, Table, Text
 from softmodels.common.processes import say
 from softmodels.design.result import CAPTIONS, REPORT, DesignTold, ParameterTold, TrialTold
 from softmodels.materials.silicones import publications
-from softmodels.pictures.curves import kilopascals, limits, smooth
+from softmodels.pictures.curves import drawing, kilopascals, limits, smooth
 from softmodels.pictures.offscreen import PIXELS, Image, Look, ViewCamera, can_render, look, studio
 from softmodels.pictures.style import (
     BRANCH,
@@ -280,20 +280,31 @@ def draw(folder: Path, colormap: str = COLORMAP) -> list[Path]:
     before, after = (_states(folder / name) for name in ("before", "after"))
     actuator = before.actuator
     with DrawnFolder(folder) as out, matplotlib.rc_context(STYLE):
-        out.save("paths", paths(before.rows, after.rows, actuator.gauge, before.case.cm))
-        out.save("history", history(told))
-        out.save("parameters", parameters(told["parameters"]))
+        charts = {
+            "paths": paths(before.rows, after.rows, actuator.gauge, before.case.cm),
+            "history": history(told),
+            "parameters": parameters(told["parameters"]),
+        }
         if actuator.dimension == 2:
-            out.save("sections", sections((before, after)))
+            charts["sections"] = sections((before, after))
+        for name, figure in charts.items():
+            out.save(name, figure)
         if can_render():
             out.save("shapes", shapes((before, after), colormap))
-    drawn = [name for name in CAPTIONS if (folder / name) in out.written]
-    write_text(folder / REPORT, page(folder, told, drawn, (before, after)))
+    shown: dict[str, Part] = {
+        f"{name}.png": Charts([(f"{name}.svg", drawing(figure, before.case.cm))], CAPTIONS[f"{name}.png"])
+        for name, figure in charts.items()
+    }
+    for path in out.written:
+        shown.setdefault(path.name, Picture(image_uri(path), CAPTIONS[path.name]))
+    write_text(
+        folder / REPORT, page(folder, told, [shown[name] for name in CAPTIONS if name in shown], (before, after))
+    )
     return [*out.written, folder / REPORT]
 
 
-def page(folder: Path, told: DesignTold, drawn: Sequence[str], pair: tuple[States, States]) -> str:
-    """Return the report of a design: ``told`` is its ``design.json``, ``drawn`` are its pictures' files."""
+def page(folder: Path, told: DesignTold, drawn: Sequence[Part], pair: tuple[States, States]) -> str:
+    """Return the report of a design: ``told`` is its ``design.json``, ``drawn`` are its pictures."""
     rows = [
         (one["name"], *(f"{one[name]:.5g} {one['unit']}".strip() for name in ("low", "before", "after", "high")))  # type: ignore[literal-required]
         for one in told["parameters"]
@@ -305,7 +316,7 @@ def page(folder: Path, told: DesignTold, drawn: Sequence[str], pair: tuple[State
     return Page(
         told["name"], f"{told['headline']}.",
         [
-            ("Pictures", [Picture(image_uri(folder / name), CAPTIONS[name]) for name in drawn]),
+            ("Pictures", drawn),
             ("Limits on the design", [
                 Bullets(told["reasons"]), Text(f"{told['agreement']}." if told["agreement"] else ""),
                 Table(rows, ("parameter", "from", "as given", "design", "to")),

@@ -14,10 +14,9 @@ from matplotlib.figure import Figure
 
 from measurement.outline.outline import reached
 from softmodels.common.arrays import Array
-from softmodels.common.files import data_uri
-from softmodels.common.pages import Bullets, Fact, Page, Part, Picture, Provenance, Table, Text
+from softmodels.common.pages import Bullets, Charts, Fact, Page, Part, Provenance, Table, Text
 from softmodels.common.processes import plain
-from softmodels.common.units import with_prefix
+from softmodels.common.units import pascal_per_cm, with_prefix
 from softmodels.fitting.comparison import FitReport, FittedLaw, parameter_rows
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import predicted
@@ -27,6 +26,7 @@ from softmodels.fitting.outlines.simulated import half_outline
 from softmodels.fitting.result import unseen
 from softmodels.fitting.tables import correlation_rows, residual_rows
 from softmodels.materials.specimens import MODE_NAMES
+from softmodels.pictures.curves import drawing
 from softmodels.pictures.style import DPI, FAINT, INK, LINE_COLOURS, STYLE, WARNING, WIDTH
 
 if TYPE_CHECKING:
@@ -272,21 +272,21 @@ def _panels(count: int, height: float, most: int = 3) -> tuple[Figure, Sequence[
     return figure, list(grid[:count])
 
 
-def pictures(report: FitReport) -> dict[str, bytes]:
-    """Return all pictures as PNG, by file name."""
+def figures(report: FitReport) -> dict[str, Figure]:
+    """Return all pictures by the stem of their file's name."""
     with matplotlib.rc_context({**STYLE, "font.size": 10, "axes.titlesize": 11, "legend.fontsize": 9}):
-        figures = {}
+        found = {}
         if report.curves:
-            figures = {"curves.png": draw_curves(report), "residuals.png": draw_residuals(report)}
+            found = {"curves": draw_curves(report), "residuals": draw_residuals(report)}
         for law, states in report.photographs.items():
-            figures[f"outlines-{law}.png"] = draw_outlines(states, law)
-            figures[f"photographs-{law}.png"] = draw_photographs(states, law)
+            found[f"outlines-{law}"] = draw_outlines(states, law)
+            found[f"photographs-{law}"] = draw_photographs(states, law)
             if all(one.shape.history for one in states):
-                figures[f"creep-{law}.png"] = draw_creep(states, law)
+                found[f"creep-{law}"] = draw_creep(states, law)
         for one in report.laws:
             if one.profiles:
-                figures[f"profiles-{one.choice.name}.png"] = draw_profiles(one)
-        return {name: as_png(figure) for name, figure in figures.items()}
+                found[f"profiles-{one.choice.name}"] = draw_profiles(one)
+        return found
 
 
 def as_png(figure: Figure) -> bytes:
@@ -295,15 +295,18 @@ def as_png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def page(report: FitReport, images: Mapping[str, bytes], tables: Mapping[str, str]) -> str:
+def page(report: FitReport, figures: Mapping[str, Figure], tables: Mapping[str, str]) -> str:
     """Return the report as one self-contained page.
 
     Args:
         report: The fit.
-        images: Its pictures as PNG, by file name.
+        figures: Its pictures by the stem of their file's name.
         tables: Texts of CSV files to download, by file name.
     """
-    sources = {name: data_uri(data, "image/png") for name, data in images.items()}
+    charts = {
+        name: Charts([(f"{name}.svg", drawing(figure, pascal_per_cm()))], _caption(name))
+        for name, figure in figures.items()
+    }
     ranked = [
         (one.fit.label, str(len(one.fit.free)), f"+{one.aicc:.4g}", f"{one.bic:+.4g}") for one in report.comparison.ranked
     ] if len(report.laws) > 1 else []  # fmt: skip
@@ -312,9 +315,9 @@ def page(report: FitReport, images: Mapping[str, bytes], tables: Mapping[str, st
     return Page(
         "Fitted material", f"{report.verdict}.",
         [
-            ("Pictures", [Picture(sources[name], _caption(name)) for name in sources if not name.startswith("profiles-")]),
+            ("Pictures", [chart for name, chart in charts.items() if not name.startswith("profiles-")]),
             ("Laws compared", [Table(ranked, ("law", "parameters", "AICc", "BIC")) if ranked else None]),
-            *((one.choice.name, _law(one, sources)) for one in report.laws),
+            *((one.choice.name, _law(one, charts)) for one in report.laws),
             ("Measurements", [Bullets([*report.ranges, report.how])]),
         ],
         Provenance.now(), _facts(chosen),
@@ -335,8 +338,8 @@ CAPTIONS = {
 """Captions of the pictures, by the beginning of their names."""
 
 
-def _caption(file: str) -> str:
-    kind, _, law = file.removesuffix(".png").partition("-")
+def _caption(name: str) -> str:
+    kind, _, law = name.partition("-")
     return f"{CAPTIONS[kind]}{f': {law}' if law else ''}"
 
 
@@ -351,12 +354,11 @@ def _facts(one: FittedLaw) -> list[Fact]:
     return [Fact("Law", one.choice.name, note, not one.sound), Fact("Shear modulus at small strain", modulus), *values]
 
 
-def _law(one: FittedLaw, sources: dict[str, str]) -> list[Part | None]:
+def _law(one: FittedLaw, charts: Mapping[str, Charts]) -> list[Part | None]:
     """Return the report's section on a law."""
     correlations = correlation_rows(one)
     width = max(map(len, correlations), default=0)
     told = (one.material.remark, *one.judgement.notes, *unseen(one.fit), *one.verdict.notes)
-    profiles = f"profiles-{one.choice.name}.png"
     names = ["correlation", *(p.name for p in one.fit.free[: max(width - 1, 0)])]
     return [
         Text(
@@ -368,7 +370,7 @@ def _law(one: FittedLaw, sources: dict[str, str]) -> list[Part | None]:
         Table([[*row, *[""] * (width - len(row))] for row in correlations], names),
         Table(residual_rows(one), ("residuals", "rms", "mean", "largest", "correlation length")),
         Bullets([text for text in told if text]),
-        Picture(sources[profiles], _caption(profiles)) if profiles in sources else None,
+        charts.get(f"profiles-{one.choice.name}"),
     ]
 
 

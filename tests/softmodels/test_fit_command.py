@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import functools
 import json
+import re
 import subprocess
 import sys
 import tomllib
@@ -121,7 +122,10 @@ def test_numbers_pictures_and_page(whole):
         assert image.shape[1] == 1280, (name, image.shape)
         assert image[..., :3].std() > 0.02, "an empty picture"
     page = (folder / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 5 and "http" not in page.replace("http-equiv", "")
+    assert page.count('<figure data-name="') == 5 and page.count("</svg>") == 5
+    assert set(re.findall(r'[a-z:]+="http[^"]*"', page)) == {
+        'xmlns="http://www.w3.org/2000/svg"', 'xmlns:xlink="http://www.w3.org/1999/xlink"'
+    }  # fmt: skip
 
 
 def test_quiet_and_without_pictures(says, folder, tmp_path):
