@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from geometries import ACTUATORS, Actuator, registry
 from geometries.actuator import changed, parameter
 from softmodels.app.drawing import Section, colour_bar, section_svg
-from softmodels.app.forms import field_controls, page_words, python_lines, with_field
+from softmodels.app.forms import field_controls, page_words, python_lines, stored_picture, with_field
 from softmodels.app.jobs import Command, Job, job_panel
 from softmodels.app.project import CASE, RESULTS
 from softmodels.app.warm import AnswerError, SupersededError
@@ -219,6 +219,8 @@ class DevicePage:
             return self._say("this device is a solid: start a run below, its path appears as it is solved")
         self._plot(rows)
         top = max(float(row["pressure_cm"]) for row in rows)
+        whole = f"von Mises stress of the run's device at {top:.4g} cm"
+        self.picture.set_content(stored_picture(self.project, f"{OUTPUT}/cut.png", f"{whole}, cut open"))
         if self.linear is None or self.linear.case != stored.to_toml():
             self.slider.props(f"max={top} step={top / 500}")
             self.slider.set_value(top)

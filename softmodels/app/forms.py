@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Awaitable, Callable, Mapping
+from html import escape
 from typing import TYPE_CHECKING
 
 from geometries import Actuator
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from nicegui.elements.mixins.value_element import ValueElement
     from nicegui.elements.upload import Upload
 
-    from softmodels.app.project import FileKind
+    from softmodels.app.project import FileKind, Project
 
 Take = Callable[[str, object], Awaitable[None]]
 """Takes a field's name and its new value: a number in SI units, or a text."""
@@ -213,3 +214,17 @@ def changed_fields(device: Actuator) -> Mapping[str, object]:
 def with_field(device: Actuator, name: str, value: object) -> Actuator:
     """Return a device with one field changed, which may be a text with a unit; errors as of its class."""
     return type(device)(**{**changed_fields(device), name: value})
+
+
+def stored_picture(project: Project, place: str, words: str) -> str:
+    """Return a picture of the project's folder as HTML; nothing where there is none.
+
+    Args:
+        project: The project.
+        place: Of the file, in its folder.
+        words: What it shows, for those who do not see it.
+    """
+    file = project / place
+    if not file.is_file():
+        return ""
+    return f'<img class="stored" src="/files/{place}?{int(file.stat().st_mtime)}" alt="{escape(words)}">'

@@ -8,7 +8,7 @@ from urllib.parse import quote
 import tomli_w
 
 from geometries.actuator import is_length, parameter, parameter_names
-from softmodels.app.forms import page_words
+from softmodels.app.forms import page_words, stored_picture
 from softmodels.app.jobs import DONE, Command, Job, job_panel
 from softmodels.app.project import RESULTS
 from softmodels.case.case import Case
@@ -99,12 +99,8 @@ class MouldPage:
         from nicegui import ui
 
         self.files.clear()
-        picture = self.project / MOULD / "exploded.png"
         self.exploded.set_content(
-            f'<img class="exploded" src="/files/{MOULD}/{picture.name}?{int(picture.stat().st_mtime)}" '
-            'alt="the mould, its bodies apart along the pull">'
-            if picture.is_file()
-            else ""
+            stored_picture(self.project, f"{MOULD}/exploded.png", "the mould, its bodies apart along the pull")
         )
         if not (self.project / MOULD).is_dir():
             return

@@ -48,7 +48,7 @@ svg.section .scale-bar text { fill: currentColor; }
 .photograph svg .roi { fill: none; stroke: #f58231; stroke-width: 2.5; }
 .photograph svg .mask { fill: #f5823166; stroke: #f58231; stroke-width: 1.5; }
 .photograph img { touch-action: none; }
-img.exploded { max-height: 60vh; max-width: 100%; margin: 0 auto; display: block; border-radius: 4px; }
+img.stored { max-height: 60vh; max-width: 100%; margin: 0 auto; display: block; border-radius: 4px; }
 iframe { width: 100%; height: 80vh; border: 0; background: white; }
 .nicegui-content { padding: 0.75rem; }
 """

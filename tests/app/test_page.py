@@ -112,6 +112,7 @@ def test_a_killed_server_resumes_its_job(browser, tmp_path):
     with served(project) as (_, address), tab(browser, address) as page:
         page.wait_for_function("document.querySelector('[data-name=\"state-results/device\"]').textContent == 'done'")
         shown = [value(page, "rise of the apex")]
+        page.wait_for_function("document.querySelector('img.stored')?.naturalWidth > 0")
         page.get_by_label("membrane", exact=True).first.fill("6.2 mm")
         page.get_by_label("membrane", exact=True).first.press("Tab")
         page.wait_for_function(
