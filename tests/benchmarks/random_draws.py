@@ -29,6 +29,8 @@ MOST_CELLS = {False: 4000, True: 5000}
 SHAPED = ("section", "clamp", "part", "order", "angle", "channels", "folds", "chambers", "convolutions")
 """Choices that `device_of` makes by itself."""
 REFUSED = (GeometryError, CaseError, ComponentError, ValueError)
+DEEPEST = -900.0
+"""Largest vacuum in cm of the column: a little less than all of the air's."""
 CM = 95.1
 """Pa in one cm of the column, near enough to draw with."""
 
@@ -219,10 +221,12 @@ def whole_of(draw: Draw) -> dict[str, Any]:
     return found
 
 
-def load_of(draw: Draw, components: list[Component]) -> dict[str, Any]:
+def load_of(draw: Draw, components: list[Component], vacuum: bool = False) -> dict[str, Any]:
     """What is asked, and how it is followed; a load that is driven loses its amount among the parts."""
     chance, device = draw.chance, draw.device
     cm, ml = draw.mu * draw.power(-1.5, 0.3) / CM, 1e6 * device.cavity_volume * draw.power(-0.7, 0.6)
+    if vacuum:
+        return _vacuum(draw, max(-cm, DEEPEST), -1e6 * device.cavity_volume * chance.uniform(0.05, 0.7))
     loads = [part for part in components if isinstance(part, Gravity | Force)]
     kinds = ["pressure", "pressure", "volume", "program", "cycle"] if device.ratios else []
     kinds += ["stroke"] if device.ratios and not any(isinstance(part, LoadPart) for part in components) else []
@@ -262,6 +266,19 @@ def load_of(draw: Draw, components: list[Component]) -> dict[str, Any]:
     return {"program": (*air, Series(key, (most, most, most), target))}
 
 
+def _vacuum(draw: Draw, cm: float, ml: float) -> dict[str, Any]:
+    """Air that is drawn out: a pressure, a volume, a pull and a push in turn, or a cycle."""
+    kind = draw.chance.choice(["pressure", "pressure", "volume", "program", "cycle"])
+    if kind == "pressure":
+        return {"pressures_cm": (0.0, cm), "control": draw.chance.choice(["auto", "auto", "pressure", "arc-length"])}
+    if kind == "volume":
+        return {"volumes_ml": (0.0, ml), "control": draw.chance.choice(["auto", "volume", "arc-length"])}
+    if kind == "cycle":
+        return {"pressures_cm": (0.0, cm), "load_unload": True}
+    shares = [(-share, share / 2, -share / 2) for share in (draw.chance.uniform(0.1, 0.6) for _ in draw.device.ratios)]
+    return {"program": tuple(Series("pressure_cm", tuple(-cm * share for share in one)) for one in shares)}
+
+
 def _air(draw: Draw, cm: float, ml: float) -> tuple[Series, ...]:
     """Three steps of every cavity."""
     key, most = draw.chance.choice([("pressure_cm", cm), ("volume_ml", ml / len(draw.device.ratios))])
@@ -269,14 +286,19 @@ def _air(draw: Draw, cm: float, ml: float) -> tuple[Series, ...]:
     return tuple(Series(key, tuple(most * share for share in one)) for one in shares)
 
 
-def case_of(number: int, seed: int, solid: bool) -> tuple[Case, collections.Counter[str]]:
+def case_of(number: int, seed: int, solid: bool, vacuum: bool = False) -> tuple[Case, collections.Counter[str]]:
     """A case that can be meant, and what was refused before it was drawn."""
-    chance, refused = random.Random(f"{seed} {number} {solid}"), collections.Counter[str]()
+    chance = random.Random(f"{seed} {number} {solid}{' vacuum' if vacuum else ''}")
+    refused = collections.Counter[str]()
     while True:
         try:
             draw = Draw(chance, device_of(chance, solid), material_of(chance))
+            if vacuum and not draw.device.ratios:
+                continue
             components = parts_of(draw)
-            whole = whole_of(draw) | load_of(draw, components)
+            whole = whole_of(draw)
+            components += whole.pop("components", [])
+            whole |= load_of(draw, components, vacuum)
             return Case(f"case{number}", draw.device, draw.material, components=tuple(components), **whole), refused
         except REFUSED as error:
             refused[str(error)[:80]] += 1
