@@ -236,7 +236,22 @@ class Corrector:
         locked = self.plane.locked(last.tangent.compliance)
         creeping = bool(self.solver.system.potential.histories)
         guess = None if locked else predict_direction(self.trail.points, state, line, creeping)
-        return self.solver.tangent(state, line, tolerance, guess)
+        found = self.solver.tangent(state, line, tolerance, guess)
+        if locked or creeping or state.P >= 0.0:
+            return found
+        return found if self._leads_on(state, found) else -found
+
+    def _leads_on(self, state: State, found: Tangent) -> bool:
+        """Return whether a tangent leads on from the last state in the motion of the whole device too.
+
+        Where a shell snaps back, pressure and volume turn back at nearly the same state: their plane shows a cusp.
+        """
+        M = self.stability.mass
+        before, now, pushed = M.createVecRight(), M.createVecRight(), M.createVecLeft()
+        for vector, w in ((before, state.w - self.trail.last.state.w), (now, found.w)):
+            vector.array_w[:] = w[: vector.getLocalSize()]
+        M.mult(before, pushed)
+        return float(pushed.dot(now)) >= 0.0
 
     def solve(self, line: Curve, around: Sequence[Point]) -> State:
         """Return the state on a line, guessed by the cubic through one or two points and their tangents.

@@ -202,3 +202,24 @@ def test_limit_of_a_vacuum_follows_the_modulus(figure):
     middle = balloon.radius + balloon.wall / 2
     classical = 2 * 3 * 30e3 * (balloon.wall / middle) ** 2 / math.sqrt(3 * (1 - 0.25))
     assert 0.2 < -soft.pressure / classical < 1.0
+
+
+def test_a_shell_that_snaps_back_has_its_limit_named(equilibrium, solved, figure):
+    """A sphere's path turns back in pressure and volume at nearly the same state, which their plane shows as a cusp."""
+    balloon = Balloon(cell_size=0.002, through=1)
+    equations = to_vacuum(equilibrium(balloon, NeoHookean(30e3, 0.49)))
+    try:
+        _, points, end = solved(equations, [0.1], largest_step=0.1 / 12)
+    finally:
+        equations.system.direction = 1
+        equations.system.coupling = equations.system.inflating(np.empty(0))
+    assert end.physical and end.limit in points
+    at = points.index(end.limit)
+    assert at < len(points) - 1 and not any(point.stable_under_pressure for point in points[at + 1 :])
+    limit = sm.limit(balloon, NeoHookean(30e3, 0.49), vacuum=True).pressure
+    figure(
+        "limit of a vacuum",
+        "pressure at which a balloon snaps back",
+        -end.limit.state.P * equations.system.stress_unit / limit - 1,
+        1e-6,
+    )
