@@ -166,14 +166,7 @@ def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -
 )
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def line_command(
-    folder: Path,
-    begin: str | None,
-    end: str | None,
-    through: str | None,
-    value: str | None,
-    points: int,
-    output: Path | None,
-    quiet: bool,
+    folder: Path, value: str | None, points: int, output: Path | None, quiet: bool, **places: str | None
 ) -> None:
     """Take the values along a line through the body of the results in FOLDER, such as the stress through a wall.
 
@@ -187,10 +180,11 @@ def line_command(
 
     \b
     Exit status: 0 done; 2 no results, no such state, or a line beside the body.
-    """  # fmt: skip
+    """
     from softmodels.api.calls import load
 
-    if (through is None) == (begin is None or end is None) or (through and (begin or end)):
+    begin, end, through = (places[name] for name in ("begin", "end", "through"))
+    if (begin is None, end is None, through is None) not in ((False, False, True), (True, True, False)):
         fail("give the line's ends (--from and --to), or a place whose wall it goes through (--through)")
     try:
         import_own_modules()
@@ -201,7 +195,7 @@ def line_command(
             check_output_file(output.with_suffix(".png"), [], is_drawn, "a picture", "--output")
         run = load(folder)
         state = run.last if value is None else run.at(value)
-        line = state.along(begin or "", end or "", points) if through is None else state.through(through, points)
+        line = state.through(through, points) if through is not None else state.along(begin or "", end or "", points)
         if output is not None:
             _write_line(output, line, state)
     except (OwnFolderError, OwnModuleError, ResultsError, RunError, *INPUT_ERRORS) as error:
