@@ -299,22 +299,24 @@ class SolvedState(Shown):
         return self._tensor("principal_stretch_directions")
 
     def _tensor(self, name: str) -> Array:
+        """Return a field that may have to be computed.
+
+        Raises:
+            RunError: It depends on the states before, and was not stored.
+        """
+        if name not in self.fields and name not in self._further:
+            raise RunError(
+                f"{name} of a silicone with a memory depends on the states before and is not stored; run again with "
+                f"fields=[{name!r}]"
+            )
         return self.fields[name] if name in self.fields else self._further[name]
 
     @functools.cached_property
     def _further(self) -> Mapping[str, Array]:
-        """All fields, those that the run did not store computed from its displacement and p.
-
-        Raises:
-            RunError: They depend on the states before.
-        """
-        missing = [name for name in requestable() if name not in self.fields]
-        if missing and self.case.timed and self.case.remembers:
-            raise RunError(
-                f"{missing[0]} of a silicone with a memory depends on the states before and is not stored; run again with "
-                f"fields=[{missing[0]!r}]"
-            )
-        return _all_fields(self, self._mesh) if missing else self.fields
+        """The fields that follow from displacement and p, those that the run did not store computed."""
+        past = self.case.timed and self.case.remembers
+        missing = [name for name in requestable() if name not in self.fields and not (past and "stress" in name)]
+        return _computed(self, missing, self._mesh) if missing else {}
 
     @checked
     @one_at_a_time
@@ -340,7 +342,7 @@ class SolvedState(Shown):
 
     @property
     def _everything(self) -> Mapping[str, Array]:
-        return {**self.fields, **self._further}
+        return {**self._further, **self.fields, "cauchy_stress": self._tensor("cauchy_stress")}
 
     @functools.cached_property
     def _probe(self) -> Probe:
@@ -412,10 +414,10 @@ def state_of(source: Source, step: int) -> SolvedState:
     )
 
 
-def _all_fields(state: SolvedState, mesh: Callable[[], bytes]) -> Mapping[str, Array]:
-    """Return all fields of a state from its displacement and p, on the run's own mesh; all ranks call it."""
+def _computed(state: SolvedState, names: Sequence[str], mesh: Callable[[], bytes]) -> Mapping[str, Array]:
+    """Return fields of a state from its displacement and p, on the run's own mesh; all ranks call it."""
     comm, case = start(), state.case
-    simulation = Simulation(dataclasses.replace(case, fields=tuple(requestable())), comm)
+    simulation = Simulation(dataclasses.replace(case, fields=tuple(names)), comm)
     try:
         with sentences(), temporary_folder(comm) as folder:
             file = folder / f"{case.name}.msh"
@@ -423,7 +425,8 @@ def _all_fields(state: SolvedState, mesh: Callable[[], bytes]) -> Mapping[str, A
             simulation.prepare(file)
             fields = simulation.fields
             nodal = fields.nodal(fields.state(state.fields if is_root(comm) else None, 0.0, 0.0))
-            return {name: read_only(values) for name, values in on_root(comm, lambda: nodal or {}).items()}
+            found = on_root(comm, lambda: nodal or {})
+            return {name: read_only(found[name]) for name in names}
     finally:
         simulation.release()
 
