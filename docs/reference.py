@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mkdocs.structure.files import Files
 
 GROUPS = {
-    "Runs": "inflate run limit load compare Case Run SolvedState Limit Comparison Syringe Reservoir",
+    "Runs": "inflate run limit load compare Case Run SolvedState Line Limit Comparison Syringe Reservoir",
     "Devices": "HollowDisk SeminarActuator PneuNet BendingBellows Cylinder Membrane Balloon Bellows Beam ImportedActuator "
     "ImportedMesh",
     "Materials": "NeoHookean MooneyRivlin Yeoh Ogden Gent silicone Material Region",

@@ -84,6 +84,7 @@ if TYPE_CHECKING:
     from softmodels.path.supply import SupplyError as SupplyError, Syringe as Syringe
     from softmodels.pictures.comparison import Comparison as Comparison, ComparisonError as ComparisonError
     from softmodels.runs.analyses import Limit as Limit, NaturalFrequencies as NaturalFrequencies
+    from softmodels.runs.lines import Line as Line
     from softmodels.runs.model import Equilibrium as Equilibrium, Mode as Mode, Model as Model
     from softmodels.runs.outcomes import RunError as RunError
     from softmodels.runs.store import ResultsError as ResultsError
@@ -138,6 +139,7 @@ _PLACES = {
     "softmodels.fitting.leak": ("Leak", "fit_leak"),
     "softmodels.fitting.scoring": ("score", "Score"),
     "softmodels.runs.analyses": ("Limit", "NaturalFrequencies"),
+    "softmodels.runs.lines": ("Line",),
     "softmodels.runs.model": ("Model", "Equilibrium", "Mode"),
     "softmodels.runs.outcomes": ("RunError",),
     "softmodels.runs.store": ("ResultsError",),

@@ -50,6 +50,10 @@ PLACES = {
         "softmodels.cli.analyses", "limit_command",
         "Find the largest pressure a device can take, and the place of its largest strain.",
     ),
+    "line": CommandPlace(
+        "softmodels.cli.results", "line_command",
+        "Take the values along a line through the body of the results in FOLDER, such as the stress through a wall.",
+    ),
     "modes": CommandPlace(
         "softmodels.cli.analyses", "modes_command",
         "Find the natural frequencies of a device at rest and while it is inflated, and their modes.",
@@ -93,6 +97,7 @@ def softmodels() -> None:
     softmodels export case.toml -o x.inp    the same case for CalculiX or FEBio
     softmodels open results/disk        open a report in the browser
     softmodels compare results/a results/b  what differs, and by how much
+    softmodels line results/disk --through apex  values along a line, such as the stress through a wall
     softmodels draw results/disk        make the pictures and report of a run anew; its film with --film
     softmodels fit --tensile pull.csv   a material with error bars from measured curves
     softmodels curve --material yeoh:c1=8kPa   a material's curves, its balloon, its unstable range

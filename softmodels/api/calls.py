@@ -171,6 +171,7 @@ def inflate(
     load_unload: bool = False,
     program: Program = (),
     water_density: float | str = WATER_DENSITY,
+    fields: Sequence[str] = (),
     name: str | None = None,
     progress: Told = None,
     folder: str | Path | None = None,
@@ -206,6 +207,7 @@ def inflate(
         load_unload: Whether to unload through the same values too, under pressure control with snap-through.
         program: A load series for each of several cavities, instead of one requested quantity.
         water_density: Density of the column's liquid: kg/m3, or a text.
+        fields: Further nodal fields that every state is stored with, such as ``["cauchy_stress"]``.
         name: Stem of the result files; the device's if None.
         progress: See `run`.
         folder: See `run`.
@@ -228,6 +230,7 @@ def inflate(
         strokes=strokes, driven=driven, supply=supply, valve=valve, control=control,
         formulation=formulation, solver=solver, components=components, gauges=gauges, band=band,
         load_unload=load_unload, program=program, water_density=water_density, name=name,
+        fields=fields,
     )  # fmt: skip
     return run(case, progress=progress, folder=folder, resume=resume, branch=branch)
 

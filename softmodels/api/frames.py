@@ -43,14 +43,21 @@ def dataset(states: States, fields: Sequence[str]) -> xarray.Dataset:
     """Return the rows of ``path.csv``, and some nodal fields, as a Dataset over the steps; see `Run.to_xarray`."""
     library = required("xarray", EXTRA)
     columns = {name: ("step", values, _texts(states, name)) for name, values in _columns(states).items()}
-    places = {"step": columns.pop("step"), "pressure": columns.pop("pressure_Pa")}
+    places: dict[str, object] = {"step": columns.pop("step"), "pressure": columns.pop("pressure_Pa")}
     if fields:
         words = "place of the node, undeformed"
         places |= {
             axis: ("node", states.points[:, k], {"units": "m", "long_name": f"{axis}, {words}"})
             for k, axis in enumerate("xyz")
         }
-        places["component"] = ("component", np.array([*"xyz"]), {"long_name": "direction in device coordinates"})
+        section = " of a section: x radial, y hoop" if states.actuator.dimension == 2 else ""
+        for axis in ("component", "component2"):
+            places[axis] = (axis, np.array([*"xyz"]), {"long_name": f"direction in device coordinates{section}"})
+        places["principal"] = (
+            "principal",
+            np.arange(1, 4),
+            {"long_name": "number of the principal value, the largest first"},
+        )
     nodal = {}
     for name in fields:
         known = OUTPUTS.get(name)
@@ -58,13 +65,14 @@ def dataset(states: States, fields: Sequence[str]) -> xarray.Dataset:
             {"units": known.unit, "long_name": known.title} if isinstance(known, OutputField) else {"long_name": name}
         )
         values = _over_steps(states, name)
-        nodal[name] = (("step", "node", "component")[: values.ndim], values, told)
+        axes = known.axes if isinstance(known, OutputField) else ("component",)
+        nodal[name] = (("step", "node", *axes)[: values.ndim], values, told)
     found: xarray.Dataset = library.Dataset({**columns, **nodal}, coords=places, attrs={"case": states.case.name})
     return found
 
 
 def _over_steps(states: States, name: str) -> Array:
-    """Return a nodal field of all states, shape (states, n) or (states, n, 3); nan in states without it."""
+    """Return a nodal field of all states, shape (states, n, ...); nan in states without it."""
     kept = {}
     for step in range(len(states.rows)):
         try:

@@ -7,7 +7,8 @@ import functools
 import io
 import itertools
 import operator
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
@@ -16,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.case.case import Case, one_value
-from softmodels.case.entries import CaseError
+from softmodels.case.entries import NAME, CaseError, ProbeError, place_of
 from softmodels.case.materials import SourceBand, to_table
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
@@ -28,11 +29,12 @@ from softmodels.common.schema import to_table as table_of
 from softmodels.common.units import UnitError, brief, number, readable
 from softmodels.materials.laws import parameter_fields
 from softmodels.materials.silicones import named
-from softmodels.mechanics.mpi import on_root, start
+from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.runs.analyses import KINDS, Limit
 from softmodels.runs.columns import in_order, load_columns, overlap_text, read_sources, state_labels, term
-from softmodels.runs.fields import Row, split
-from softmodels.runs.formats import CELL_TYPES, Restart
+from softmodels.runs.fields import Row, requestable, split
+from softmodels.runs.formats import CELL_TYPES, TENSOR, Restart
+from softmodels.runs.lines import POINTS, Line, Probe
 from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
@@ -55,8 +57,8 @@ if TYPE_CHECKING:
 # The states of a run, in memory or in a folder, and `SolvedState` as the user's view of one.
 
 
-PUBLIC = ("displacement", "p", "von_mises", "largest_stretch", "J", "mode")
-"""Nodal fields of a state; the mode only at a bifurcation."""
+type Place = str | Sequence[float] | Array
+"""A place in the undeformed device: a text with its unit, the name of a probe or point, or three numbers in m."""
 
 
 class Source(Protocol):
@@ -161,7 +163,7 @@ class InFolder:
 
     def fields(self, step: int) -> Mapping[str, Array]:
         try:
-            there = tuple(name for name in PUBLIC if name in self._results.stored[step].shapes)
+            there = tuple(self._results.stored[step].shapes)
             return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
         except (OSError, KeyError, ResultsError) as error:
             raise self._gone(error) from None
@@ -194,8 +196,8 @@ class SolvedState(Shown):
         points: Undeformed nodes in device coordinates, m, shape (n, 3); of a section (r, 0, z).
         cells: Node numbers of the second-order cells in VTK's order, shape (c, 6 or 10).
         cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
-        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises``, ``largest_stretch``, ``J`` and, at a
-            bifurcation, its ``mode``.
+        fields: Nodal fields by name: ``displacement``, ``p``, ``von_mises``, ``largest_stretch``, ``J``, those that the run
+            was asked for and, at a bifurcation, its ``mode``.
     """
 
     case: Case
@@ -204,6 +206,7 @@ class SolvedState(Shown):
     cells: npt.NDArray[np.int64]
     cell_name: str
     fields: Mapping[str, Array]
+    _mesh: Callable[[], bytes] = bytes
 
     def _line(self) -> str:
         return f"of {self.case.name} at {headline(self.case, self.row)}"
@@ -256,6 +259,112 @@ class SolvedState(Shown):
         return self.fields["p"]
 
     @property
+    def deformation_gradient(self) -> Array:
+        """Deformation gradient F in device coordinates, shape (n, 3, 3); of a section x is radial and y the hoop."""
+        return self._tensor("deformation_gradient")
+
+    @property
+    def green_lagrange_strain(self) -> Array:
+        """Green-Lagrange strain (F^T F - I)/2, shape (n, 3, 3)."""
+        return self._tensor("green_lagrange_strain")
+
+    @property
+    def cauchy_stress(self) -> Array:
+        """Cauchy stress in Pa, shape (n, 3, 3): of the silicone, without fibres in its place."""
+        return self._tensor("cauchy_stress")
+
+    @property
+    def nominal_stress(self) -> Array:
+        """First Piola-Kirchhoff stress in Pa, force per undeformed area, shape (n, 3, 3)."""
+        return self._tensor("nominal_stress")
+
+    @property
+    def principal_stresses(self) -> Array:
+        """Principal Cauchy stresses in Pa, the largest first, shape (n, 3)."""
+        return self._tensor("principal_stresses")
+
+    @property
+    def principal_stress_directions(self) -> Array:
+        """Unit vectors of the principal stresses, in the rows, shape (n, 3, 3)."""
+        return self._tensor("principal_stress_directions")
+
+    @property
+    def principal_stretches(self) -> Array:
+        """Principal stretches, the largest first, shape (n, 3)."""
+        return self._tensor("principal_stretches")
+
+    @property
+    def principal_stretch_directions(self) -> Array:
+        """Unit vectors, undeformed, of the principal stretches, in the rows, shape (n, 3, 3)."""
+        return self._tensor("principal_stretch_directions")
+
+    def _tensor(self, name: str) -> Array:
+        """Return a field that may have to be computed.
+
+        Raises:
+            RunError: It depends on the states before, and was not stored.
+        """
+        if name not in self.fields and name not in self._further:
+            raise RunError(
+                f"{name} of a silicone with a memory depends on the states before and is not stored; run again with "
+                f"fields=[{name!r}]"
+            )
+        return self.fields[name] if name in self.fields else self._further[name]
+
+    @functools.cached_property
+    def _further(self) -> Mapping[str, Array]:
+        """The fields that follow from displacement and p, those that the run did not store computed."""
+        past = self.case.timed and self.case.remembers
+        missing = [name for name in requestable() if name not in self.fields and not (past and "stress" in name)]
+        return _computed(self, missing, self._mesh) if missing else {}
+
+    @checked
+    @one_at_a_time
+    def along(self, begin: Place, end: Place, points: int = POINTS) -> Line:
+        """Return the values along a straight line of the undeformed device, which moves with it.
+
+        Args:
+            begin, end: Places in device coordinates: a text such as ``"0, 0, 10 mm"``, the name of a probe or a named point, or
+                three numbers in m. They need not lie in the modelled slice.
+            points: How many values.
+
+        Raises:
+            CaseError: No such places, or the line does not meet the silicone.
+            RunError: The tensors of a silicone with a memory were not stored.
+        """
+        return self._probe.line((self._place("begin", begin), self._place("end", end)), self._everything, points)
+
+    @checked
+    @one_at_a_time
+    def through(self, point: Place, points: int = POINTS) -> Line:
+        """Return the values straight through the wall at the surface point nearest to a place, see `along`."""
+        return self._probe.line(self._probe.through(self._place("point", point)), self._everything, points)
+
+    @property
+    def _everything(self) -> Mapping[str, Array]:
+        return {**self._further, **self.fields, "cauchy_stress": self._tensor("cauchy_stress")}
+
+    @functools.cached_property
+    def _probe(self) -> Probe:
+        return Probe(self.case.actuator, (self.points, self.cells, self.cell_name))
+
+    def _place(self, name: str, given: Place) -> Array:
+        known = {**self.case.actuator.probes, **self.case.gauges.places}
+        if not isinstance(given, str):
+            place = np.array([_number(value, name) for value in given])
+            if place.shape != (3,):
+                raise CaseError(f"{name} has {len(place)} numbers; a place has three, x, y and z in m")
+            return place
+        if given in known:
+            return np.asarray(known[given])
+        if re.fullmatch(NAME, given):
+            raise CaseError(f"{name}: the device has no point {brief(given)}; {known_are(given, known)}")
+        try:
+            return np.asarray(place_of(name, given))
+        except ProbeError as error:
+            raise CaseError(str(error)) from None
+
+    @property
     def mode(self) -> Array | None:
         """Buckling mode at a bifurcation, shape (n, 3); None in any other state."""
         return self.fields.get("mode")
@@ -269,7 +378,7 @@ class SolvedState(Shown):
         # Copies, because VTK writes into its inputs and users may change a grid.
         grid = pyvista.UnstructuredGrid({CELL_TYPES[self.cell_name]: self.cells.copy()}, self.points.copy())
         for name, values in self.fields.items():
-            grid.point_data[name] = values.copy()
+            grid.point_data[name] = values.reshape(-1, TENSOR).copy() if values.ndim == 3 else values.copy()
         return grid
 
     @checked
@@ -284,7 +393,7 @@ class SolvedState(Shown):
     def _states(self) -> States:
         """This state as pictures take it."""
         grid = self.points, self.cells, self.cell_name
-        return States.of(self.case, [self.row], grid, lambda step, name: self.fields[name])
+        return States.of(self.case, [self.row], grid, lambda step, name: self._tensor(name))
 
 
 def _absolute(folder: Path) -> Path:
@@ -301,8 +410,25 @@ def _absolute(folder: Path) -> Path:
 def state_of(source: Source, step: int) -> SolvedState:
     """Return one of a source's states."""
     return SolvedState(
-        source.case, source.rows[step], source.points, source.cells, source.cell_name, source.fields(step)
+        source.case, source.rows[step], source.points, source.cells, source.cell_name, source.fields(step), source.mesh
     )
+
+
+def _computed(state: SolvedState, names: Sequence[str], mesh: Callable[[], bytes]) -> Mapping[str, Array]:
+    """Return fields of a state from its displacement and p, on the run's own mesh; all ranks call it."""
+    comm, case = start(), state.case
+    simulation = Simulation(dataclasses.replace(case, fields=tuple(names)), comm)
+    try:
+        with sentences(), temporary_folder(comm) as folder:
+            file = folder / f"{case.name}.msh"
+            on_root(comm, lambda: file.write_bytes(mesh()))
+            simulation.prepare(file)
+            fields = simulation.fields
+            nodal = fields.nodal(fields.state(state.fields if is_root(comm) else None, 0.0, 0.0))
+            found = on_root(comm, lambda: nodal or {})
+            return {name: read_only(found[name]) for name in names}
+    finally:
+        simulation.release()
 
 
 def write_states(source: Source, results: Results) -> None:
@@ -748,7 +874,8 @@ class Run(Shown):
         known = {name for step in (0, *bifurcations) for name in self._source.fields(step)} if wanted else set()
         for name in wanted:
             if name not in known:
-                raise CaseError(f"the run has no field {brief(name)}; {known_are(name, sorted(known))}")
+                more = f", and those that a run is asked for, as by fields=[{name!r}]" if name in requestable() else ""
+                raise CaseError(f"the run has no field {brief(name)}; {known_are(name, sorted(known), more)}")
         return dataset(self._states, wanted)
 
     # -- pictures and files -------------------------------------------------------------------------------------------

@@ -49,7 +49,7 @@ from softmodels.common import errors
 from softmodels.common.errors import FieldError, known_are, meant
 from softmodels.common.files import file_digest
 from softmodels.common.names import checked, doubt, one_of, several
-from softmodels.common.schema import About, Choice, Flag, Kind, Quantity, Text, Words
+from softmodels.common.schema import About, Choice, Flag, Kind, Quantity, Several, Text, Words
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import (
     FACTORS,
@@ -304,6 +304,7 @@ class Case:
         time_tolerance: Error of the stress by one step in time, over the largest stress; with inertia of the displacement too.
         inertia: Whether mass counts in time: the device swings, and goes through jumps.
         spectral_radius: What one step in time leaves of a vibration that it is far too long for, 0 to 0.99.
+        fields: Further nodal fields that every state is written with, such as ``("cauchy_stress",)``.
 
     Raises:
         CaseError: From the constructor, if the case is invalid.
@@ -377,6 +378,10 @@ class Case:
         "solver", "spectral_radius", Quantity(),
         "with --inertia, what one step leaves of a vibration that it is far too long for, 0 to 0.99",
         RADIUS, hidden=True,
+    )  # fmt: skip
+    fields: tuple[str, ...] = _value(
+        "output", "fields", Several(Words()),
+        "further fields in every state, such as cauchy_stress, deformation_gradient or principal_stresses", (), hidden=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -768,6 +773,7 @@ class RequestOptions(TypedDict, total=False):
     time_tolerance: float
     inertia: bool
     spectral_radius: float
+    fields: Sequence[str]
 
 
 def case_of(

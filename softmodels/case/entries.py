@@ -236,6 +236,15 @@ def _with_at(text: str) -> str:
     return text if text.lstrip().startswith("at") else f"at {text.strip()}"
 
 
+def place_of(name: str, text: str) -> Vector:
+    """Return the place of a text such as ``"70, 0, 4 mm"`` in device coordinates, m.
+
+    Raises:
+        ProbeError: It is none.
+    """
+    return _reworded(point, name, _with_at(text))
+
+
 def _reworded[T](read: Callable[[str, str], T], field: str, text: str) -> T:
     try:
         return read(field, text)

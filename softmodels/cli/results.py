@@ -1,24 +1,33 @@
-"""The commands ``open`` and ``compare``: look at results, and hold them against each other."""
+"""The commands ``open``, ``compare`` and ``line``: look at results, hold them against each other, and take values from them."""
 
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import sys
 import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
 from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.cli.options import fail
 from softmodels.common.commands import status_of
 from softmodels.common.errors import reason
-from softmodels.common.files import check_file, read_file
-from softmodels.common.folders import OwnFolderError, check_output_file
+from softmodels.common.files import check_file, read_file, write_bytes, write_text
+from softmodels.common.folders import OwnFolderError, check_output_file, is_drawn
 from softmodels.common.processes import say
+from softmodels.runs.lines import POINTS, Line
+from softmodels.runs.outcomes import RunError
 from softmodels.runs.store import ResultsError
+
+if TYPE_CHECKING:
+    from softmodels.api.run import SolvedState
 
 PAGES = ("report.html", "overview.html", "sheet.html")
 """Reports by the names they have in folders of results."""
@@ -137,6 +146,113 @@ def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -
         say(str(found))
         if output is not None:
             say(f"report in {output}")
+
+
+@click.command("line")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "--from", "begin", metavar="PLACE", help="Where the line begins: a place such as '0, 0, 10 mm', or a probe."
+)
+@click.option("--to", "end", metavar="PLACE", help="Where it ends, likewise.")
+@click.option(
+    "--through", metavar="PLACE", help="Instead: straight through the wall at the surface point nearest to a place."
+)
+@click.option(
+    "--at", "value", metavar="VALUE", help="State, by its load, such as 70cm, 7kPa or 40ml.  [default: the last]"
+)
+@click.option("--points", type=click.IntRange(2), default=POINTS, show_default=True, help="Number of points.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Write all values to this CSV file, and a PNG beside it."
+)
+@click.option("--quiet", is_flag=True, help="Print only errors.")
+def line_command(
+    folder: Path, value: str | None, points: int, output: Path | None, quiet: bool, **places: str | None
+) -> None:
+    """Take the values along a line through the body of the results in FOLDER, such as the stress through a wall.
+
+    Places are in device coordinates of the undeformed body, with which the line moves. They may lie anywhere in the whole
+    device, also where only a section or a slice of it is modelled.
+
+    \b
+    Examples:
+      softmodels line results/disk --through apex --at 70cm -o wall.csv
+      softmodels line results/disk --from '0, 0, 15 mm' --to '30, 0, 15 mm'
+
+    \b
+    Exit status: 0 done; 2 no results, no such state, or a line beside the body.
+    """
+    from softmodels.api.calls import load
+
+    begin, end, through = (places[name] for name in ("begin", "end", "through"))
+    if (begin is None, end is None, through is None) not in ((False, False, True), (True, True, False)):
+        fail("give the line's ends (--from and --to), or a place whose wall it goes through (--through)")
+    try:
+        import_own_modules()
+        if output is not None and output.suffix.lower() != ".csv":
+            fail(f"{output} ends in {output.suffix or 'nothing'}; values along a line are written as .csv (--output)")
+        if output is not None:
+            check_output_file(output, [], _is_line, "a table of values along a line", "--output")
+            check_output_file(output.with_suffix(".png"), [], is_drawn, "a picture", "--output")
+        run = load(folder)
+        state = run.last if value is None else run.at(value)
+        line = state.through(through, points) if through is not None else state.along(begin or "", end or "", points)
+        if output is not None:
+            _write_line(output, line, state)
+    except (OwnFolderError, OwnModuleError, ResultsError, RunError, *INPUT_ERRORS) as error:
+        fail(str(error))
+    except OSError as error:
+        fail(f"{output or folder} cannot be read or written ({reason(error)})", status_of(error))
+    if not quiet:
+        say(line_text(line))
+        if output is not None:
+            say(f"values in {output}, picture in {output.with_suffix('.png')}")
+
+
+def line_text(line: Line) -> str:
+    """Return the main values along a line, as sentences."""
+    inside = line.inside
+    distance, stress, normal = (
+        line.distance[inside] * 1e3,
+        line["von_mises"][inside] / 1e3,
+        line.normal_stress[inside] / 1e3,
+    )
+    step = (distance[-1] - distance[0]) / max(len(distance) - 1, 1) if len(distance) > 1 else 0.0
+    most = int(np.argmax(stress))
+    gaps = "" if np.diff(distance).max(initial=0.0) < 1.5 * step else ", with gaps"
+    return (
+        f"silicone from {distance[0]:.4g} to {distance[-1]:.4g} mm of the line{gaps}\n"
+        f"largest von Mises stress {stress[most]:.4g} kPa, at {distance[most]:.4g} mm; at the ends {stress[0]:.4g} and "
+        f"{stress[-1]:.4g} kPa\n"
+        f"normal stress along the line {normal[0]:.4g} kPa where it begins, {normal[-1]:.4g} kPa where it ends\n"
+        f"largest stretch {np.nanmax(line['largest_stretch']):.4g}"
+    )
+
+
+def _write_line(output: Path, line: Line, state: SolvedState) -> None:
+    """Write the values along a line as CSV, and their picture beside it."""
+    import matplotlib
+
+    from softmodels.api.run import headline
+    from softmodels.pictures.curves import along_line
+    from softmodels.pictures.style import DPI, STYLE, drawn, encoded
+
+    columns = line.columns
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(columns)
+    rows.writerows(np.array([*columns.values()]).T.tolist())
+    with matplotlib.rc_context(STYLE):
+        picture = encoded(drawn(along_line(line, f"{state.case.name} at {headline(state.case, state.row)}")), DPI)
+    write_text(output, text.getvalue())
+    write_bytes(output.with_suffix(".png"), picture)
+
+
+def _is_line(path: Path) -> bool:
+    """Return whether a file is a table of values along a line."""
+    try:
+        return read_file(path).startswith(b"distance_mm,")
+    except OSError:
+        return False
 
 
 def _is_page(path: Path) -> bool:

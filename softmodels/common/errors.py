@@ -141,6 +141,10 @@ def whole_path(file: str) -> str:
         return file
 
 
+class ComponentError(Spoken, ValueError):
+    """An invalid part, or one unsuitable for this device; the message is for the user."""
+
+
 class GeometryError(Spoken, ValueError):
     """Invalid parameters of a device; the message names the field and its value."""
 

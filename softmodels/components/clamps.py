@@ -16,7 +16,15 @@ from geometries import Actuator, Hold
 from geometries.actuator import Vector
 from softmodels.common.errors import known_are
 from softmodels.common.schema import Words, field_of
-from softmodels.mechanics.component import INSIDE, ComponentError, direction, names_in, register_component
+from softmodels.mechanics.component import (
+    INSIDE,
+    ComponentError,
+    bases,
+    direction,
+    faces_of,
+    names_in,
+    register_component,
+)
 
 if TYPE_CHECKING:
     pass
@@ -57,8 +65,8 @@ class Clamp(HoldingPart):
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `ComponentError` if a device has no such face, or its mesh no such direction."""
-        known = list(dict.fromkeys([*actuator.faces, *actuator.regions, *(hold.role for hold in actuator.holds)]))
-        for role in self.roles:
+        known = list(dict.fromkeys([*faces_of(actuator), *actuator.regions, *(hold.role for hold in actuator.holds)]))
+        for role in bases(self.where, self.roles, actuator):
             if role not in known:
                 raise ComponentError(
                     f"{self.where}: {type(actuator).__name__} has no {role!r}; {known_are(role, known)}"

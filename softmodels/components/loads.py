@@ -208,11 +208,21 @@ class Force(FaceLoad):
         face: Role of the facets.
         direction: In device coordinates.
         amount: Its size on the whole device; 0 where a request or a program sets it.
+        traction: Instead, the force per undeformed area of the face.
+        line_load: Instead, the force per undeformed length of an edge.
     """
 
-    face: str = field_of(Words(), "loaded face, such as tip")
+    face: str = field_of(
+        Words(), "loaded face, piece of one or edge, such as tip, 'tip within z > 4 mm', 'edge of tip and top'"
+    )
     direction: str = field_of(Words(), "direction of the force, such as -z or 0.6, 0, -0.8")
     amount: float = field_of(Quantity("N"), "constant force on the whole device; 0 if requested", 0.0, usual=1e3)
+    traction: float = field_of(
+        Quantity("Pa"), "instead, constant force per undeformed area of the face, such as 2kPa", 0.0
+    )
+    line_load: float = field_of(
+        Quantity("N/m"), "instead, constant force per undeformed length of an edge, such as 2N/m", 0.0
+    )
 
     table: ClassVar[str] = "force"
     optional: ClassVar[bool] = True
@@ -239,9 +249,33 @@ class Force(FaceLoad):
         r"travel_(\w+)_mm": ("travel along force {0}", "displacement of the loaded face from the start of the path"),
     }  # fmt: skip
 
+    @property
+    def kept(self) -> bool:
+        return bool(self.amount or self.traction or self.line_load)
+
+    def check(self) -> None:
+        super().check()
+        if sum(map(bool, (self.amount, self.traction, self.line_load))) > 1:
+            raise ComponentError(f"{self.where} has more than one of amount, traction and line_load; give one of them")
+        for name in ("traction", "line_load"):
+            if getattr(self, name):
+                check_finite(getattr(self, name), self.where, name)
+
     def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
         with _on_face(self):
-            return Weighed([on.mean(in_section(self.vector, on.body.actuator.dimension), self.face)], self.amount)
+            edge = on.body.is_edge(self.face)
+            if (self.traction and edge) or (self.line_load and not edge):
+                given, wanted = (
+                    ("traction", "a face") if self.traction else ("line_load", "an edge ('edge of tip and top')")
+                )
+                raise ComponentError(f"{self.where}: {given} needs {wanted}, but face = {self.face!r} is none")
+            size = (
+                on.integral(on.constant(1.0), self.face)
+                * on.body.actuator.size ** (1 if edge else 2)
+                * on.body.actuator.copies
+            )
+            amount = self.amount or (self.traction or self.line_load) * size
+            return Weighed([on.mean(in_section(self.vector, on.body.actuator.dimension), self.face)], amount)
 
 
 @register_component

@@ -17,7 +17,7 @@ from geometries import Actuator
 from softmodels.common.arrays import Array
 from softmodels.common.schema import Choice, Quantity, Several, Words, field_of
 from softmodels.mechanics.body import in_section, in_space
-from softmodels.mechanics.component import INSIDE, ComponentError, check_regions, register_component
+from softmodels.mechanics.component import INSIDE, ComponentError, bases, check_regions, faces_of, register_component
 from softmodels.mechanics.dead_loads import DistributedLoad, HeavyPart, Weighed, check_finite
 
 if TYPE_CHECKING:
@@ -96,12 +96,13 @@ class Rigid(RigidPart, HeavyPart):
     def check_on(self, actuator: Actuator) -> None:
         if self.region:
             check_regions(self.where, actuator, [self.region])
-        elif self.face not in actuator.faces:
+        faces = bases(self.where, [self.face], actuator)
+        if other := next((face for face in faces if face not in faces_of(actuator)), ""):
             raise ComponentError(
-                f"{self.where}: {type(actuator).__name__} has no face {self.face!r} for a rigid part; it has "
-                f"{', '.join(actuator.faces) or 'none'}"
+                f"{self.where}: {type(actuator).__name__} has no face {other!r} for a rigid part; it has "
+                f"{', '.join(faces_of(actuator)) or 'none'}"
             )
-        if any(hold.role == self.face for hold in actuator.holds) and self.kind != "held":
+        if any(hold.role in faces for hold in actuator.holds) and self.kind != "held":
             raise ComponentError(
                 f"{self.where}: the face {self.face!r} is the device's fixed support, so a rigid part on it "
                 "cannot move; use another face, or kind = 'held'"

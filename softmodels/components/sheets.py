@@ -30,6 +30,8 @@ from softmodels.mechanics.component import (
     EnergyTerm,
     FormContext,
     MixedPointStress,
+    bases,
+    faces_of,
     register_component,
 )
 
@@ -51,7 +53,8 @@ class Sheet(EnergyComponent):
     """A sheet on a face.
 
     Attributes:
-        face: Role of the facets it is bonded to, such as ``"top"``.
+        face: Faces or pieces of faces it is bonded to, such as ``"top"`` or ``"top, side within z > 2 mm"``; see
+            `softmodels.mechanics.pieces`.
         stiffness: Young's modulus times thickness in N/m.
 
     Raises:
@@ -80,11 +83,12 @@ class Sheet(EnergyComponent):
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise `ComponentError` if a device has no such face."""
-        if self.face not in actuator.faces:
-            raise ComponentError(
-                f"sheet {self.face!r} is not a face of {type(actuator).__name__} for a sheet; use "
-                f"{' or '.join(actuator.faces) or 'none of its faces'}"
-            )
+        for face in bases(self.where, [self.face], actuator):
+            if face not in faces_of(actuator):
+                raise ComponentError(
+                    f"sheet {face!r} is not a face of {type(actuator).__name__} for a sheet; use "
+                    f"{' or '.join(faces_of(actuator)) or 'none of its faces'}"
+                )
 
     def undesigned(self, actuator: Actuator) -> str:
         return ""

@@ -41,6 +41,7 @@ from softmodels.materials.laws import Material
 from softmodels.mechanics.component import Component, gravity_of, names_in
 from softmodels.mechanics.dead_loads import LoadPart
 from softmodels.mechanics.holds import held_with
+from softmodels.mechanics.pieces import is_plain
 from softmodels.mechanics.rigid import Freedom
 from softmodels.mechanics.system import System, nodal_forces
 from softmodels.path.program import begins_at_rest
@@ -870,6 +871,9 @@ def _unknown(case: Case) -> Iterator[str]:
     if any(isinstance(part, Sheet) for part in case.components):
         yield "a sheet"
     for part in case.components:
+        named = [name for field in ("face", "faces", "on") for name in names_in(getattr(part, field, ""))]
+        if not isinstance(part, LOADS) and not all(map(is_plain, named)):
+            yield f"{part.where} on a piece of a face"
         if isinstance(part, RigidShape):
             if part.shape not in SHAPES:
                 yield f"{part.where} with a shape {part.shape!r} (springs support {', '.join(SHAPES)})"

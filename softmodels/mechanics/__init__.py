@@ -3,7 +3,8 @@
 One Newton step is read in `potential` (energy, residual, tangent in UFL), `system` (assembled), `newton` (SNES, bordered
 equations, acceptance) and `solver` (which calls it), with the linear solve in `direct` or `iterative`.
 
-- `body`: mesh and roles, dimensionless, with slip planes. `regions`: several materials. `holds`: what holds it.
+- `body`: mesh and roles, dimensionless, with slip planes. `pieces`: parts of faces, and edges, by short texts.
+- `regions`: several materials. `holds`: what holds it.
 - `component`: what can be added to a device. `dead_loads`: loads as drivers. `rigid`: unknowns of rigid parts.
 - `controls`: lines in the pressure-volume plane; coupled cavities. `assembly`: matrices, terms that UFL does not have.
 - `memory`: what silicone remembers at the integration points, and its energy over one step in time. `inertia`: mass and motion.

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,6 +26,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import Spoken
 from softmodels.mechanics.compiling import compiling, mend_cache
 from softmodels.mechanics.mpi import is_root, on_root
+from softmodels.mechanics.pieces import Roles, selected
 
 if TYPE_CHECKING:
     import ufl
@@ -70,7 +72,8 @@ class Body:
         actuator: The geometry.
         mesh: DOLFINx mesh in units of ``actuator.size``; 3-D, or the (r, z) half section of an axisymmetric device.
         cavity: Facet tags on the cavities' walls: `CAVITY` on the first one's, numbers after `SHEET` on others'.
-        entities: Local mesh entities by role: name to (dimension, indices).
+        entities: Local mesh entities by role: name to (dimension, indices). A text such as ``"tip within z > 14 mm"`` is found
+            there too, see `softmodels.mechanics.pieces`.
         skew: B, shape (d, d) with d the mesh's dimension: rows are directions in which a role may hold the body.
         regions: Local cells by the name of their physical group, ghosts too.
         holds: What is held beside the cut planes: the device's own holds, unless clamps hold it (`mechanics.holds`).
@@ -80,7 +83,7 @@ class Body:
     actuator: Actuator
     mesh: mesh.Mesh
     cavity: mesh.MeshTags
-    entities: dict[str, tuple[int, npt.NDArray[np.int32]]]
+    entities: Roles
     skew: npt.NDArray[np.float64]
     regions: dict[str, npt.NDArray[np.int32]] = dataclasses.field(default_factory=dict)
     holds: tuple[Hold, ...] = ()
@@ -131,7 +134,8 @@ class Body:
         order = np.argsort(facets)
         cavity = meshes.meshtags(data.mesh, tdim - 1, facets[order], tags[order])
         holds = tuple(actuator.holds)
-        return cls(actuator, data.mesh, cavity, entities, _skew(actuator, holds), regions, holds, openings)
+        roles = Roles(entities, functools.partial(selected, data.mesh, actuator))
+        return cls(actuator, data.mesh, cavity, roles, _skew(actuator, holds), regions, holds, openings)
 
     def held_by(self, holds: Sequence[Hold]) -> Body:
         """Return the same body with other supports."""
@@ -170,26 +174,42 @@ class Body:
         import ufl
 
         N = ufl.FacetNormal(self.mesh)
-        return self._on_facets(self._sheet_tags(role))(SHEET), ufl.as_vector(
-            [N[0], 0, N[1]]
-        ) if self.axisymmetric else N
+        normal = ufl.as_vector([N[0], 0, N[1]]) if self.axisymmetric else N
+        return self._on_facets(self._tags(role, self.mesh.topology.dim - 1))(SHEET), normal
+
+    def measure(self, role: str) -> ufl.Measure:
+        """Return the UFL measure over the facets or the edges of a role.
+
+        Raises:
+            BodyError: The mesh has no facets and no edges of this role.
+        """
+        import ufl
+
+        if not self.is_edge(role):
+            return self.sheet_face(role)[0]
+        tags, degree = self._tags(role, self.mesh.topology.dim - 2), {"quadrature_degree": SURFACE_DEGREE}
+        return ufl.Measure("dr", self.mesh, subdomain_data=tags, metadata=degree)(SHEET)
+
+    def is_edge(self, role: str) -> bool:
+        """Return whether a role is of edges, in a section of their points."""
+        return self.entities.get(role, (-1,))[0] == self.mesh.topology.dim - 2
 
     def _on_facets(self, tags: mesh.MeshTags) -> ufl.Measure:
         import ufl
 
         return ufl.Measure("ds", self.mesh, subdomain_data=tags, metadata={"quadrature_degree": SURFACE_DEGREE})
 
-    def _sheet_tags(self, role: str) -> mesh.MeshTags:
-        """Return `SHEET` on the facets of a role."""
+    def _tags(self, role: str, wanted: int) -> mesh.MeshTags:
+        """Return `SHEET` on the entities of a role, which have a dimension."""
         from dolfinx import mesh as meshes
 
-        tdim = self.mesh.topology.dim
-        dimension, facets = self.entities.get(role, (-1, np.empty(0, dtype=np.int32)))
-        if dimension != tdim - 1:
-            faces = ", ".join(name for name, (found, _) in self.entities.items() if found == tdim - 1)
-            raise BodyError(f"the mesh has no face named {role!r}; it has {faces}")
-        facets = np.sort(facets)
-        return meshes.meshtags(self.mesh, tdim - 1, facets, np.full(len(facets), SHEET, dtype=np.int32))
+        dimension, found = self.entities.get(role, (-1, np.empty(0, dtype=np.int32)))
+        if dimension != wanted:
+            faces = ", ".join(name for name, (of, _) in self.entities.items() if of == self.mesh.topology.dim - 1)
+            edge = f"{role!r} is an edge, which has no area; name a face: {faces}"
+            raise BodyError(edge if self.is_edge(role) else f"the mesh has no face named {role!r}; it has {faces}")
+        found = np.sort(found)
+        return meshes.meshtags(self.mesh, wanted, found, np.full(len(found), SHEET, dtype=np.int32))
 
     @property
     def hoop(self) -> Expr | float:

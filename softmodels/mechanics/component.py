@@ -31,10 +31,11 @@ import numpy as np
 from geometries import Actuator
 from geometries.actuator import Vector, cavity_roles
 from softmodels.common import schema
-from softmodels.common.errors import FieldError, Spoken
+from softmodels.common.errors import ComponentError, FieldError
 from softmodels.common.names import Registry
 from softmodels.common.schema import Text, about, doubt_of, settle
 from softmodels.common.units import brief
+from softmodels.mechanics.pieces import pieces_in
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -91,10 +92,6 @@ class MixedPointStress:
 
 INSIDE = "of a region, and design meshes cannot move the interfaces between regions"
 """Why designs reject parts of regions."""
-
-
-class ComponentError(Spoken, ValueError):
-    """An invalid part, or one unsuitable for this device; the message is for the user."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -377,14 +374,32 @@ def names_in(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
+def bases(where: str, texts: Sequence[str], actuator: Actuator) -> list[str]:
+    """Return the faces of which texts such as ``"tip within z > 14 mm"`` are pieces; see `softmodels.mechanics.pieces`.
+
+    Raises:
+        ComponentError: A text that is none, or uses a coordinate that an axisymmetric section does not have.
+    """
+    try:
+        pieces = [piece for text in texts for piece in pieces_in(text)]
+    except ComponentError as error:
+        raise ComponentError(f"{where}: {error}") from None
+    for piece in pieces if actuator.dimension == 2 else ():
+        if other := next((name for name, _, _ in piece.bounds if name.strip("|") in "xy"), ""):
+            raise ComponentError(
+                f"{where}: {piece.text!r} uses {other}; an axisymmetric section has r and z. For others use {actuator.fuller}"
+            )
+    return [face for piece in pieces for face in piece.faces]
+
+
 def faces_of(actuator: Actuator) -> tuple[str, ...]:
-    """Return the faces of a device that can be reinforced."""
-    return (*actuator.faces, "cavity")
+    """Return the faces of a device that can be reinforced: its own, the walls of its cavities, and what else its mesh has."""
+    return tuple(dict.fromkeys([*actuator.faces, *cavity_roles(actuator), *(actuator.unbonded or ())]))
 
 
 def check_faces(where: str, actuator: Actuator, names: Sequence[str]) -> None:
     """Raise `ComponentError` for names that are not faces of the device."""
-    for name in names:
+    for name in bases(where, names, actuator):
         if name not in faces_of(actuator):
             raise ComponentError(
                 f"{where}: {name!r} is not a face of {type(actuator).__name__}; it has {', '.join(faces_of(actuator))}"
@@ -397,7 +412,7 @@ def check_on_mesh(where: str, actuator: Actuator, names: Sequence[str]) -> None:
         return
     others = (hold.role for hold in actuator.holds), (plane.name for plane in actuator.cut_planes), actuator.unbonded
     known = list(dict.fromkeys([*actuator.faces, *cavity_roles(actuator), *itertools.chain(*others)]))
-    for name in names:
+    for name in bases(where, names, actuator):
         if name not in known:
             raise ComponentError(f"{where}: {type(actuator).__name__} has no face {name!r}; it has {', '.join(known)}")
 

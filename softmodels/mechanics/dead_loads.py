@@ -202,9 +202,9 @@ class DistributedLoad:
         return fem.Constant(self.body.mesh, np.asarray(value, dtype=float))
 
     def measure(self, over: str | MaterialCells) -> Expr:
-        """Return the measure of the undeformed facets of a role, or of one of the body's materials; of the full circle in a
-        section."""
-        return self.body.sheet_face(over)[0] if isinstance(over, str) else over.dx
+        """Return the measure of the undeformed facets or edges of a role, or of one of the body's materials; of the full circle
+        in a section."""
+        return self.body.measure(over) if isinstance(over, str) else over.dx
 
     def integral(self, density: Expr, over: str | MaterialCells) -> float:
         """Integrate a density over the undeformed facets of a role, or over one of the body's materials."""

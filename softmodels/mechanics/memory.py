@@ -242,7 +242,7 @@ class History:
 
     @functools.cached_property
     def _stress(self) -> fem.Expression:
-        """The von Mises stress of that state; a hydrostatic part changes nothing."""
+        """The Cauchy stress of that state, without the pressure that keeps the volume."""
         import ufl
         from dolfinx import fem
         from ufl.classes import Label, Variable
@@ -251,8 +251,8 @@ class History:
             self.strain.F, Label(LABEL)
         )  # a fixed label, because it is part of the signature in the kernel cache
         strain = Strain(F)
-        stress = ufl.dev(ufl.diff(self._stored(strain), F) * F.T / strain.J)
-        return fem.Expression(ufl.sqrt(1.5 * ufl.inner(stress, stress)), self.points, jit_options=JIT)
+        stress = ufl.diff(self._stored(strain), F) * F.T / strain.J
+        return fem.Expression(stress, self.points, jit_options=JIT)
 
     def take(self, material: Material, mu: float) -> None:
         """Set a material's parameters, in units of a shear modulus in Pa; the number of branches stays."""
@@ -342,9 +342,11 @@ class History:
 
         return self._creep + total(self.body.mesh.comm, fem.assemble_scalar(self._hurt))
 
-    def von_mises(self) -> Array:
-        """Return the von Mises stress in the state where the step begins, shape (cells, points), in shear moduli."""
-        return self.at_points(self._stress, 1)[..., 0]
+    def stress(self) -> Array:
+        """Return the Cauchy stress where the step begins, without the pressure that keeps the volume, in shear moduli, shape
+        (cells, points, 3, 3)."""
+        found = self.at_points(self._stress, 9)
+        return found.reshape(*found.shape[:2], 3, 3)
 
     def copied(self) -> tuple[Array, float]:
         """Return a copy of all that is remembered, for `restore`."""

@@ -20,10 +20,11 @@ from geometries import Actuator
 from softmodels.common.arrays import Array
 from softmodels.common.pages import UNITS, inline_svg, pascal
 from softmodels.materials.silicones import product_of
-from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, LINES, SPAN, STYLE, WARNING, WIDTH, number
+from softmodels.pictures.style import BRANCH, CURVE, DPI, EDGE, FAINT, INK, LINES, SPAN, STYLE, WARNING, WIDTH, number
 from softmodels.runs.columns import SourceRows, StateLabels, key_of, load_columns, term
 from softmodels.runs.fields import Row, at_rise, split
 from softmodels.runs.grid import parabolas
+from softmodels.runs.lines import Line, told
 from softmodels.runs.notes import cycles, jumped_over
 from softmodels.runs.store import round_steps, row_at
 
@@ -176,6 +177,25 @@ def curves(
         axes.legend(loc="best")
         figures.append(figure)
     return figures
+
+
+def along_line(line: Line, title: str) -> Figure:
+    """Plot the stresses along a line through the body over the distance from its beginning."""
+    figure = Figure((WIDTH, 6.0), dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    distance = line.distance * 1e3
+    axes.plot(distance, line["von_mises"] / 1e3, color=INK, label="von Mises stress")
+    for k, style in enumerate(("-", "--", ":")):
+        axes.plot(
+            distance, line["principal_stresses"][:, k] / 1e3, style, color=CURVE, label=f"principal stress {k + 1}"
+        )
+    axes.plot(distance, line.normal_stress / 1e3, "-.", color=WARNING, label="normal stress along the line")
+    begin, end = (told(place) for place in line.points[[0, -1]])
+    axes.set(xlabel=f"undeformed distance in mm, from {begin} to {end}", ylabel="Cauchy stress in kPa")
+    axes.set_title(title, fontsize=11)
+    axes.axhline(0.0, color=FAINT, linewidth=0.8)
+    axes.legend(loc="best")
+    return figure
 
 
 def _events(rows: Sequence[Row]) -> list[tuple[str, str, str, list[Row]]]:

@@ -5,16 +5,18 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, ItemsView, Iterable, Iterator, KeysView, Mapping
+from collections.abc import Callable, ItemsView, Iterable, Iterator, KeysView, Mapping, Sequence
 from typing import Literal, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries.actuator import Vector, reflected
-from softmodels.case.entries import NO_PROBES, ProbeError, Probes, followed_text
+from softmodels.case.entries import NO_PROBES, CaseError, ProbeError, Probes, followed_text
 from softmodels.common.arrays import Array
+from softmodels.common.errors import known_are
 from softmodels.common.names import Registry
+from softmodels.common.units import brief
 from softmodels.components.rigid import symmetric_motions
 from softmodels.mechanics.body import in_section, in_space
 from softmodels.mechanics.compiling import JIT
@@ -473,11 +475,14 @@ class OutputField(Output):
     Attributes:
         unit: SI; "" for a number.
         title: In words.
-        nodal: Its values at owned nodes, shape (owned,), or (owned, 3) of a vector; asked on all ranks.
+        nodal: Its values at owned nodes, shape (owned,), (owned, 3) of a vector, or (owned, 3, 3) of a tensor; asked on all
+            ranks.
         sampled: Its values where they are exact: at integration points or corners, shape (cells, k). `Figures.extremes` has
             the least and the largest of them over the whole device.
         extremes: Columns of ``path.csv`` with these.
         colours: How pictures show it; None if they do not.
+        requested: Whether only runs that ask for it write it.
+        axes: What its indices beside the node count, in datasets of xarray.
     """
 
     unit: str
@@ -486,6 +491,8 @@ class OutputField(Output):
     sampled: Callable[[StateValues], Array] | None = None
     extremes: tuple[Extreme, ...] = ()
     colours: Colours | None = None
+    requested: bool = False
+    axes: tuple[str, ...] = ("component", "component2")
 
     @property
     def rest(self) -> float:
@@ -526,8 +533,50 @@ for _field in (
                  "cells' vertices", least=True),
          Extreme("J_max", "largest J", "of the same, over the cells' vertices")),
     ),
+    OutputField(
+        "deformation_gradient", "", "deformation gradient", lambda at: at.gradient_at_nodes, requested=True,
+    ),
+    OutputField(
+        "green_lagrange_strain", "", "Green-Lagrange strain",
+        lambda at: at.tensors_at_nodes((np.swapaxes(at.F, -1, -2) @ at.F - np.eye(3)) / 2), requested=True,
+    ),
+    OutputField("cauchy_stress", "Pa", "Cauchy stress", lambda at: at.cauchy_at_nodes, requested=True),
+    OutputField(
+        "nominal_stress", "Pa", "first Piola-Kirchhoff stress, force per undeformed area",
+        lambda at: at.tensors_at_nodes(
+            np.linalg.det(at.F)[..., None, None] * at.cauchy @ np.swapaxes(np.linalg.inv(at.F), -1, -2)
+        ), requested=True,
+    ),
+    OutputField(
+        "principal_stresses", "Pa", "principal Cauchy stresses", lambda at: at.principal_stresses[0], requested=True,
+        axes=("principal",),
+    ),
+    OutputField(
+        "principal_stress_directions", "", "directions of the principal stresses", lambda at: at.principal_stresses[1],
+        requested=True, axes=("principal", "component"),
+    ),
+    OutputField(
+        "principal_stretches", "", "principal stretches", lambda at: at.principal_stretches[0], requested=True,
+        axes=("principal",),
+    ),
+    OutputField(
+        "principal_stretch_directions", "", "directions of the principal stretches, undeformed",
+        lambda at: at.principal_stretches[1], requested=True, axes=("principal", "component"),
+    ),
 ):  # fmt: skip
     register_output(_field)
+
+
+def requestable() -> list[str]:
+    """Return the names of the fields that only runs that ask for them write."""
+    return [field.name for field in outputs(OutputField) if field.requested]
+
+
+def check_requested(names: Sequence[str]) -> None:
+    """Raise `CaseError` for a name that is none of `requestable`."""
+    for name in names:
+        if name not in requestable():
+            raise CaseError(f"fields has {brief(name)}; {known_are(name, requestable())}")
 
 
 def coloured() -> dict[str, tuple[OutputField, Colours]]:
@@ -682,13 +731,14 @@ class Fields:
     Args:
         solver: The device.
         gauges: Points and angles that the user has named.
+        requested: Names of further fields that are wanted, of `requestable`.
 
     Attributes:
         grid: The nodes that results are written on.
         rest_volume: Of the cavity, dimensionless.
     """
 
-    def __init__(self, solver: Solver, gauges: Probes = NO_PROBES):
+    def __init__(self, solver: Solver, gauges: Probes = NO_PROBES, requested: Sequence[str] = ()):
         import ufl
         from dolfinx import fem
 
@@ -703,6 +753,7 @@ class Fields:
         self._probes = {name: self._owner(point) for name, point in system.body.actuator.probes.items()}
         self._gauges, self._followed = gauges, tracked_points(system, self.grid, gauges)
         self._turning = turning_faces(system, self.grid, gauges)
+        self._wanted = [one for one in outputs(OutputField) if not one.requested or one.name in requested]
 
     @functools.cached_property
     def walls(self) -> FacingWalls:
@@ -726,9 +777,10 @@ class Fields:
         return self.grid.collect(self.sampling.displacement(w))
 
     def nodal(self, state: State) -> dict[str, Array] | None:
-        """Return all `OutputField` over the grid's nodes by name, SI units, shape (n,) or (n, 3), on rank 0; None elsewhere."""
+        """Return each wanted `OutputField` over the grid's nodes by name, SI units, shape (n,), (n, 3) or (n, 3, 3), on rank 0;
+        None elsewhere."""
         values = self.values(state)
-        found = {field.name: self.grid.collect(field.nodal(values)) for field in outputs(OutputField)}
+        found = {field.name: self.grid.collect(field.nodal(values)) for field in self._wanted}
         whole = {name: field for name, field in found.items() if field is not None}
         return whole if len(whole) == len(found) else None
 

@@ -158,7 +158,7 @@ class StoredStep:
         group: Its group in there.
         row: Its row of ``path.csv``.
         restart: What a `Point` needs to be made again, beside its fields.
-        shapes: Shapes of its nodal fields by name, (n,) or (n, 3).
+        shapes: Shapes of its nodal fields by name, (n,), (n, 3) or (n, 9) of tensors.
     """
 
     file: str
@@ -202,6 +202,8 @@ def read_step(group: h5py.Group, file: str, path: str) -> StoredStep:
 
 VERSION = (2, 2)
 GROUP = "VTKHDF"
+TENSOR = 9
+"""Components of a tensor in files, row by row: XX, XY, XZ, YX and so on, as VTK and XDMF have them."""
 SAME_FILE = "."
 """HDF5's name of the file that a reference stands in."""
 CELL_TYPES = {"Triangle_6": 22, "Tetrahedron_10": 24}
@@ -344,7 +346,7 @@ def _grid(
     _item(topology, cells, f"{heavy}:/mesh/cells", "Int", "8")
     _item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), (points, 3), f"{heavy}:/mesh/points")
     for field, shape in fields:
-        kind = "Scalar" if len(shape) == 1 else "Vector"
+        kind = "Scalar" if len(shape) == 1 else "Tensor" if shape[1] == TENSOR else "Vector"
         attribute = ElementTree.SubElement(grid, "Attribute", Name=field, AttributeType=kind, Center="Node")
         _item(attribute, shape, f"{place}/{field}")
     ElementTree.indent(grid, level=3)

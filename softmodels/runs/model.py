@@ -161,7 +161,7 @@ class Model:
             with compiling():
                 self.system = System(body, material, case.formulation, components, creeping=case.timed)
                 self.solver = Solver(self.system, case.solver)
-                self.fields = Fields(self.solver, case.gauges)
+                self.fields = Fields(self.solver, case.gauges, case.fields)
             self.system.direction = case.load.direction
         except (BodyError, CompilingError) as error:
             raise RunError(str(error)) from error

@@ -17,7 +17,7 @@ from softmodels.materials.stability import weakness
 from softmodels.mechanics.compiling import cache, compiling, wait_for_cache
 from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.runs.columns import Solved, row_of
-from softmodels.runs.fields import Row
+from softmodels.runs.fields import Row, check_requested
 from softmodels.runs.formats import Restart, restart_of
 from softmodels.runs.model import Model, body_of
 from softmodels.runs.notes import explain, explain_failure, explain_step
@@ -70,7 +70,7 @@ class Step:
 
     Attributes:
         row: Its row of ``path.csv``, on all ranks.
-        fields: Nodal fields by name, SI units, shape (n,) or (n, 3), as `Fields.nodal` gives them, and at a bifurcation its
+        fields: Nodal fields by name, SI units, as `Fields.nodal` gives them, and at a bifurcation its
             ``mode``; on rank 0, None elsewhere.
         restart: Numbers that a restart needs beside the fields.
     """
@@ -142,9 +142,11 @@ class Simulation:
         """Mesh the device into a Gmsh file, on rank 0.
 
         Raises:
+            CaseError: A field is asked for that there is not.
             RunError: It was stopped meanwhile.
             GeometryError, MeshingError, OSError: See `Actuator.write`.
         """
+        check_requested(self.case.fields)
         device = self.case.actuator
         self.listener.say(meshing.mesh_label(device))
         try:

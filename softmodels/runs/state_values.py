@@ -35,6 +35,13 @@ def principal_stretches(F: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(F, -1, -2) @ F), 0.0))
 
 
+def principal(tensors: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the principal values of symmetric tensors, shape (n, 3, 3) to (n, 3), the largest first, and in rows their unit
+    directions, shape (n, 3, 3)."""
+    values, axes = np.linalg.eigh(tensors)
+    return values[:, ::-1], np.swapaxes(axes, -1, -2)[:, ::-1]
+
+
 def shape_stresses(material: Material, stretches: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Return the principal Cauchy stresses in Pa of the law's shape part, lambda_i dW/dlambda_i / J; shapes (..., 3)."""
     sides = np.moveaxis(stretches, -1, 0)
@@ -208,10 +215,58 @@ class StateValues:
         remembered = {history.region.name: history for history in potential.histories}
         for region in potential.regions:
             if region.name in remembered:
-                found[region.cells] = remembered[region.name].von_mises() * self.system.stress_unit
+                stress = remembered[region.name].stress() * self.system.stress_unit
+                found[region.cells] = von_mises(np.linalg.eigvalsh(stress))
             else:
                 found[region.cells] = von_mises(shape_stresses(region.material, self.stretches[region.cells]))
         return found
+
+    @functools.cached_property
+    def cauchy(self) -> Array:
+        """Cauchy stress of the silicone at the integration points in Pa, device coordinates, shape (cells, points, 3, 3).
+
+        The stress of fibres that share its place is not in it.
+        """
+        potential, unit = self.system.potential, self.system.stress_unit
+        squares, axes = np.linalg.eigh(self.F @ np.swapaxes(self.F, -1, -2))
+        stretches, found = np.sqrt(np.maximum(squares, 0.0)), np.empty(self.F.shape)
+        remembered = {history.region.name: history for history in potential.histories}
+        for number, region in enumerate(potential.regions):
+            if region.name in remembered:
+                found[region.cells] = remembered[region.name].stress() * unit
+            else:
+                values = shape_stresses(region.material, stretches[region.cells])
+                found[region.cells] = (axes[region.cells] * values[..., None, :]) @ np.swapaxes(
+                    axes[region.cells], -1, -2
+                )
+            if potential.mixed:
+                p = self.state.w[potential.pressure_dofs[region.cells, :, number]] @ barycentric(self.system.points).T
+            else:
+                p = float(region.bulk.value) * (np.linalg.det(self.F[region.cells]) - 1.0)
+            found[region.cells] += (p * unit)[..., None, None] * np.eye(3)
+        return found
+
+    @functools.cached_property
+    def cauchy_at_nodes(self) -> Array:
+        """Cauchy stress at owned nodes, shape (owned, 3, 3)."""
+        return self.tensors_at_nodes(self.cauchy)
+
+    @functools.cached_property
+    def gradient_at_nodes(self) -> Array:
+        """Deformation gradient at owned nodes, shape (owned, 3, 3)."""
+        return self.tensors_at_nodes(self.F)
+
+    @functools.cached_property
+    def principal_stresses(self) -> tuple[Array, Array]:
+        """Principal Cauchy stresses at owned nodes, the largest first, shape (owned, 3), and in rows their unit directions,
+        shape (owned, 3, 3)."""
+        return principal(self.cauchy_at_nodes)
+
+    @functools.cached_property
+    def principal_stretches(self) -> tuple[Array, Array]:
+        """The same of the stretches, whose directions are those of the undeformed lines that are stretched so."""
+        squares, axes = principal(np.swapaxes(self.gradient_at_nodes, -1, -2) @ self.gradient_at_nodes)
+        return np.sqrt(np.maximum(squares, 0.0)), axes
 
     @functools.cached_property
     def J(self) -> Array:
@@ -244,6 +299,11 @@ class StateValues:
         """
         fitted = values @ self.sampling.to_nodes.T
         return self.sampling.average(np.maximum(fitted, 0.0) if positive else fitted)
+
+    def tensors_at_nodes(self, values: Array) -> Array:
+        """Return the tensors at integration points, shape (cells, points, 3, 3), mapped to owned nodes, shape (owned, 3, 3)."""
+        flat = np.moveaxis(values.reshape(*values.shape[:2], 9), -1, 0)
+        return np.stack([self.at_nodes(one) for one in flat], axis=-1).reshape(-1, 3, 3)
 
     def from_corners(self, values: Array) -> Array:
         """Return the values at the corners of the cells, shape (cells, corners), mapped to owned nodes, shape (owned,)."""
@@ -458,6 +518,22 @@ class FacingWalls:
         nodes = at[self.facets]
         place, tangents = _patch(nodes, np.tile(self._middle, (len(nodes), 1)))
         return place, self._normal(tangents, np.arange(len(nodes)))
+
+    def into(self, point: Array) -> tuple[Array, Array, float]:
+        """Return the place of the undeformed surface that is nearest to a point, the unit normal into the solid there, and the
+        thickness in m of the solid behind the facet's middle."""
+        nodes = self.points[self.facets]
+        every = np.einsum("sk,fki->fsi", _weights(self._lattice, self.flat), nodes)
+        distance = np.linalg.norm(every - point, axis=2)
+        facet, at = np.unravel_index(int(np.argmin(distance)), distance.shape)
+        number, own = np.array([facet]), self._lattice[[at]]
+        for _ in range(PROJECTIONS):
+            place, tangents = _patch(nodes[number], own)
+            own = own + np.linalg.pinv(tangents[0].T) @ (point - place[0])
+            own = np.maximum(own, 0.0)
+            own = own / max(1.0, float(own.sum()))
+        place, tangents = _patch(nodes[number], own)
+        return place[0], -self._normal(tangents, number)[0], float(self.thickness[facet])
 
     def _normal(self, tangents: Array, facets: npt.NDArray[np.int64]) -> Array:
         across = (

@@ -219,18 +219,21 @@ class Results:
         self.stored = [found[step] for step in sorted(found)]
 
     def add(self, row: Row, fields: Mapping[str, npt.NDArray[np.float64]], restart: formats.Restart) -> None:
-        """Store one step: its row of ``path.csv``, nodal fields (n,) or (n, 3), and its restart data."""
+        """Store one step: its row of ``path.csv``, nodal fields (n,), (n, 3) or (n, 3, 3), and its restart data."""
+        flat = {
+            name: values if values.ndim < 3 else values.reshape(-1, formats.TENSOR) for name, values in fields.items()
+        }
         self.steps.mkdir(exist_ok=True)
 
         def fill(file: h5py.File) -> None:
-            for name, values in fields.items():
+            for name, values in flat.items():
                 file[name] = values
             file.attrs[formats.ROW], file.attrs[formats.RESTART] = json.dumps(row.cells), json.dumps(restart)
 
         path = self.steps / f"{len(self.stored):04d}.h5"
         replace_hdf5(path, fill)
         self.stored.append(
-            formats.StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), formats.shapes_of(fields))
+            formats.StoredStep(f"{self.steps.name}/{path.name}", "", row, restart.copy(), formats.shapes_of(flat))
         )
         self.write_light()
         if self.folder != self.own.path:
@@ -242,7 +245,11 @@ class Results:
             self.load()  # the run that wrote it has merged its steps meanwhile
         stored = self.stored[step]
         with formats.opened(self.folder / stored.file) as file:
-            return {name: np.asarray(formats.read_values(file, f"{stored.group}/{name}")) for name in names}
+            found = {name: np.asarray(formats.read_values(file, f"{stored.group}/{name}")) for name in names}
+        return {
+            name: values.reshape(-1, 3, 3) if values.shape[1:] == (formats.TENSOR,) else values
+            for name, values in found.items()
+        }
 
     def finish(self) -> None:
         """Merge all steps into one HDF5 file, with every step readable at any moment.

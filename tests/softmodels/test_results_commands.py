@@ -8,6 +8,7 @@ import json
 import re
 import shutil
 
+import numpy as np
 import pytest
 
 import softmodels as sm
@@ -143,6 +144,76 @@ def test_the_command_prints_the_comparison_and_writes_a_report(ended, half_secti
     page.write_text("mine")
     status, out, err = ended(softmodels, "compare", half_section, thinner, "-o", page)
     assert status == 2 and "is not a report of this program" in err and page.read_text() == "mine"
+
+
+@pytest.fixture(scope="module")
+def tensors(tmp_path_factory):
+    """A short run that stores stresses."""
+    disk = sm.HollowDisk(section="axisymmetric", cell_size=0.006, refinement=1.0)
+    law, fields = sm.NeoHookean(28e3), ["cauchy_stress", "principal_stress_directions"]
+    return sm.inflate(disk, law, pressures="0,40 cm", fields=fields, folder=tmp_path_factory.mktemp("tensors") / "disk")
+
+
+def test_tensors_are_stored_as_asked_or_computed_from_what_is_stored(tensors):
+    state = tensors.last
+    stored = state.cauchy_stress
+    assert stored.shape == (len(state.points), 3, 3) and "nominal_stress" not in state.fields
+    again = dataclasses.replace(state, fields={name: state.fields[name] for name in ("displacement", "p")})
+    assert np.allclose(again.cauchy_stress, stored, rtol=0, atol=1e-7 * np.abs(stored).max())
+    F = again.deformation_gradient
+    on_axis = np.abs(state.points[:, 0]) < 1e-9
+    assert (
+        np.allclose(F[on_axis, 0, 0], F[on_axis, 1, 1], atol=0.02) and not F[:, :, 1][:, [0, 2]].any()
+    )  # x radial, y hoop
+    nominal = np.linalg.det(F)[:, None, None] * stored @ np.swapaxes(np.linalg.inv(F), -1, -2)
+    assert (
+        np.abs(state.nominal_stress - nominal).max() < 0.1 * np.abs(nominal).max()
+    )  # products of means, mean of products
+    data = tensors.to_xarray("principal_stress_directions").principal_stress_directions
+    assert data.dims == ("step", "node", "principal", "component")
+    assert np.array_equal(data[-1], state.principal_stress_directions)
+    with pytest.raises(sm.CaseError, match=r"no field 'nominal_stress'.*as by fields=\['nominal_stress'\]"):
+        tensors.to_xarray("nominal_stress")
+    with pytest.raises(sm.CaseError, match="fields has 'stress'; known are deformation_gradient"):
+        sm.inflate(tensors.case.actuator, tensors.case.material, pressures="10 cm", fields=["stress"])
+
+
+def test_values_along_a_line(ended, tensors, tmp_path):
+    state = tensors.at("30 cm")
+    line = state.along(
+        (0.0, 0.005, 0.003), "0, 5, 13 mm", points=41
+    )  # beside the section, through the base and the membrane
+    turned = state.along("5, 0, 3 mm", (0.005, 0.0, 0.013), points=41)
+    assert line.inside.any() and not line.inside.all()  # air lies between
+    swap = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    assert np.allclose(line["cauchy_stress"], swap @ turned["cauchy_stress"] @ swap.T, equal_nan=True)
+    assert np.allclose(line.places, turned.places @ swap.T, equal_nan=True)
+    wall = state.through("apex")
+    assert wall.distance[-1] == pytest.approx(tensors.case.actuator.membrane, rel=1e-3)
+    assert wall.normal_stress[-1] == pytest.approx(-state.pressure, rel=0.25)  # two cells through the membrane
+    words = ("line", tensors._source.folder, "--at", "30cm")
+    file = tmp_path / "wall.csv"
+    status, out, err = ended(softmodels, *words, "--through", "apex", "-o", file)
+    assert (
+        (status, err) == (0, "")
+        and "silicone from 0 to 6 mm" in out
+        and file.with_suffix(".png").stat().st_size > 20_000
+    )
+    with file.open() as text:
+        rows = list(csv.DictReader(text))
+    assert len(rows) == 201 and float(rows[-1]["normal_stress_kPa"]) == pytest.approx(
+        wall.normal_stress[-1] / 1e3, rel=1e-6
+    )
+    for given, sentence in {
+        ("--from", "apex"): "give the line's ends",
+        ("--from", "apex", "--to", "apex"): "begins and ends at (0, 0, 16) mm",
+        ("--from", "apex", "--to", "0, 0, 20 mm", "--points", "9", "-o", tmp_path / "x.txt"): "written as .csv",
+        ("--from", "0, 0, 18 mm", "--to", "0, 0, 20 mm"): "does not meet the silicone of HollowDisk",
+        ("--through", "rim"): "no point 'rim'; known are apex, ceiling",
+        ("--through", "1, 2"): "write a point as",
+    }.items():
+        status, _, err = ended(softmodels, *words, *given)
+        assert status == 2 and sentence in err, err
 
 
 def test_what_cannot_be_compared_is_refused_with_a_sentence(ended, half_section, tmp_path):

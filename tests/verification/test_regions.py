@@ -25,6 +25,7 @@ from softmodels.mechanics.system import System
 from softmodels.runs.fields import Fields
 from tests.support import bodies
 from tests.support.cavities import PushedBody, TubeBody
+from tests.support.closed_forms import work_of_stress
 from tests.support.on_ranks import regions
 from tests.support.ranks import figures_on
 
@@ -97,6 +98,12 @@ def check_values(equations, state, laws, figure, against):
         known = twice / J * np.sqrt(((b - np.roll(b, 1, axis=-1)) ** 2).sum(axis=-1) / 2)
         off = values.von_mises[region.cells] / known - 1
         figure(against, "von Mises stress at the integration points of both layers", off, 1e-9)
+    figure(
+        against,
+        "work of the Cauchy stress on a displacement, over the change of energy",
+        work_of_stress(fields, state),
+        1e-6,
+    )
     assert np.isfinite(values.p).all() and fields.figures(state).stored_energy > 0
 
 

@@ -106,7 +106,7 @@ def test_case_keeps_its_sheet():
     case = Case("disk", HollowDisk(), LAW, pressures_cm=(10.0,), components=[Sheet("top", 51234.5)])
     assert Case.from_toml(case.to_toml()) == case and "stiffness" in case.to_toml()
     with pytest.raises(CaseError, match="not a face of HollowDisk"):
-        dataclasses.replace(case, components=[Sheet("outer", 1e3)])
+        dataclasses.replace(case, components=[Sheet("rim", 1e3)])
     for text, words in (
         ('face = "top"', "both its face and its stiffness"),
         ('face = "top"\nstiffness = "3 kPa"', "cannot be read in N/m"),
