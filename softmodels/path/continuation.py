@@ -237,7 +237,7 @@ class Corrector:
         creeping = bool(self.solver.system.potential.histories)
         guess = None if locked else predict_direction(self.trail.points, state, line, creeping)
         found = self.solver.tangent(state, line, tolerance, guess)
-        if locked or creeping or state.P >= 0.0:
+        if locked or creeping or self.solver.system.direction > 0:
             return found
         return found if self._leads_on(state, found) else -found
 
