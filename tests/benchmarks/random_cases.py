@@ -10,8 +10,9 @@ shapes and planes, rigid parts, clamps, weights, forces and moments; pressures, 
 programs of several steps; every law and every named silicone.
 
 A case is at fault that crashed, that was lost without a physical reason, whose work by the air and by the loads is not what
-is stored (the trapezoidal rule over the path's own steps, within `BALANCE`; over `DENSER` times as many where that misses), or that its own file does not repeat. A case that
-is refused before it is solved is drawn anew and counted; that is a sentence and not a fault.
+is stored (the trapezoidal rule over the path's own steps, within `BALANCE`; over `DENSER` times as many where that misses),
+or that its own file does not repeat. A case that is refused before it is solved is drawn anew and counted; that is a sentence
+and not a fault.
 
 Sections of the default seed, numbers 0 to 525, all on commit 0cd5ca3: 94 of these 526 were refused by their meshes, 432 were
 solved. 321 reached their value, 93 ended at a limit point or another end of the device's own, 16 where the cavity had grown
