@@ -1,0 +1,4 @@
+"""The open inflation benchmark: devices that other laboratories measured, predicted with nothing fitted to them.
+
+- `devices`: their cases and measured points, from the tables beside it. `__main__`: solves them and writes the page.
+"""
