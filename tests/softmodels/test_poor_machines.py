@@ -40,3 +40,28 @@ def test_what_is_missing_is_named(program, words, change, told, tmp_path, monkey
     last = done.err.strip().splitlines()[-1]
     assert done.status == 1 and told in last and "Traceback" not in done.err, done.err
     assert "refine the mesh" not in last and "free some disk space" not in last
+
+
+BLOCKED = """
+import runpy, sys
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("dolfinx", "dolfinx_solver", "petsc4py", "slepc4py", "mpi4py", "ufl", "basix", "ffcx"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Missing())
+sys.argv = sys.argv[1:]
+runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+"""
+
+
+def test_photographs_curves_and_meshes_need_no_fenicsx(tmp_path):
+    (tmp_path / "pull.csv").write_text("stretch,stress_kPa\n" + "".join(
+        f"{1 + k / 10:.1f},{28 * (1 + k / 10 - (1 + k / 10) ** -2):.4f}\n" for k in range(1, 15)
+    ))  # fmt: skip
+    fit = ("softmodels", "fit", "--tensile", "pull.csv", "--material", "yeoh", "--no-pictures", "-o", "fit")
+    for words in (fit, ("geometries", "HollowDisk", "-o", "disk.msh"), ("measurement", "--help")):
+        done = runs.run("-c", BLOCKED, *words, cwd=tmp_path)
+        assert done.status == 0, done.err
+    assert (tmp_path / "fit" / "fitted.toml").is_file() and (tmp_path / "disk.msh").is_file()
+    done = runs.run("-c", BLOCKED, "softmodels", "run", "--device", "Balloon", "--pressure-cm", "0:2", cwd=tmp_path)
+    assert done.status == 1 and "the simulation needs FEniCSx (softmodels doctor lists what is missing)" in done.err
