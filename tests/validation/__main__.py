@@ -30,8 +30,6 @@ from tests.validation.devices import HERE, Measured, beam, cylinder, membranes
 PAGE = HERE.parents[1] / "docs" / "pages" / "explanation" / "benchmark.md"
 PICTURE = PAGE.parents[1] / "img" / "benchmark.png"
 BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
-BANDED = 20.0
-"""Seconds of a run up to which the other sources of its silicone are solved too."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,12 +62,12 @@ class Predicted:
 
 
 def predict(one: Measured, sources: bool = True) -> Predicted:
-    """Solve a device with its material and, where that does not take long, with the other sources of its silicone."""
+    """Solve a device with its material and, where it says so, with the other sources of its silicone."""
     started = time.perf_counter()
     values = one.predict(sm.run(one.case(one.material)), one.given)
     seconds = time.perf_counter() - started
     low = high = np.full(len(values), np.nan)
-    if sources and seconds < BANDED and (others := one.sources):
+    if sources and one.spanned and (others := one.sources):
         found = [one.predict(sm.run(one.case(material)), one.given) for material in others]
         low, high = np.min([values, *found], axis=0), np.max([values, *found], axis=0)
     return Predicted(one, values, low, high, seconds)

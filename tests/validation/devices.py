@@ -41,6 +41,7 @@ class Measured:
         material: The silicone that is taken.
         product: Its name, and where it comes from.
         predict: Values at what is given, of a run; NaN where it ends before.
+        spanned: Whether the other sources of its silicone are solved too; not where that takes long.
     """
 
     group: str
@@ -53,6 +54,7 @@ class Measured:
     material: Material
     product: str
     predict: Callable[[sm.Run, np.ndarray], np.ndarray]
+    spanned: bool = True
 
     @property
     def sources(self) -> list[Material]:
@@ -166,7 +168,7 @@ def cylinder(folder: Path) -> Iterator[Measured]:
         "bending cylinder of two silicones", "cylinder", np.array([row["bend_deg"] for row in rows]),
         np.array([row["pressure_kPa"] for row in rows]), "bend in degrees", "pressure in kPa",
         lambda material: dataclasses.replace(Case.from_toml(text), material=material), ECOFLEX, LIAO,
-        lambda run, angles: _at(np.abs(run.path["bend_deg"]), run.path["pressure_Pa"] / 1e3, angles),
+        lambda run, angles: _at(np.abs(run.path["bend_deg"]), run.path["pressure_Pa"] / 1e3, angles), spanned=False,
     )  # fmt: skip
 
 
