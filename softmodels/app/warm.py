@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import importlib
-import multiprocessing
-import signal
 from collections import Counter
-from multiprocessing.connection import Connection
 from typing import Any
+
+from softmodels.common.workers import DiedError, Worker
 
 
 class SupersededError(Exception):
@@ -31,11 +28,9 @@ class Warm:
     """
 
     def __init__(self, module: str):
-        self.module = module
+        self._worker = Worker(module)
         self._turn = asyncio.Lock()
         self._asked: Counter[str] = Counter()
-        self._process: multiprocessing.process.BaseProcess | None = None
-        self._line: Connection
 
     async def ask(self, function: str, *args: object, kind: str = "") -> Any:
         """Return what a function of the module returns.
@@ -61,48 +56,15 @@ class Warm:
 
     def start(self) -> None:
         """Start the process, which imports its module now and not at the first question."""
-        if self._process is not None and self._process.is_alive():
-            return
-        context = multiprocessing.get_context("spawn")
-        self._line, far = context.Pipe()
-        self._process = context.Process(target=_answer, args=(self.module, far), daemon=False)
-        self._process.start()
-        far.close()
+        self._worker.start()
 
-    def _answered(self, function: str, args: tuple[object, ...]) -> tuple[bool, object]:
+    def _answered(self, function: str, args: tuple[object, ...]) -> tuple[bool, Any]:
         """Return whether there is an answer, and it; else the sentence why there is none."""
         try:
-            self.start()
-            self._line.send((function, args))
-            found: tuple[bool, object] = self._line.recv()
-        except (EOFError, OSError):
-            self.stop()
-            return (
-                False,
-                "the process that computes ended, perhaps because memory ran out; use larger cells, and try again",
-            )
-        return found
+            return self._worker.call(function, *args)
+        except DiedError as error:
+            return False, str(error)
 
     def stop(self) -> None:
         """End the process."""
-        if self._process is not None:
-            self._process.terminate()
-            self._process.join(5.0)
-            self._process = None
-
-
-def _answer(module: str, line: Connection) -> None:
-    """Answer questions until the line is closed; in the process."""
-    from softmodels.common.errors import reason
-    from softmodels.common.processes import end_with_parent
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's
-    end_with_parent()
-    functions = importlib.import_module(module)
-    with contextlib.suppress(EOFError, BrokenPipeError):
-        while True:
-            function, args = line.recv()
-            try:
-                line.send((True, getattr(functions, function)(*args)))
-            except Exception as error:
-                line.send((False, reason(error)))
+        self._worker.stop()

@@ -25,6 +25,7 @@ from softmodels.case.components import VARIABLE, own_modules
 from softmodels.common.commands import COLORMAP, bounded
 from softmodels.common.errors import reason, spoken
 from softmodels.common.processes import COLUMNS, columns, cores, say
+from softmodels.common.workers import environment_alone
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
 from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term
@@ -48,7 +49,7 @@ def start_drawing(case: Case, module: str, *words: str) -> subprocess.Popen[str]
     Raises:
         OSError: No process can be started.
     """
-    inherited = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "HYDRA", "MPI", "OMPI", "PMIX"))}
+    inherited = environment_alone()
     inherited[VARIABLE] = own_modules(case, *OUTPUTS.values())
     pipe = subprocess.PIPE
     return subprocess.Popen(

@@ -15,14 +15,17 @@ import numpy.typing as npt
 from geometries import Actuator, GeometryError
 from geometries.options import flag
 from softmodels.case.case import Case
+from softmodels.case.components import import_own_modules
 from softmodels.case.entries import CaseError
 from softmodels.case.load import STIFFNESS_RANGE
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import FieldError
 from softmodels.common.names import read_only
+from softmodels.common.processes import cores
 from softmodels.common.schema import Length, Quantity, about, shown
 from softmodels.common.units import UnitError, brief, number, quantity
+from softmodels.common.workers import answers
 from softmodels.components.loads import weighed
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import (
@@ -35,11 +38,11 @@ from softmodels.materials.silicones import (
     spanning,
     spread_sentence,
 )
-from softmodels.mechanics.mpi import on_root
+from softmodels.mechanics.mpi import on_root, start
 from softmodels.path.supply import AMBIENT
 from softmodels.runs.grid import Cells
 from softmodels.runs.model import AtRest, Equilibrium, Mode, Model, meshed
-from softmodels.runs.notes import unseen
+from softmodels.runs.notes import sentences, unseen
 from softmodels.runs.outcomes import Ended, RunError
 
 if TYPE_CHECKING:
@@ -348,7 +351,7 @@ def samples(tolerances: Sequence[Tolerance], count: int, normal: bool = False) -
 def scatter(
     case: Case, material: Material, tolerances: Sequence[Tolerance], values: npt.NDArray[np.float64], comm: MPI.Comm
 ) -> list[tuple[Mapping[str, float], Limit]]:
-    """Find the limit of each sampled device, with its parameters.
+    """Find the limit of each sampled device, with its parameters; several are solved at a time, on all cores.
 
     Args:
         case: See `find_limit`; the device as drawn.
@@ -359,16 +362,27 @@ def scatter(
 
     Raises:
         CaseError: Tolerances that make no device.
+        RunError: A device cannot be meshed or solved.
     """
-    found: list[tuple[Mapping[str, float], Limit]] = []
-    for row in values:
-        changes = {t.name: float(value) for t, value in zip(tolerances, row, strict=True)}
-        try:
-            device = case.actuator.made(changes)
-        except GeometryError as error:
-            raise CaseError(f"the tolerances include a device that cannot be built: {error}") from None
-        found.append((changes, find_limit(dataclasses.replace(case, actuator=device), [material], comm)[0]))
-    return found
+    every = [{t.name: float(value) for t, value in zip(tolerances, row, strict=True)} for row in values]
+    try:
+        devices = [case.actuator.made(changes) for changes in every]
+    except GeometryError as error:
+        raise CaseError(f"the tolerances include a device that cannot be built: {error}") from None
+    tasks = {k: dataclasses.replace(case, actuator=one, material=material) for k, one in enumerate(devices)}
+    found = on_root(comm, lambda: dict(answers(__name__, limit_of.__name__, tasks, cores())))
+    for done, value in found.values():
+        if not done:
+            raise RunError(value)
+    return [(changes, found[k][1]) for k, changes in enumerate(every)]
+
+
+def limit_of(case: Case) -> Limit:
+    """Return the limit of a case, whose load is not looked at; called in a process of its own."""
+    import_own_modules()
+    comm = start()
+    with sentences():
+        return find_limit(case, [case.material], comm)[0]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
