@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from softmodels.components.walls import Walls as Walls
     from softmodels.design.optimise import optimise as optimise
     from softmodels.design.problem import DesignProblem as DesignProblem, Keep as Keep
+    from softmodels.design.study import Study as Study, StudyError as StudyError, study as study
     from softmodels.design.trials import DesignError as DesignError
     from softmodels.fitting.curves.curve import TensileCurve as TensileCurve, TensileError as TensileError
     from softmodels.fitting.curves.fit import fit_curves as fit_curves
@@ -132,6 +133,7 @@ _PLACES = {
     "softmodels.design.problem": ("Keep", "DesignProblem"),
     "softmodels.design.trials": ("DesignError",),
     "softmodels.design.optimise": ("optimise",),
+    "softmodels.design.study": ("study", "Study", "StudyError"),
     "softmodels.fitting.problem": ("FitError", "FitOptions"),
     "softmodels.fitting.outlines.fit": ("fit", "fit_heights"),
     "softmodels.fitting.curves.curve": ("TensileCurve", "TensileError"),

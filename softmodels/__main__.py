@@ -77,6 +77,10 @@ PLACES = {
         "softmodels.cli.silicone_command", "silicones",
         "List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.",
     ),
+    "study": CommandPlace(
+        "softmodels.cli.study_command", "study_command",
+        "Solve the case of a study FILE many times with some of its fields varied.",
+    ),
 }  # fmt: skip
 """The commands except `draw` and `doctor`, which are below."""
 
@@ -93,6 +97,7 @@ def softmodels() -> None:
     softmodels limit --help             how much pressure a design can bear
     softmodels modes --help             natural frequencies at rest and under pressure
     softmodels design problem.toml      the device that does best what is asked for, within its limits
+    softmodels study study.toml         many samples of a case: dataset, response surfaces, Sobol indices
     softmodels mould case.toml          the bodies to cast a device in, and a sheet for the bench
     softmodels export case.toml -o x.inp    the same case for CalculiX or FEBio
     softmodels open results/disk        open a report in the browser

@@ -6,7 +6,7 @@ import asyncio
 from collections import Counter
 from typing import Any
 
-from softmodels.common.workers import DiedError, Worker
+from softmodels.common.workers import Answer, DiedError, Worker
 
 
 class SupersededError(Exception):
@@ -58,7 +58,7 @@ class Warm:
         """Start the process, which imports its module now and not at the first question."""
         self._worker.start()
 
-    def _answered(self, function: str, args: tuple[object, ...]) -> tuple[bool, Any]:
+    def _answered(self, function: str, args: tuple[object, ...]) -> Answer:
         """Return whether there is an answer, and it; else the sentence why there is none."""
         try:
             return self._worker.call(function, *args)

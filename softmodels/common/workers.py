@@ -28,6 +28,10 @@ def environment_alone() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)}
 
 
+type Answer = tuple[bool, Any]
+"""Whether a function returned, and its value; else the sentence of its error."""
+
+
 class DiedError(Exception):
     """The process ended before it answered."""
 
@@ -60,8 +64,8 @@ class Worker:
         there.close()
         self._line = Connection(here.detach())
 
-    def call(self, function: str, *args: object) -> tuple[bool, Any]:
-        """Return whether a function of the module returned, and its value; else the sentence of its error.
+    def call(self, function: str, *args: object) -> Answer:
+        """Return the answer of a function of the module.
 
         Raises:
             DiedError: The process ended meanwhile.
@@ -69,7 +73,7 @@ class Worker:
         try:
             self.start()
             self._line.send((function, args))
-            found: tuple[bool, Any] = self._line.recv()
+            found: Answer = self._line.recv()
         except (EOFError, OSError):
             self.stop()
             raise DiedError(ENDED) from None
@@ -89,9 +93,7 @@ class Worker:
         self._process = None
 
 
-def answers(
-    module: str, function: str, tasks: Mapping[int, object], count: int
-) -> Iterator[tuple[int, tuple[bool, Any]]]:
+def answers(module: str, function: str, tasks: Mapping[int, object], count: int) -> Iterator[tuple[int, Answer]]:
     """Yield each task's number and answer, see `Worker.call`, as soon as it is known; several processes share the tasks.
 
     A task whose process dies is given to a new one once more.
@@ -107,7 +109,7 @@ def answers(
         worker.start()  # by this thread: a process ends with the thread that started it
         free.put(worker)
 
-    def answer(task: object) -> tuple[bool, Any]:
+    def answer(task: object) -> Answer:
         worker = free.get()
         try:
             with contextlib.suppress(DiedError):

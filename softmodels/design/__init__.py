@@ -6,4 +6,5 @@ Begin with `problem` (what is asked) and `optimise` (the call, and the search).
 - `quantities`: what it is judged by, and the meshed device that this is evaluated on. `extremes`, `targets`: more of them.
 - `formulation`: the problem in numbers of size one. `model`: the device as the optimiser sees it, and the folder of its trials.
 - `states`: its states and their gradients. `result`: what was found.
+- `study`: samples of a case instead of a search: a dataset, surrogates, Sobol indices.
 """

@@ -15,11 +15,14 @@ import itertools
 import json
 import math
 import re
+import threading
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
+import numpy.typing as npt
 from scipy import stats
 
 from softmodels.case.case import Case, identity
@@ -29,13 +32,14 @@ from softmodels.case.materials import MaterialErrors, to_table
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import Spoken, known_are, reason, required, written
-from softmodels.common.files import file_digest, read_text, replace
+from softmodels.common.files import read_text, replace
 from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
 from softmodels.common.names import callback, checked, flag, place, whole
 from softmodels.common.processes import cores
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, number, number_and_unit
-from softmodels.common.workers import DiedError, Worker, answers
+from softmodels.common.workers import Answer, DiedError, Worker, answers
+from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nudged
 from softmodels.mechanics.mpi import start
 from softmodels.runs.analyses import limit_of
@@ -86,7 +90,9 @@ class Input:
         Raises:
             StudyError: None of these.
         """
-        how = f'[vary] {key} = {given!r} is not like "1.8:2.2 mm", "1.8:2.2:0.1 mm", "2 mm +- 0.2 mm" or a list of values'
+        how = (
+            f'[vary] {key} = {given!r} is not like "1.8:2.2 mm", "1.8:2.2:0.1 mm", "2 mm +- 0.2 mm" or a list of values'
+        )
         if isinstance(given, list) and given and all(isinstance(one, str | int | float) for one in given):
             return cls._listed(key, given)
         if not isinstance(given, str):
@@ -102,14 +108,16 @@ class Input:
         if len(numbers) == 3:
             low, high, step = numbers
             if not (high > low and 0.0 < step <= high - low):
-                raise StudyError(f"[vary] {key} = {given!r} has no steps; write it as from:to:step, such as 1.8:2.2:0.1 mm")
+                raise StudyError(
+                    f"[vary] {key} = {given!r} has no steps; write it as from:to:step, such as 1.8:2.2:0.1 mm"
+                )
             count = math.floor((high - low) / step * (1 + 1e-12))
             return cls(key, tuple(float(f"{low + k * step:.12g}") for k in range(count + 1)), unit=unit)
         if len(numbers) != 2:
             raise StudyError(how)
         if not numbers[1] > numbers[0]:
             raise StudyError(f"[vary] {key} = {given!r} is empty; write the smaller value first")
-        return cls(key, (), *numbers, unit=unit)
+        return cls(key, (), numbers[0], numbers[1], unit=unit)
 
     @classmethod
     def _normal(cls, key: str, middle: str, half: str) -> Input:
@@ -246,7 +254,9 @@ class StudyPlan:
         if self.sampling in ("sobol", "saltelli") and self.samples & (self.samples - 1):
             raise StudyError(f"samples is {self.samples}; a Sobol sequence needs a power of two, such as 32 or 64")
         if len(self.points) > MOST:
-            raise StudyError(f"the study has {len(self.points)} samples; at most {MOST} are solved, so take fewer or larger steps")
+            raise StudyError(
+                f"the study has {len(self.points)} samples; at most {MOST} are solved, so take fewer or larger steps"
+            )
 
     @functools.cached_property
     def points(self) -> Array:
@@ -279,8 +289,9 @@ class StudyPlan:
     def _tables(self) -> dict[str, object]:
         return parse_toml(dataclasses.replace(self.case, band=None).to_toml())
 
+    @functools.cached_property
     def cases(self) -> tuple[dict[int, Case], dict[int, str]]:
-        """Return the case of each sample, and the sentences of those that have none.
+        """The case of each sample, and the sentences of those that have none.
 
         Raises:
             StudyError: No sample has a case.
@@ -335,12 +346,12 @@ def _flat(varied: Mapping[str, object], before: str = "") -> Iterator[tuple[str,
             yield f"{before}{key}", given
 
 
-def _drawn(case: Case, steps: Array) -> object:
+def _drawn(case: Case, steps: Array) -> Material:
     """Return the material some standard deviations away, along the independent directions of its errors."""
     assert isinstance(case.band, MaterialErrors)
     material = case.material
     for name, change in zip(case.band.names, case.band.roots @ steps, strict=True):
-        material = nudged(material, name, float(change))  # type: ignore[assignment]
+        material = nudged(material, name, float(change))
     return material
 
 
@@ -417,24 +428,23 @@ def solved(task: tuple[Case, str]) -> dict[str, object]:
     return {"rows": asked, "ended": ended, "limit_Pa": limits[0] if limits else math.nan}
 
 
-_BESIDE: list[Worker] = []
-"""The process beside this one that solves, on a machine of a cluster."""
+_BESIDE = threading.local()
+"""The process beside this one that solves for a thread, on a machine of a cluster."""
 
 
-def solved_beside(task: tuple[Case, str]) -> tuple[bool, object]:
+def solved_beside(task: tuple[Case, str]) -> Answer:
     """Return the answer for a sample of a process beside this one: what a worker of dask calls."""
-    if not _BESIDE:
-        _BESIDE.append(Worker(__name__))
+    worker = _BESIDE.__dict__.setdefault("worker", Worker(__name__))
     for attempt in (False, True):
         try:
-            return _BESIDE[0].call(solved.__name__, task)
+            return worker.call(solved.__name__, task)
         except DiedError as error:
             if attempt:
                 return False, str(error)
     raise AssertionError("the second attempt has returned")
 
 
-def _by_cluster(scheduler: str, tasks: Mapping[int, tuple[Case, str]]) -> Iterator[tuple[int, tuple[bool, object]]]:
+def _by_cluster(scheduler: str, tasks: Mapping[int, tuple[Case, str]]) -> Iterator[tuple[int, Answer]]:
     """Yield the answers of a cluster of dask; a worker that is lost is replaced, and its samples are solved elsewhere.
 
     Raises:
@@ -448,7 +458,7 @@ def _by_cluster(scheduler: str, tasks: Mapping[int, tuple[Case, str]]) -> Iterat
             f"the scheduler {scheduler} does not answer ({reason(error)}); start one by: dask scheduler, and workers by: "
             f"dask worker {scheduler} --nthreads 1"
         ) from None
-    with client:
+    with client, client.as_current():
         numbers = {client.submit(solved_beside, task, pure=False): k for k, task in tasks.items()}
         for future in distributed.as_completed(list(numbers)):
             failed = future.status != "finished"
@@ -461,7 +471,7 @@ def _by_cluster(scheduler: str, tasks: Mapping[int, tuple[Case, str]]) -> Iterat
 
 
 SAMPLES, DATASET, PAGE = "samples.jsonl", "study.nc", "report.html"
-FILES = (SAMPLES, DATASET, PAGE, "study.csv")
+FILES = (SAMPLES, DATASET, PAGE, "study.csv", "parallel.png")
 
 
 class StudyFolder:
@@ -478,10 +488,11 @@ class StudyFolder:
     """
 
     def __init__(self, plan: StudyPlan, output: OwnFolder | None, resume: bool, inputs: Sequence[Path] = ()):
-        self.own, self.answers, self._file = output, dict[int, dict[str, object]](), None
+        _ = plan.cases  # raises before anything is written
+        self.own, self.answers = output, dict[int, dict[str, object]]()
+        self._file: TextIO | None = None
         if output is None:
             return
-        self._file: TextIO | None = None
         try:
             output.take()
             try:
@@ -585,7 +596,11 @@ def study(
         StudyError: Invalid input, before anything is solved; or no sample has a result.
         ImportError: xarray, or dask for a scheduler, is not installed.
     """
-    plan = file if isinstance(file, StudyPlan) else StudyPlan.from_file(place("file", file, "a study file, or a StudyPlan"))
+    plan = (
+        file
+        if isinstance(file, StudyPlan)
+        else StudyPlan.from_file(place("file", file, "a study file, or a StudyPlan"))
+    )
     callback("progress", progress)
     output = None if folder is None else OwnFolder(place("folder", folder, "a folder"), KIND)
     kept = StudyFolder(plan, output, flag("resume", resume))
@@ -615,20 +630,25 @@ def open_folder(plan: StudyPlan, output: Path | None, resume: bool, inputs: Sequ
 
 
 def solve_into(
-    kept: StudyFolder, plan: StudyPlan, jobs: int = 0, scheduler: str = "", progress: Callable[[str], object] | None = None
+    kept: StudyFolder,
+    plan: StudyPlan,
+    jobs: int = 0,
+    scheduler: str = "",
+    progress: Callable[[str], object] | None = None,
 ) -> Study:
     """Solve the samples that a folder does not have yet; see `study`."""
     required("xarray", EXTRA)
-    cases, failures = plan.cases()
+    cases, failures = plan.cases
     for k, text in failures.items():
         if k not in kept.answers:
             kept.add(k, {"failure": text})
     tasks = {k: (case, plan.answer) for k, case in cases.items() if k not in kept.answers}
     count = len(plan.points)
-    if scheduler and tasks:
-        found = _by_cluster(scheduler, tasks)
-    else:
-        found = answers(__name__, solved.__name__, tasks, jobs or cores())
+    found = (
+        _by_cluster(scheduler, tasks)
+        if scheduler and tasks
+        else answers(__name__, solved.__name__, tasks, jobs or cores())
+    )
     for k, (done, value) in found:
         kept.add(k, value if done else {"failure": str(value)})
         if progress is not None:
@@ -645,8 +665,11 @@ def dataset_of(plan: StudyPlan, found: Mapping[int, Mapping[str, object]]) -> xa
     order = range(len(plan.points))
     variables: dict[str, tuple[object, ...]] = {}
     for one, column in zip(plan.inputs, plan.points.T, strict=True):
-        values = [one.value(x) for x in column]
-        variables[one.key] = ("sample", values, {"units": one.unit, "long_name": f"input {one.key}"})
+        variables[one.key] = (
+            "sample",
+            [one.value(x) for x in column],
+            {"units": one.unit, "long_name": f"input {one.key}"},
+        )
     rows = {k: list(found[k].get("rows", ())) for k in order}  # type: ignore[call-overload]
     states = max(map(len, rows.values()))
     names = dict.fromkeys(name for own in rows.values() for row in own for name in row)
@@ -684,7 +707,10 @@ FEWEST = 8
 """Minimum number of samples of a surrogate."""
 DRAWS = 2**12
 """Base samples of a surrogate's indices."""
-CONFIDENCE = 0.95
+RESAMPLED = 100
+"""Bootstrap samples of the indices' intervals."""
+DEVIATIONS = 1.96
+"""Half width of a 95 % interval in standard deviations."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -762,7 +788,11 @@ def surrogate_of(inputs: tuple[Input, ...], points: Array, values: Array) -> Sur
     if spread <= 1e-12 * float(np.abs(y).max()):
         return Surrogate(inputs, 0.0, 0.0, lambda at: np.full(len(at), y[0]))
     kernel = ConstantKernel(1.0, (1e-2, 1e5)) * RBF(np.ones(X.shape[1]), (0.05, 1e3)) + WhiteKernel(1e-6, (1e-12, 1e-1))
-    process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(X, y)
+    with warnings.catch_warnings():
+        warnings.simplefilter(
+            "ignore"
+        )  # where the likelihood is flat or an input has no effect; the error below is measured
+        process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(X, y)
     again = GaussianProcessRegressor(process.kernel_, optimizer=None, normalize_y=True)
     folds = KFold(min(FOLDS, len(y)), shuffle=True, random_state=0)
     error = float(np.sqrt(np.mean((cross_val_predict(again, X, y, cv=folds) - y) ** 2)))
@@ -772,21 +802,21 @@ def surrogate_of(inputs: tuple[Input, ...], points: Array, values: Array) -> Sur
 def indices_of(inputs: tuple[Input, ...], response: Callable[[Array], Array] | Array, draws: int = DRAWS) -> Indices:
     """Return the Sobol indices of a function of points (n, inputs), or of values at the points of ``"saltelli"``."""
     if callable(response):
-        function = response
-        found = stats.sobol_indices(
-            func=lambda x: np.atleast_2d(function(x.T)), n=draws, dists=list(inputs), rng=np.random.default_rng(0)
-        )
-    else:
-        A, B, *mixed = np.split(response, len(inputs) + 2)
-        values = {"f_A": A[None], "f_B": B[None], "f_AB": np.array(mixed)[:, None]}
-        found = stats.sobol_indices(func=values, n=len(A), dists=list(inputs))
-    spread = found.bootstrap(confidence_level=CONFIDENCE, n_resamples=100)
-    halves = [
-        tuple(float(x) for x in np.ravel(one.confidence_interval.high - one.confidence_interval.low) / 2)
-        for one in (spread.first_order, spread.total_order)
-    ]
-    first, total = (tuple(float(x) for x in np.ravel(one)) for one in (found.first_order, found.total_order))
-    return Indices(tuple(one.key for one in inputs), first, total, *halves)
+        shares = unit_points("saltelli", len(inputs), draws, 0)
+        response = response(np.column_stack([one.ppf(x) for one, x in zip(inputs, shares.T, strict=True)]))
+    parts = np.array(np.split(response, len(inputs) + 2))  # of A, B, and A with each column from B
+
+    def estimated(chosen: npt.NDArray[np.int64]) -> Array:
+        own = parts[:, chosen]
+        values = {"f_A": own[:1], "f_B": own[1:2], "f_AB": own[2:, None]}
+        found = stats.sobol_indices(func=values, n=own.shape[1])
+        return np.vstack([np.ravel(found.first_order), np.ravel(found.total_order)])
+
+    count, rng = parts.shape[1], np.random.default_rng(0)
+    found = estimated(np.arange(count))
+    again = np.array([estimated(rng.integers(0, count, size=(count,))) for _ in range(RESAMPLED)])
+    first, total, first_half, total_half = map(tuple, np.vstack([found, DEVIATIONS * again.std(axis=0)]).tolist())
+    return Indices(tuple(one.key for one in inputs), first, total, first_half, total_half)
 
 
 class Study(Shown):
@@ -819,7 +849,9 @@ class Study(Shown):
     def responses(self) -> tuple[str, ...]:
         """The columns that are analysed."""
         inputs = [one.key for one in self.plan.inputs]
-        numbers = [str(name) for name, one in self.dataset.data_vars.items() if one.dtype.kind == "f" and name not in inputs]
+        numbers = [
+            str(name) for name, one in self.dataset.data_vars.items() if one.dtype.kind == "f" and name not in inputs
+        ]
         return self.plan.columns_analysed(numbers)
 
     @property
@@ -880,7 +912,9 @@ def load_study(plan: StudyPlan, folder: Path) -> Study:
     found = _read(folder / SAMPLES)
     if not found:
         raise StudyError(f"{folder} holds no samples; run softmodels study")
-    return Study(plan, dataset_of(plan, {k: found.get(k, {"failure": "not solved yet"}) for k in range(len(plan.points))}))
+    return Study(
+        plan, dataset_of(plan, {k: found.get(k, {"failure": "not solved yet"}) for k in range(len(plan.points))})
+    )
 
 
-__all__ = ["Indices", "Input", "Study", "StudyError", "StudyPlan", "Surrogate", "file_digest", "study"]
+__all__ = ["Indices", "Input", "Study", "StudyError", "StudyPlan", "Surrogate", "study"]
