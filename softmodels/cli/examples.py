@@ -273,6 +273,7 @@ lifted, height     a membrane with a plate and a weight; the force on the plate 
 finger, bent       a finger of two silicones with paper, under its weight; a wound finger with a sheet
 rod, muscle, cell  a spheroid with a rod; a McKibben muscle with a load; a bellows on a load cell
 sagging            a strip under its weight
+problems, studies  a design problem; a study of a limit pressure
 
 Try them as the README of softmodels shows, for example
 
@@ -733,8 +734,32 @@ at_least = 1.25
 [tolerances]                            # one standard deviation; all limits then hold with 95 % probability
 base = "0.1 mm"
 """,
+    "studies/limit.toml": """# softmodels study: how the limit pressure of the thin disk depends on its lengths and its silicone
+sampling = "sobol"                      # or latin-hypercube, saltelli, grid
+samples = 32
+answer = "limit"                        # or path: all requested states of the case's load
+responses = ["limit_Pa", "max_stretch"]
+
+[case.geometry]
+device = "HollowDisk"
+section = "axisymmetric"
+cell_size = "4 mm"
+
+[case.material]
+law = "yeoh"
+c1 = "14 kPa"
+c2 = "60 Pa"
+
+[case.load]
+pressure_cm = "0:20"
+
+[vary]                                  # any place of a case file
+geometry.membrane = "1.6:2.4 mm"        # uniform
+geometry.cavity_radius = "12:20 mm"
+material.c1 = "14 kPa +- 2 kPa"         # normal, 95 %
+""",
 }
-"""Design problems by file name."""
+"""Design problems and studies by file name."""
 
 
 # ----------------------------------------------------------------------------------------------------------------------

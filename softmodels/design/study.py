@@ -218,12 +218,17 @@ class StudyPlan:
             if key not in known:
                 raise StudyError(f"{path} has an unknown entry {key!r}; {known_are(key, known)}")
         varied, file = table.get("vary"), table.get("case")
-        if not isinstance(file, str):
-            raise StudyError(f'{path} names no case; write case = "disk.toml"')
+        if not isinstance(file, str | dict):
+            raise StudyError(
+                f'{path} names no case; write case = "disk.toml", or its tables as [case.geometry] and so on'
+            )
         if not isinstance(varied, dict) or not varied:
             raise StudyError(f'{path} varies nothing; write [vary] and below it "geometry.membrane" = "1.8:2.2 mm"')
         try:
-            case = Case.from_file(path.parent / file)
+            import tomli_w
+
+            inline = isinstance(file, dict)
+            case = Case.from_toml(tomli_w.dumps(file), path.parent) if inline else Case.from_file(path.parent / file)
         except CaseError as error:
             raise StudyError(str(error)) from None
         numbers = {key: table[key] for key in ("samples", "seed") if key in table}
