@@ -24,8 +24,7 @@ from softmodels.case.case import Case
 from softmodels.case.components import VARIABLE, own_modules
 from softmodels.common.commands import COLORMAP, bounded
 from softmodels.common.errors import reason, spoken
-from softmodels.common.processes import COLUMNS, columns, cores, say
-from softmodels.common.workers import environment_alone
+from softmodels.common.processes import COLUMNS, columns, cores, environment_alone, say
 from softmodels.materials.silicones import stretch_at_break
 from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, start
 from softmodels.runs.columns import StateLabels, overlap_text, state_labels, term

@@ -30,6 +30,15 @@ def end_with_parent() -> None:
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
+LAUNCHERS = ("PMI", "HYDRA", "MPI", "OMPI", "PMIX")
+"""How the environment variables of MPI launchers begin."""
+
+
+def environment_alone() -> dict[str, str]:
+    """Return this process' environment for one that is no rank of its MPI."""
+    return {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)}
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # The process' signal handlers are the caller's: those that compiled code sets at its start are taken away again.
 

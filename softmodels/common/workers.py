@@ -16,16 +16,9 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from softmodels.common.errors import reason
-from softmodels.common.processes import end_with_parent
+from softmodels.common.processes import end_with_parent, environment_alone
 
-LAUNCHERS = ("PMI", "HYDRA", "MPI", "OMPI", "PMIX")
-"""How the environment variables of MPI launchers begin."""
 ENDED = "the process that computes ended, perhaps because memory ran out; use larger cells, and try again"
-
-
-def environment_alone() -> dict[str, str]:
-    """Return this process' environment for one that is no rank of its MPI."""
-    return {name: value for name, value in os.environ.items() if not name.startswith(LAUNCHERS)}
 
 
 type Answer = tuple[bool, Any]

@@ -25,7 +25,6 @@ from softmodels.common.names import read_only
 from softmodels.common.processes import cores
 from softmodels.common.schema import Length, Quantity, about, shown
 from softmodels.common.units import UnitError, brief, number, quantity
-from softmodels.common.workers import answers
 from softmodels.components.loads import weighed
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import (
@@ -364,6 +363,8 @@ def scatter(
         CaseError: Tolerances that make no device.
         RunError: A device cannot be meshed or solved.
     """
+    from softmodels.common.workers import answers
+
     every = [{t.name: float(value) for t, value in zip(tolerances, row, strict=True)} for row in values]
     try:
         devices = [case.actuator.made(changes) for changes in every]
