@@ -1,0 +1,628 @@
+"""A run reduced to its tip: pose, volume, stiffness and their derivatives over the pressure, from exact linear responses.
+
+The pose of a face is the mean of its displacement and the rotation that fits it best (Kabsch 1976, doi
+10.1107/S0567739476001873): R maximises tr(R^T A), A = mean of x (X - c)^T over the undeformed face. Both depend on twelve means that
+are linear in the displacement, so their derivatives by loads and pressures are exact: one solve with the factorised tangent
+each. Force and moment on the tip are those that do work on position and rotation, so the compliance is symmetric.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.spatial.transform import Rotation
+
+from geometries import Actuator
+from softmodels.case.case import Case
+from softmodels.case.entries import CaseError
+from softmodels.case.materials import MaterialErrors
+from softmodels.common.arrays import Array
+from softmodels.common.cards import Shown, Table
+from softmodels.common.errors import known_are
+from softmodels.materials.silicones import density_of, extrapolated
+from softmodels.mechanics.mpi import on_root, start
+from softmodels.runs.fields import Row
+from softmodels.runs.formats import Restart
+from softmodels.runs.model import temporary_folder
+from softmodels.runs.notes import sentences
+from softmodels.runs.outcomes import RunError
+from softmodels.runs.recording import StoredRun, stored_state
+from softmodels.runs.simulation import Simulation
+
+if TYPE_CHECKING:
+    from softmodels.mechanics.system import State, System
+
+TOLERANCE = 1e-11
+"""Relative tolerance of the linear responses."""
+DEVIATIONS = 1.959963984540054
+"""Half width of a 95 % interval in standard deviations."""
+FEWEST = 4
+"""Minimum number of states of a table."""
+SAME = 1e-9
+"""Relative size below which a load by symmetry does nothing."""
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The pose of a face, and its derivatives.
+
+
+def hat(a: Array) -> Array:
+    """Return the matrix of the cross product with a vector."""
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+
+def axial(W: Array) -> Array:
+    """Return the vector whose cross product is the skew part of a matrix, times two."""
+    return np.array([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])
+
+
+def fitted_rotation(A: Array) -> tuple[Array, Array]:
+    """Return the rotation R that maximises tr(R^T A), and the matrix that turns axial(R^T dA) into its angular rate in space."""
+    U, s, Vt = np.linalg.svd(A)
+    s[2] *= np.sign(np.linalg.det(U) * np.linalg.det(Vt))
+    R = U @ np.diag([1.0, 1.0, np.sign(s[2]) or 1.0]) @ Vt
+    if np.linalg.det(R) < 0.0:  # a plane face: the third direction has no part in A
+        R = U @ np.diag([1.0, 1.0, -1.0]) @ Vt
+    P = Vt.T @ np.diag(s) @ Vt
+    return R, R @ np.linalg.inv(np.trace(P) * np.eye(3) - P)
+
+
+def group(actuator: Actuator) -> list[Array]:
+    """Return the motions that make the whole device of its slice: the reflections in its cut planes and their products."""
+    mirrors = [np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal) for plane in actuator.cut_planes]
+    found = [np.eye(3)]
+    for one in found:
+        for mirror in mirrors:
+            made = mirror @ one
+            if len(found) < max(actuator.copies, 2**len(mirrors)) and all(np.abs(made - known).max() > 1e-9 for known in found):
+                found.append(made)
+    return found
+
+
+class TipFace:
+    """The pose of a face of a device as linear means of its displacement.
+
+    Args:
+        system: The device's equations.
+        role: The face.
+
+    Attributes:
+        centre: Of the undeformed face of the whole device, m.
+        vectors: Entries by all owned dofs whose product with w is the mean of u_i (3) and of u_i (X - c)_j (9), dimensionless.
+    """
+
+    def __init__(self, system: System, role: str):
+        from softmodels.mechanics.dead_loads import DistributedLoad
+
+        self.system, on = system, DistributedLoad(system)
+        device, d = system.body.actuator, system.body.actuator.dimension
+        area = on.integral(on.constant(1.0), role)
+        hoop, measure = system.body.hoop, on.measure(role)
+        places = [on.places[j] for j in range(d)]
+        images = group(device)
+        means = np.array([on.integral(x, role) for x in places]) / area
+        squares = np.array([[on.integral(x * y, role) for y in places] for x in places]) / area
+        # An axisymmetric section stands for all its turns: means over the circle.
+        self._turned = d == 2
+        self._images = images
+        self.centre_in_sizes = self._whole(self._in_space(means))
+        XX = self._whole(self._in_space(squares)) - np.outer(self.centre_in_sizes, self.centre_in_sizes)
+        self._at_rest = XX
+        weights = [on.constant(1 / area) * x for x in (1.0, *places)]
+        parts = [[weight * on.test[i] * hoop * measure for weight in weights] for i in range(d)]
+        forms = [*(row[0] for row in parts), *(form for row in parts for form in row[1:])]
+        raw = np.array([system.assemble([system.form(form)], held=True).copy() for form in forms])
+        self.vectors = self._combined(raw, d)
+        self.loads = np.array([system.by_unknowns(row).copy() for row in self.vectors])
+        self.centre = self.centre_in_sizes * device.size
+
+    def _in_space(self, of_mesh: Array) -> Array:
+        """Return a vector or matrix of the mesh in space: that of a section is averaged over the circle."""
+        if not self._turned:
+            return of_mesh
+        if of_mesh.ndim == 1:
+            return np.array([0.0, 0.0, of_mesh[1]])
+        return np.diag([of_mesh[0, 0] / 2, of_mesh[0, 0] / 2, of_mesh[1, 1]])
+
+    def _whole(self, of_slice: Array) -> Array:
+        """Return the mean of a vector or matrix over the images that make the whole device."""
+        if of_slice.ndim == 1:
+            return np.mean([Q @ of_slice for Q in self._images], axis=0)
+        return np.mean([Q @ of_slice @ Q.T for Q in self._images], axis=0)
+
+    def _combined(self, raw: Array, d: int) -> Array:
+        """Return the twelve vectors of the whole device from those of the mesh's components."""
+        basis, n = np.eye(len(raw)), raw.shape[1]
+        means = np.array([self._whole(self._in_space(e[:d])) for e in basis])
+        products = np.array([self._whole(self._in_space(e[d:].reshape(d, d))) for e in basis])
+        products -= means[:, :, None] * self.centre_in_sizes
+        return (np.hstack([means, products.reshape(len(raw), 9)]).T @ raw).reshape(12, n)
+
+    def pose(self, state: State) -> tuple[Array, Array, Array]:
+        """Return position (m), rotation matrix, and the map from the twelve means to position (m) and turn, shape (6, 12)."""
+        device = self.system.body.actuator
+        found = self.vectors @ state.w[: self.system.n]
+        A = self._at_rest + found[3:].reshape(3, 3)
+        R, turn = fitted_rotation(A)
+        rates = np.zeros((6, 12))
+        rates[:3, :3] = np.eye(3) * device.size
+        for k in range(9):
+            dA = np.zeros(9)
+            dA[k] = 1.0
+            rates[3:, 3 + k] = turn @ axial(R.T @ dA.reshape(3, 3))
+        return self.centre + found[:3] * device.size, R, rates
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The table: the solved states of a path, and linear responses at each.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TipState:
+    """A state of the table, SI units, device coordinates.
+
+    Attributes:
+        pressure: Pa.
+        volume: Added volume, m3.
+        position: Of the tip's centre, m.
+        rotation: Of the tip, a matrix.
+        volume_rate: By the pressure, m3/Pa.
+        rate: Of position and rotation by the pressure: m/Pa and rad/Pa, shape (6,).
+        jacobian: The same by the pressure of each cavity, shape (6, cavities).
+        compliance: Of position and rotation by force and moment on the tip at constant pressure, shape (6, 6); nan for loads
+            against the symmetry of the slice.
+        spread: Half widths of the 95 % intervals of position, rotation and volume, shape (7,); nan without errors of the
+            material.
+        stretch: Largest stretch.
+    """
+
+    pressure: float
+    volume: float
+    position: Array
+    rotation: Array
+    volume_rate: float
+    rate: Array
+    jacobian: Array
+    compliance: Array
+    spread: Array
+    stretch: float
+
+
+class Source(StoredRun):
+    """The states of a run; see `softmodels.api.run.Source`, of which this needs the rows, the restarts and the mesh."""
+
+    case: Case
+    rows: Sequence[Row]
+
+    def restart(self, step: int) -> Restart:
+        """Return the numbers that a restart needs beside the fields."""
+        raise NotImplementedError
+
+    def mesh(self) -> bytes:
+        """Return the device's mesh as a Gmsh file."""
+        raise NotImplementedError
+
+
+def usable(rows: Sequence[Row]) -> tuple[list[int], str]:
+    """Return the steps of the first rising piece of a path, and why it ends, if not by the last requested value."""
+    chosen, top = list[int](), -math.inf
+    way = -1.0 if rows[-1]["pressure_Pa"] < 0.0 else 1.0
+    for step, row in enumerate(rows):
+        if row["bifurcation"]:
+            return chosen, "bifurcation"
+        if row.get("jump"):
+            return chosen, "jump"
+        if row["limit"]:
+            return chosen, "limit point"
+        pressure = way * row["pressure_Pa"]
+        if pressure < top:
+            return chosen, "limit point"
+        if pressure > top:
+            chosen.append(step)
+            top = pressure
+    return chosen, ""
+
+
+def tip_of(case: Case, face: str, roles: Sequence[str]) -> str:
+    """Return the face that is the tip.
+
+    Raises:
+        CaseError: The device has none, or it is not named.
+    """
+    device = case.actuator
+    chosen = face or device.pushed or ("tip" if "tip" in roles else "")
+    if not chosen:
+        raise CaseError(f"{type(device).__name__} has no tip; name the face (face=..., --face): {', '.join(sorted(roles))}")
+    if chosen not in roles:
+        raise CaseError(f"the device has no face {chosen!r}; {known_are(chosen, sorted(roles))}")
+    return chosen
+
+
+def table_of(source: Source, stored: StoredRun, face: str = "") -> ReducedModel:
+    """Return the reduced model of a run's first rising piece.
+
+    Args:
+        source: The run.
+        stored: Its fields.
+        face: The tip's face; the device's own if empty.
+
+    Raises:
+        CaseError: A run of a program or in time, or no such face.
+        RunError: Too few states, or one cannot be solved again.
+    """
+    from softmodels.mechanics.newton import NoConvergence
+
+    case, rows = source.case, source.rows
+    if case.program or case.driven is not None or case.supply is not None:
+        raise CaseError("a reduced model needs a path over one pressure; run the case with pressures or added volumes")
+    steps, end = usable(rows)
+    if len(steps) < FEWEST:
+        raise RunError(
+            f"the run has {len(steps)} states with rising pressure; a reduced model needs {FEWEST}, so request more pressures"
+        )
+    comm = start()
+    simulation = Simulation(case, comm)
+    try:
+        with sentences(), temporary_folder(comm) as folder:
+            mesh = folder / f"{case.name}.msh"
+            on_root(comm, lambda: mesh.write_bytes(source.mesh()))
+            simulation.prepare(mesh)
+            simulation.model.hanging()
+            role = tip_of(case, face, [*simulation.body.entities])
+            responses = Responses(simulation, role)
+            states = []
+            for step in steps:
+                restart = source.restart(step)
+                state = stored_state(stored, simulation.fields, comm, step, restart["P"], restart["V"])
+                states.append(responses.at(state, rows[step]))
+            base = responses.base()
+    except NoConvergence as failure:
+        raise RunError(f"a stored state could not be solved again ({failure}); run the case again") from failure
+    finally:
+        simulation.release()
+    return ReducedModel(case, role, tuple(states), base, end)
+
+
+class Responses:
+    """Linear responses of a device at its states.
+
+    Args:
+        simulation: The device, prepared.
+        role: The face whose pose is asked for.
+    """
+
+    def __init__(self, simulation: Simulation, role: str):
+        self.solver, self.fields, self.case = simulation.solver, simulation.fields, simulation.case
+        self.system, self.tip = self.solver.system, TipFace(self.solver.system, role)
+        self._sensitivity = None
+        if isinstance(self.case.band, MaterialErrors):
+            from softmodels.mechanics.sensitivity import Sensitivity
+
+            self._sensitivity = Sensitivity(self.solver)
+
+    def base(self) -> Array:
+        """Return the centre of the device's first support, m."""
+        device = self.system.body.actuator
+        role = next((hold.role for hold in device.holds if hold.role in self.system.body.entities), "")
+        if not role:
+            return np.zeros(3)
+        from softmodels.mechanics.component import ComponentError
+
+        try:
+            return TipFace(self.system, role).centre
+        except ComponentError:
+            return np.zeros(3)
+
+    def at(self, state: State, row: Row) -> TipState:
+        """Return a state of the table, from a guess of it."""
+        from softmodels.mechanics.controls import pressure_control
+
+        solver, system = self.solver, self.system
+        control = pressure_control(state.P)
+        state = solver.solve(control, state.w, state.P)
+        solver.factorise(state)
+        along = solver.tangent(state, control, TOLERANCE)
+        device = system.body.actuator
+        position, R, rates = self.tip.pose(state)
+        stress, n = system.stress_unit, system.n
+        # Forces on the slice are those on the whole device over its copies; in shear moduli times the size squared or cubed.
+        loads = rates @ self.tip.loads
+        unit = 1.0 / (stress * device.size**3 * device.copies)
+        size = np.linalg.norm(loads, axis=1)
+        scale = np.array([size[:3].max()] * 3 + [size[3:].max() or 1.0] * 3)
+        moved = np.full((12, 6), np.nan)
+        for k in range(6):
+            if size[k] > SAME * scale[k]:
+                moved[:, k] = self.tip.vectors @ solver.linear_response(loads[k], 0.0, TOLERANCE).w[:n]
+        compliance = rates @ np.nan_to_num(moved) * unit
+        apart = np.isnan(moved[0])
+        compliance[apart, :] = compliance[:, apart] = np.nan
+        pushes = [push.copy() for push in system.pressure_loads()[: len(device.ratios)]]
+        jacobian = [self.tip.vectors @ solver.linear_response(push, 0.0, TOLERANCE).w[:n] for push in pushes]
+        return TipState(
+            state.P * stress, float(row["added_volume_ml"]) * 1e-6, position, R,
+            along.V * system.volume_unit / stress, rates @ (self.tip.vectors @ along.w[:n]) / stress,
+            rates @ np.transpose(jacobian) / stress, compliance, self._spread(state, rates), float(row["max_stretch"]),
+        )  # fmt: skip
+
+    def _spread(self, state: State, rates: Array) -> Array:
+        """Return the half widths of the 95 % intervals of position, rotation and volume at a fixed pressure."""
+        errors, known, system = self.case.band, self._sensitivity, self.system
+        if known is None or not isinstance(errors, MaterialErrors):
+            return np.full(7, np.nan)
+        moves = []
+        for root in errors.roots.T:
+            force, dmu = np.zeros(system.n), 0.0
+            for name, change in zip(errors.names, root, strict=True):
+                own, slope = known.material_force(name)
+                force, dmu = force + change * own, dmu + change * slope
+            found = self.solver.linear_response(-force, -state.P * dmu / system.stress_unit, TOLERANCE)
+            pose = rates @ (self.tip.vectors @ found.w[: system.n])
+            moves.append(np.append(pose, found.V * system.volume_unit))
+        return DEVIATIONS * np.linalg.norm(moves, axis=0)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The model: the table as smooth functions of the pressure.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TipPose:
+    """What a reduced model gives for a pressure; SI units.
+
+    Attributes:
+        pressure: Pa.
+        position: Of the tip, m.
+        rotation: Matrix of the tip's rotation from rest.
+        volume: Added volume, m3.
+        compliance: See `TipState`.
+        rate: Of position and rotation (in space) by the pressure, shape (6,).
+        volume_rate: m3/Pa.
+    """
+
+    pressure: float
+    position: Array
+    rotation: Array
+    volume: float
+    compliance: Array
+    rate: Array
+    volume_rate: float
+
+    @property
+    def quaternion(self) -> Array:
+        """Of the rotation: w, x, y, z, with w at least 0."""
+        return np.asarray(Rotation.from_matrix(self.rotation).as_quat(canonical=True, scalar_first=True))
+
+
+class ReducedModel(Shown):
+    """A device reduced to its tip, over one pressure; ``model(5e3)`` is its state at 5 kPa.
+
+    Position, rotation and volume are cubic in between, with the exact derivatives at the table's states; compliance is a cubic
+    spline.
+
+    Attributes:
+        case: What was run.
+        face: The tip.
+        states: The table.
+        base: Centre of the support, m.
+        end: Why the table ends: a limit point, a bifurcation; empty at the last requested value.
+        errors: Largest errors in between, see `_errors`: position over length, angle in degrees, volume and compliance relative.
+    """
+
+    def __init__(self, case: Case, face: str, states: tuple[TipState, ...], base: Array, end: str):
+        self.case, self.face, self.states, self.base, self.end = case, face, states, base, end
+        self._curves = Curves(states)
+        self.errors = self._errors()
+
+    def _line(self) -> str:
+        low, high = self.span
+        return f"of {self.case.name}: {len(self.states)} states from {low / 1e3:.4g} to {high / 1e3:.4g} kPa"
+
+    def _figures(self) -> Table:
+        last, errors = self(self.states[-1].pressure), self.errors
+        angle = math.degrees(float(np.linalg.norm(self._curves.turns[-1])))
+        place = ", ".join(f"{1e3 * x:.4g}" for x in last.position)
+        return [
+            ("tip at the last state", f"{place} mm"),
+            ("angle there", f"{angle:.4g} deg"),
+            ("added volume there", f"{last.volume * 1e6:.4g} ml"),
+            ("error of the position between states", f"{100 * errors['position']:.2g} % of the length"),
+            ("error of the angle", f"{errors['angle_deg']:.2g} deg"),
+            ("error of the compliance", f"{100 * errors['compliance']:.2g} %"),
+        ]
+
+    def _remarks(self) -> list[str]:
+        return self.notes
+
+    @functools.cached_property
+    def notes(self) -> list[str]:
+        """Where the table ends, and what to know before it is used."""
+        found = []
+        high = self.states[-1].pressure / 1e3
+        if self.end:
+            found.append(f"the table ends at {high:.4g} kPa, before a {self.end}")
+        stretch = max(one.stretch for one in self.states)
+        if text := extrapolated(self.case.material, stretch):
+            found.append(text)
+        if np.isnan(self.states[0].compliance).any():
+            found.append(
+                f"loads against the symmetry of the slice are not known (nan in the compliance); use "
+                f"{self.case.actuator.fuller} for all six"
+            )
+        if self.contact is not None:
+            found.append(f"surfaces are in contact from {self.contact / 1e3:.4g} kPa on; their friction is not in the table")
+        return found
+
+    contact: float | None = None
+    """Pressure in Pa from which surfaces are in contact; None if they never are."""
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last pressure in Pa."""
+        ends = sorted((self.states[0].pressure, self.states[-1].pressure))
+        return ends[0], ends[1]
+
+    @property
+    def pressures(self) -> Array:
+        """Pressures of the table in Pa."""
+        return np.array([one.pressure for one in self.states])
+
+    @property
+    def length(self) -> float:
+        """Distance in m of the tip from the support at the first state."""
+        return float(np.linalg.norm(self.states[0].position - self.base)) or self.case.actuator.size
+
+    @property
+    def density(self) -> float:
+        """Density of the silicone in kg/m3."""
+        return density_of(self.case.material)
+
+    def __call__(self, pressure: float) -> TipPose:
+        """Return the state at a pressure in Pa.
+
+        Raises:
+            RunError: Outside the table.
+        """
+        low, high = self.span
+        slack = 1e-9 * (high - low)
+        if not low - slack <= pressure <= high + slack:
+            raise RunError(
+                f"{pressure / 1e3:.4g} kPa is outside the reduced model, which goes from {low / 1e3:.4g} to {high / 1e3:.4g} kPa"
+            )
+        return self._curves.at(float(np.clip(pressure, low, high)))
+
+    def _errors(self) -> dict[str, float]:
+        """Return the largest errors at every second state of curves through the others: a bound of those of all states."""
+        odd = self.states[1:-1:2]
+        kept = [one for k, one in enumerate(self.states) if k % 2 == 0 or k == len(self.states) - 1]
+        curves, found = Curves(kept), dict.fromkeys(("position", "angle_deg", "volume", "compliance"), 0.0)
+        volume = max(abs(one.volume) for one in self.states) or 1.0
+        for one in odd:
+            at = curves.at(one.pressure)
+            turned = float(np.linalg.norm(Rotation.from_matrix(at.rotation.T @ one.rotation).as_rotvec()))
+            miss = {
+                "position": float(np.linalg.norm(at.position - one.position)) / self.length,
+                "angle_deg": math.degrees(turned),
+                "volume": abs(at.volume - one.volume) / volume,
+                "compliance": relative(at.compliance, one.compliance),
+            }
+            found = {name: max(found[name], value) for name, value in miss.items()}
+        return found
+
+    # -- derived figures ----------------------------------------------------------------------------------------------
+
+    def blocked(self, state: TipState) -> Array:
+        """Return force (N) and moment (N m) per Pa with which a held tip presses on what holds it, shape (6,); nan if unknown."""
+        known = ~np.isnan(np.diag(state.compliance))
+        found = np.full(6, np.nan)
+        found[known] = np.linalg.solve(state.compliance[np.ix_(known, known)], state.rate[known])
+        return found
+
+    def effective_area(self, state: TipState) -> float:
+        """Return the blocked force along the line from the support to the tip per pressure, m2, all other motions free."""
+        along = (self.states[0].position - self.base) / self.length
+        C = np.nan_to_num(state.compliance[:3, :3])
+        return float(along @ state.rate[:3] / (along @ C @ along))
+
+    def constant_curvature(self, state: TipState) -> tuple[float, float, float]:
+        """Return curvature (1/m), arc length (m) and direction of bending (rad, about the axis at rest) of the arc from the
+        support that has the tip's angle and distance."""
+        turn = self._curves.turns[[one is state for one in self.states].index(True)]
+        angle = float(np.linalg.norm(turn))
+        chord = float(np.linalg.norm(state.position - self.base))
+        if angle < 1e-9:
+            return 0.0, chord, 0.0
+        arc = chord * (angle / 2) / math.sin(angle / 2)
+        first, second = across(self.states[0].position - self.base)
+        towards = np.cross(turn / angle, self.states[0].position - self.base)
+        return angle / arc, arc, math.atan2(float(towards @ second), float(towards @ first))
+
+
+def across(along: Array) -> tuple[Array, Array]:
+    """Return two unit vectors square to one and to each other; the first is closest to z, or to x for a vector along z."""
+    e = along / np.linalg.norm(along)
+    near = np.array([0.0, 0.0, 1.0]) if abs(e[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    first = near - (near @ e) * e
+    first /= np.linalg.norm(first)
+    return first, np.cross(e, first)
+
+
+def relative(one: Array, other: Array) -> float:
+    """Return the largest difference of the known entries of two compliances, over the size of translation, rotation or both."""
+    sizes = np.sqrt(np.abs(np.nan_to_num(np.diag(other))))
+    parts = np.array([sizes[:3].max()] * 3 + [sizes[3:].max()] * 3)
+    whole = np.outer(parts, parts)
+    known = ~np.isnan(one - other) & (whole > 0.0)
+    return float((np.abs(one - other)[known] / whole[known]).max(initial=0.0))
+
+
+class Curves:
+    """Smooth functions through the states of a table.
+
+    Args:
+        states: The states.
+
+    Attributes:
+        turns: Rotation vectors of the states, continued past half a turn.
+    """
+
+    def __init__(self, states: Sequence[TipState]):
+        p = np.array([one.pressure for one in states])
+        order = np.argsort(p)
+        self.turns = continued([one.rotation for one in states])
+        rates = np.array([inverse_left_jacobian(t) @ one.rate[3:] for t, one in zip(self.turns, states, strict=True)])
+        places, slopes = np.array([one.position for one in states]), np.array([one.rate[:3] for one in states])
+        volumes = np.array([one.volume for one in states])
+        volume_rates = np.array([one.volume_rate for one in states])
+        x = p[order]
+        self._place = CubicHermiteSpline(x, places[order], slopes[order])
+        self._turn = CubicHermiteSpline(x, self.turns[order], rates[order])
+        self._volume = CubicHermiteSpline(x, volumes[order], volume_rates[order])
+        compliances = np.array([one.compliance for one in states])[order]
+        self._unknown = np.isnan(compliances[0])
+        self._compliance = CubicSpline(x, np.nan_to_num(compliances).reshape(len(x), 36))
+
+    def at(self, pressure: float) -> TipPose:
+        """Return the state at a pressure in Pa."""
+        turn = self._turn(pressure)
+        omega = np.linalg.solve(inverse_left_jacobian(turn), self._turn(pressure, 1))
+        C = self._compliance(pressure).reshape(6, 6)
+        C[self._unknown] = np.nan
+        return TipPose(
+            pressure, self._place(pressure), Rotation.from_rotvec(turn).as_matrix(), float(self._volume(pressure)), C,
+            np.concatenate([self._place(pressure, 1), omega]), float(self._volume(pressure, 1)),
+        )  # fmt: skip
+
+
+def continued(rotations: Sequence[npt.NDArray[np.float64]]) -> Array:
+    """Return the rotation vectors of a sequence of matrices, each the closest to the one before."""
+    found = [Rotation.from_matrix(rotations[0]).as_rotvec()]
+    for R in rotations[1:]:
+        plain = Rotation.from_matrix(R).as_rotvec()
+        angle = float(np.linalg.norm(plain))
+        axis = plain / angle if angle > 1e-12 else _axis(found[-1])
+        ways = [(angle + 2 * math.pi * k) * axis for k in (-2, -1, 0, 1, 2)]
+        found.append(min(ways, key=lambda way: float(np.linalg.norm(way - found[-1]))))
+    return np.array(found)
+
+
+def _axis(turn: Array) -> Array:
+    size = float(np.linalg.norm(turn))
+    return turn / size if size else np.array([1.0, 0.0, 0.0])
+
+
+def inverse_left_jacobian(turn: Array) -> Array:
+    """Return the matrix that turns an angular rate in space into the rate of the rotation vector."""
+    angle, K = float(np.linalg.norm(turn)), hat(turn)
+    c = 1 / 12 + angle**2 / 720 if angle < 1e-3 else (1 - angle / 2 / math.tan(angle / 2)) / angle**2
+    return np.eye(3) - K / 2 + c * K @ K
+
+
+__all__ = ["Curves", "Mapping", "ReducedModel", "TipPose", "TipState", "table_of"]
