@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from softmodels.components.rigid import Rigid as Rigid
     from softmodels.components.sheets import Sheet as Sheet
     from softmodels.components.walls import Walls as Walls
+    from softmodels.decks.reduction import ReducedModel as ReducedModel
     from softmodels.design.optimise import optimise as optimise
     from softmodels.design.problem import DesignProblem as DesignProblem, Keep as Keep
     from softmodels.design.study import Study as Study, StudyError as StudyError, study as study
@@ -133,6 +134,7 @@ _PLACES = {
     "softmodels.design.problem": ("Keep", "DesignProblem"),
     "softmodels.design.trials": ("DesignError",),
     "softmodels.design.optimise": ("optimise",),
+    "softmodels.decks.reduction": ("ReducedModel",),
     "softmodels.design.study": ("study", "Study", "StudyError"),
     "softmodels.fitting.problem": ("FitError", "FitOptions"),
     "softmodels.fitting.outlines.fit": ("fit", "fit_heights"),

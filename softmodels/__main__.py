@@ -65,6 +65,10 @@ PLACES = {
     "open": CommandPlace(
         "softmodels.cli.results", "open_command", "Open the report of the results in FOLDER in the browser.",
     ),
+    "reduce": CommandPlace(
+        "softmodels.cli.exports", "reduce_command",
+        "Reduce the results in FOLDER to the device's tip, for robot simulators: pose, volume and stiffness over the pressure.",
+    ),
     "run": CommandPlace(
         "softmodels.cli.run_command", "run",
         "Run a case FILE, such as the case.toml in a folder of results, or a device by its options.",
@@ -100,6 +104,7 @@ def softmodels() -> None:
     softmodels study study.toml         many samples of a case: dataset, response surfaces, Sobol indices
     softmodels mould case.toml          the bodies to cast a device in, and a sheet for the bench
     softmodels export case.toml -o x.inp    the same case for CalculiX or FEBio
+    softmodels reduce results/finger -o finger.xml   a model for robot simulators: pose and stiffness over the pressure
     softmodels open results/disk        open a report in the browser
     softmodels compare results/a results/b  what differs, and by how much
     softmodels line results/disk --through apex  values along a line, such as the stress through a wall

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from pyvista import UnstructuredGrid
 
     from softmodels.api.views import Animation
+    from softmodels.decks.reduction import ReducedModel
     from softmodels.path.points import Point
 
 
@@ -988,6 +989,33 @@ class Run(Shown):
         else:
             on_root(self._comm, lambda: self._save(output))
         return output
+
+    @checked
+    @one_at_a_time
+    def reduce(self, file: str | Path | None = None, *, kind: str = "", face: str = "") -> ReducedModel:
+        """Reduce the device to its tip: pose, volume, compliance and their derivatives over the pressure.
+
+        Every state of the first rising piece of the path is solved again with exact linear responses, on one process.
+
+        Args:
+            file: File to write it to: ``.csv``, ``.json``, ``.xml`` (MuJoCo), ``.py`` (SOFA); None for no file.
+            kind: What the file is, if its ending does not tell: ``"csv"``, ``"json"``, ``"mjcf"``, ``"sofa"``, ``"fonsim"``.
+            face: The face that is the tip; the device's own if empty.
+
+        Raises:
+            CaseError: A run over something else than one pressure, no such face, kind or ending.
+            RunError: Too few states, or no such model.
+        """
+        from softmodels.decks.chains import kind_of, write
+        from softmodels.decks.reduction import table_of
+
+        path = None if file is None else place("file", file, "a file")
+        if path is not None:
+            kind_of(path, kind)
+        made = table_of(self._source, _Stored(self._source), face)
+        if path is not None:
+            write(made, path, kind)
+        return made
 
     def _save(self, folder: Path) -> None:
         results, _ = begin(self.case, ResultsPlace(folder))

@@ -1,4 +1,4 @@
-"""``softmodels mould`` and ``softmodels export``: a case for the workshop, and for CalculiX or FEBio."""
+"""``softmodels mould``, ``export`` and ``reduce``: a case for the workshop, for CalculiX or FEBio, and for robot simulators."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from softmodels.casting.settings import Asked, MouldError, Workshop, asked_of
 from softmodels.cli.options import fail, write_into
 from softmodels.common.commands import FolderType, open_folder, status_of
 from softmodels.common.errors import MeshingError
-from softmodels.common.folders import OwnFolderError
+from softmodels.common.folders import OwnFolderError, check_output_file
 from softmodels.common.processes import say
 from softmodels.common.schema import about
 from softmodels.mechanics.body import BodyError
@@ -159,4 +159,56 @@ def export_command(file: Path, output: Path, quiet: bool) -> None:
         say(f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}")
         remarks = [*(text for silicone in deck.silicones for text in silicone.remarks[2:]), deck.overlapping]
         for text in filter(None, dict.fromkeys(remarks)):
+            say(f"note: {text}")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``reduce``.
+
+
+@click.command(name="reduce")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File: NAME.csv, NAME.json, NAME.xml "
+              "(MuJoCo) or NAME.py (SOFA).")  # fmt: skip
+@click.option("--as", "kind", default="", metavar="KIND", help="csv, json, mjcf, sofa or fonsim.  [default: by the file's "
+              "name]")  # fmt: skip
+@click.option("--face", default="", help="Face that is the tip.  [default: the device's own]")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
+def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool) -> None:
+    """Reduce the results in FOLDER to the device's tip, for robot simulators.
+
+    Over the pressures of the path up to the first limit point: position and rotation of the tip, added volume, their exact
+    derivatives by the pressures, the compliance by force and moment on the tip, effective area, arc of constant curvature, and
+    95 % bands where the run has them. NAME.xml is a chain of joints for MuJoCo, whose control is the pressure in kPa; NAME.py a
+    scene for SOFA; --as fonsim a pressure-volume curve for FONSim.
+
+    \b
+    Examples:
+      softmodels reduce results/pneunet -o finger.xml
+      softmodels reduce results/pneunet -o finger.csv
+      softmodels reduce results/pneunet -o finger-pv.csv --as fonsim
+
+    \b
+    Exit status: 0 done; 1 failed; 2 bad input.
+    """
+    from softmodels.api.calls import load
+    from softmodels.decks.chains import is_own, kind_of
+    from softmodels.runs.outcomes import RunError
+    from softmodels.runs.store import ResultsError
+
+    try:
+        kind_of(output, kind)
+        check_output_file(output, [], is_own, "a reduced model", "--output")
+        made = load(folder).reduce(output, kind=kind, face=face)
+    except (OwnFolderError, ResultsError, *INPUT_ERRORS) as error:
+        fail(str(error))
+    except (MeshingError, BodyError, CompilingError, RunError) as error:
+        fail(str(error), FAILED)
+    except OSError as error:
+        fail(f"{output} cannot be written ({error.strerror or error})", status_of(error))
+    if not quiet:
+        say(f"{output}: {made._line()}, tip {made.face}")
+        for name, text in made._figures():
+            say(f"{name}: {text}")
+        for text in made.notes:
             say(f"note: {text}")

@@ -1,18 +1,18 @@
 """A run reduced to its tip: pose, volume, stiffness and their derivatives over the pressure, from exact linear responses.
 
 The pose of a face is the mean of its displacement and the rotation that fits it best (Kabsch 1976, doi
-10.1107/S0567739476001873): R maximises tr(R^T A), A = mean of x (X - c)^T over the undeformed face. Both depend on twelve means that
-are linear in the displacement, so their derivatives by loads and pressures are exact: one solve with the factorised tangent
-each. Force and moment on the tip are those that do work on position and rotation, so the compliance is symmetric.
+10.1107/S0567739476001873): R maximises tr(R^T A), A = mean of x (X - c)^T over the undeformed face. Both depend on twelve means
+that are linear in the displacement, so their derivatives by loads and pressures are exact: one solve with the factorised
+tangent each. Force and moment on the tip are those that do work on position and rotation, so the compliance is symmetric.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -64,7 +64,7 @@ def axial(W: Array) -> Array:
 
 
 def fitted_rotation(A: Array) -> tuple[Array, Array]:
-    """Return the rotation R that maximises tr(R^T A), and the matrix that turns axial(R^T dA) into its angular rate in space."""
+    """Return the rotation R that maximises tr(R^T A), and the matrix from axial(R^T dA) to its angular rate in space."""
     U, s, Vt = np.linalg.svd(A)
     s[2] *= np.sign(np.linalg.det(U) * np.linalg.det(Vt))
     R = U @ np.diag([1.0, 1.0, np.sign(s[2]) or 1.0]) @ Vt
@@ -81,7 +81,9 @@ def group(actuator: Actuator) -> list[Array]:
     for one in found:
         for mirror in mirrors:
             made = mirror @ one
-            if len(found) < max(actuator.copies, 2**len(mirrors)) and all(np.abs(made - known).max() > 1e-9 for known in found):
+            if len(found) < max(actuator.copies, 2 ** len(mirrors)) and all(
+                np.abs(made - known).max() > 1e-9 for known in found
+            ):
                 found.append(made)
     return found
 
@@ -195,19 +197,17 @@ class TipState:
     stretch: float
 
 
-class Source(StoredRun):
-    """The states of a run; see `softmodels.api.run.Source`, of which this needs the rows, the restarts and the mesh."""
+class Source(Protocol):
+    """The states of a run; see `softmodels.api.run.Source`."""
 
     case: Case
-    rows: Sequence[Row]
+    rows: list[Row]
 
     def restart(self, step: int) -> Restart:
         """Return the numbers that a restart needs beside the fields."""
-        raise NotImplementedError
 
     def mesh(self) -> bytes:
         """Return the device's mesh as a Gmsh file."""
-        raise NotImplementedError
 
 
 def usable(rows: Sequence[Row]) -> tuple[list[int], str]:
@@ -239,7 +239,9 @@ def tip_of(case: Case, face: str, roles: Sequence[str]) -> str:
     device = case.actuator
     chosen = face or device.pushed or ("tip" if "tip" in roles else "")
     if not chosen:
-        raise CaseError(f"{type(device).__name__} has no tip; name the face (face=..., --face): {', '.join(sorted(roles))}")
+        raise CaseError(
+            f"{type(device).__name__} has no tip; name the face (face=..., --face): {', '.join(sorted(roles))}"
+        )
     if chosen not in roles:
         raise CaseError(f"the device has no face {chosen!r}; {known_are(chosen, sorted(roles))}")
     return chosen
@@ -287,7 +289,16 @@ def table_of(source: Source, stored: StoredRun, face: str = "") -> ReducedModel:
         raise RunError(f"a stored state could not be solved again ({failure}); run the case again") from failure
     finally:
         simulation.release()
-    return ReducedModel(case, role, tuple(states), base, end)
+    model = ReducedModel(case, role, tuple(states), base, end)
+    touching = (rows[step]["pressure_Pa"] for step in steps if touches(rows[step]))
+    model.contact = next(touching, None)
+    return model
+
+
+def touches(row: Row) -> bool:
+    """Return whether surfaces press on each other, or overlap, in a state."""
+    forces = [name for name in row if re.search(r"contact\w*_N$", name)]
+    return bool(row.get("walls_touch")) or any(abs(row[name]) > 0.0 for name in forces)
 
 
 class Responses:
@@ -413,11 +424,13 @@ class ReducedModel(Shown):
         states: The table.
         base: Centre of the support, m.
         end: Why the table ends: a limit point, a bifurcation; empty at the last requested value.
-        errors: Largest errors in between, see `_errors`: position over length, angle in degrees, volume and compliance relative.
+        contact: Pressure in Pa from which surfaces are in contact; None if they never are.
+        errors: Largest errors in between: position over length, angle in degrees, volume and compliance relative.
     """
 
     def __init__(self, case: Case, face: str, states: tuple[TipState, ...], base: Array, end: str):
         self.case, self.face, self.states, self.base, self.end = case, face, states, base, end
+        self.contact: float | None = None
         self._curves = Curves(states)
         self.errors = self._errors()
 
@@ -427,7 +440,7 @@ class ReducedModel(Shown):
 
     def _figures(self) -> Table:
         last, errors = self(self.states[-1].pressure), self.errors
-        angle = math.degrees(float(np.linalg.norm(self._curves.turns[-1])))
+        angle = math.degrees(float(np.linalg.norm(self.turns[-1])))
         place = ", ".join(f"{1e3 * x:.4g}" for x in last.position)
         return [
             ("tip at the last state", f"{place} mm"),
@@ -441,7 +454,7 @@ class ReducedModel(Shown):
     def _remarks(self) -> list[str]:
         return self.notes
 
-    @functools.cached_property
+    @property
     def notes(self) -> list[str]:
         """Where the table ends, and what to know before it is used."""
         found = []
@@ -457,11 +470,10 @@ class ReducedModel(Shown):
                 f"{self.case.actuator.fuller} for all six"
             )
         if self.contact is not None:
-            found.append(f"surfaces are in contact from {self.contact / 1e3:.4g} kPa on; their friction is not in the table")
+            found.append(
+                f"surfaces are in contact from {self.contact / 1e3:.4g} kPa on; their friction is not in the table"
+            )
         return found
-
-    contact: float | None = None
-    """Pressure in Pa from which surfaces are in contact; None if they never are."""
 
     @property
     def span(self) -> tuple[float, float]:
@@ -473,6 +485,11 @@ class ReducedModel(Shown):
     def pressures(self) -> Array:
         """Pressures of the table in Pa."""
         return np.array([one.pressure for one in self.states])
+
+    @property
+    def turns(self) -> Array:
+        """Rotation vectors of the table, continued past half a turn, shape (states, 3)."""
+        return self._curves.turns
 
     @property
     def length(self) -> float:
@@ -494,7 +511,7 @@ class ReducedModel(Shown):
         slack = 1e-9 * (high - low)
         if not low - slack <= pressure <= high + slack:
             raise RunError(
-                f"{pressure / 1e3:.4g} kPa is outside the reduced model, which goes from {low / 1e3:.4g} to {high / 1e3:.4g} kPa"
+                f"{pressure / 1e3:.4g} kPa is outside the reduced model; it goes from {low / 1e3:.4g} to {high / 1e3:.4g} kPa"
             )
         return self._curves.at(float(np.clip(pressure, low, high)))
 
@@ -519,7 +536,7 @@ class ReducedModel(Shown):
     # -- derived figures ----------------------------------------------------------------------------------------------
 
     def blocked(self, state: TipState) -> Array:
-        """Return force (N) and moment (N m) per Pa with which a held tip presses on what holds it, shape (6,); nan if unknown."""
+        """Return force (N) and moment (N m) per Pa of a held tip on what holds it, shape (6,); nan if unknown."""
         known = ~np.isnan(np.diag(state.compliance))
         found = np.full(6, np.nan)
         found[known] = np.linalg.solve(state.compliance[np.ix_(known, known)], state.rate[known])
@@ -534,7 +551,7 @@ class ReducedModel(Shown):
     def constant_curvature(self, state: TipState) -> tuple[float, float, float]:
         """Return curvature (1/m), arc length (m) and direction of bending (rad, about the axis at rest) of the arc from the
         support that has the tip's angle and distance."""
-        turn = self._curves.turns[[one is state for one in self.states].index(True)]
+        turn = self.turns[[one is state for one in self.states].index(True)]
         angle = float(np.linalg.norm(turn))
         chord = float(np.linalg.norm(state.position - self.base))
         if angle < 1e-9:
@@ -625,4 +642,4 @@ def inverse_left_jacobian(turn: Array) -> Array:
     return np.eye(3) - K / 2 + c * K @ K
 
 
-__all__ = ["Curves", "Mapping", "ReducedModel", "TipPose", "TipState", "table_of"]
+__all__ = ["Curves", "ReducedModel", "TipPose", "TipState", "table_of"]

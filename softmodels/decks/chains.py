@@ -1,0 +1,488 @@
+"""A reduced model in the words of other programs: tables, a chain for MuJoCo, a scene for SOFA, a curve for FONSim."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import math
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from softmodels.case.entries import CaseError
+from softmodels.common.arrays import Array
+from softmodels.common.errors import known_are
+from softmodels.common.files import read_file, replace_text
+from softmodels.decks.deck import WRITTEN
+from softmodels.decks.reduction import ReducedModel, TipState, across
+from softmodels.runs.outcomes import RunError
+
+AXES = ("x", "y", "z")
+MOTIONS = (*AXES, *(f"turn_{axis}" for axis in AXES))
+LOADS = (*(f"f{axis}" for axis in AXES), *(f"m{axis}" for axis in AXES))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Tables: units in the heads of the columns, or beside the values.
+
+
+def columns(model: ReducedModel) -> dict[str, Callable[[TipState], float]]:
+    """Return the columns of the table by their heads, which end in the unit."""
+    found: dict[str, Callable[[TipState], float]] = {"pressure_Pa": lambda one: one.pressure}
+    device = model.case.actuator
+    for k, ratio in enumerate(device.ratios, 1):
+        if len(device.ratios) > 1:
+            found[f"pressure_cavity{k}_Pa"] = lambda one, ratio=ratio: ratio * one.pressure  # type: ignore[misc]
+    found |= {f"tip_{axis}_m": lambda one, i=i: one.position[i] for i, axis in enumerate(AXES)}  # type: ignore[misc]
+    found |= {f"tip_q{axis}_1": lambda one, i=i: float(_quaternion(one)[i]) for i, axis in enumerate("wxyz")}  # type: ignore[misc]
+    found |= {"added_volume_m3": lambda one: one.volume, "volume_rate_m3_per_Pa": lambda one: one.volume_rate}
+    for i, motion in enumerate(MOTIONS):
+        unit = "m" if i < 3 else "rad"
+        for k in range(len(device.ratios)):
+            head = (
+                f"rate_{motion}_by_cavity{k + 1}_{unit}_per_Pa"
+                if len(device.ratios) > 1
+                else f"rate_{motion}_{unit}_per_Pa"
+            )
+            found[head] = lambda one, i=i, k=k: one.jacobian[i, k]  # type: ignore[misc]
+    for i, motion in enumerate(MOTIONS):
+        for j, load in enumerate(LOADS[: i + 1]):
+            unit = f"{'m' if i < 3 else 'rad'}_per_{'N' if j < 3 else 'Nm'}"
+            found[f"compliance_{motion}_{load}_{unit}"] = lambda one, i=i, j=j: one.compliance[i, j]  # type: ignore[misc]
+    for i, load in enumerate(LOADS):
+        unit = "N_per_Pa" if i < 3 else "Nm_per_Pa"
+        found[f"blocked_{load}_{unit}"] = lambda one, i=i: model.blocked(one)[i]  # type: ignore[misc,assignment]
+    found["effective_area_m2"] = model.effective_area
+    for i, name in enumerate(("curvature_per_m", "arc_length_m", "bending_direction_rad")):
+        found[name] = lambda one, i=i: model.constant_curvature(one)[i]  # type: ignore[misc]
+    found["max_stretch_1"] = lambda one: one.stretch
+    if np.isfinite(model.states[-1].spread).all():
+        heads = [
+            *(f"tip_{axis}_ci95_m" for axis in AXES),
+            *(f"turn_{axis}_ci95_rad" for axis in AXES),
+            "added_volume_ci95_m3",
+        ]
+        found |= {head: lambda one, i=i: one.spread[i] for i, head in enumerate(heads)}  # type: ignore[misc]
+    return found
+
+
+def _quaternion(one: TipState) -> Array:
+    return np.asarray(Rotation.from_matrix(one.rotation).as_quat(canonical=True, scalar_first=True))
+
+
+def table_csv(model: ReducedModel) -> str:
+    """Return the table as CSV; empty cells where a value is not known."""
+    out = io.StringIO(newline="")
+    writer = csv.writer(out, lineterminator="\n")
+    known = columns(model)
+    writer.writerow(known)
+    for one in model.states:
+        values = [float(read(one)) for read in known.values()]
+        writer.writerow([f"{value:.12g}" if math.isfinite(value) else "" for value in values])
+    return out.getvalue()
+
+
+def table_json(model: ReducedModel) -> str:
+    """Return the table as JSON, with what it is of, where it ends and its errors in between."""
+    known, low_high = columns(model), model.span
+    rows = {head: [_plain(float(read(one))) for one in model.states] for head, read in known.items()}
+    about = {
+        "written_by": WRITTEN, "case": model.case.name, "device": type(model.case.actuator).__name__, "tip": model.face,
+        "support_m": model.base.tolist(), "length_m": model.length, "from_Pa": low_high[0], "to_Pa": low_high[1],
+        "notes": model.notes,
+        "errors_between_states": {
+            "position_per_length": model.errors["position"], "angle_deg": model.errors["angle_deg"],
+            "volume_relative": model.errors["volume"], "compliance_relative": model.errors["compliance"],
+        },
+        "interpolation": "position, rotation vector, volume: cubic Hermite with the rates; compliance: cubic spline",
+        "table": rows,
+    }  # fmt: skip
+    return json.dumps(about, indent=1) + "\n"
+
+
+def _plain(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def fonsim_csv(model: ReducedModel) -> str:
+    """Return the volume of the air and its gauge pressure for FONSim's ``PVCurve(..., pressure_reference="relative")``."""
+    rest = model.case.actuator.cavity_volume * 1e6
+    states = sorted(model.states, key=lambda one: one.volume)
+    rows = [f"{rest + one.volume * 1e6:.9g},{one.pressure / 1e3:.9g}" for one in states]
+    return "\n".join(["volume,pressure", "ml,kPa", *rows]) + "\n"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A chain of joints in one plane for MuJoCo: hinges and slides with springs, whose rest positions follow the pressure.
+#
+# Segments of equal length. Their angles grow linearly along the chain, and all slides move by the same: three numbers, which
+# give the tip any place and angle in the plane. As functions of the pressure they are quartics. In MuJoCo a joint stands for
+# the pressure, three joints are tied to it by these quartics, and tendons are the springs between those and the chain.
+
+
+SEGMENTS = 8
+MOST_TURN = math.radians(0.5)
+"""Rotation up to which a device only extends."""
+LAG = 0.01
+"""Time constant in s of the pressure behind its command."""
+DAMPING = 0.01
+"""Damping of a spring over its stiffness, s."""
+DRIVERS = ("bend", "uneven", "extension")
+UNITS = {"bend": 1.0, "uneven": 1.0, "extension": 1.0}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Chain:
+    """The chain of a device.
+
+    Attributes:
+        base: Its beginning, m.
+        along: Direction at rest.
+        normal: Of the plane in which it bends.
+        length: At rest, m.
+        quartics: Bend (rad), unevenness (rad) and extension (m) over the pressure's share of the highest: five coefficients
+            each, shape (3, 5).
+        top: The highest pressure, Pa.
+        hinge, slide: Stiffness of one joint, N m/rad and N/m.
+        hinges: Whether it bends.
+        error: Largest distance of the tip from the table's over the length, and angle in degrees.
+    """
+
+    base: Array
+    along: Array
+    normal: Array
+    length: float
+    quartics: Array
+    top: float
+    hinge: float
+    slide: float
+    hinges: bool
+    error: tuple[float, float] = (0.0, 0.0)
+
+
+def reached(numbers: Array, length: float) -> tuple[float, float, float]:
+    """Return place along and across (m) and angle (rad) of the end of a chain by its bend, unevenness and extension."""
+    bend, uneven, extension = numbers
+    link = length / SEGMENTS
+    x, y, angle = link / 2, 0.0, 0.0
+    for k in range(SEGMENTS):
+        angle += bend / SEGMENTS + uneven * (k - (SEGMENTS - 1) / 2)
+        step = link * (0.5 if k == SEGMENTS - 1 else 1.0) + extension / SEGMENTS
+        x += step * math.cos(angle)
+        y += step * math.sin(angle)
+    return x, y, angle
+
+
+def chain_of(model: ReducedModel) -> Chain:
+    """Return the chain that follows a reduced model.
+
+    Raises:
+        RunError: The tip leaves the plane of a chain, or its stiffness is not known.
+    """
+    along = (model.states[0].position - model.base) / model.length
+    turn = model.turns[-1]
+    hinges = float(np.linalg.norm(turn)) > MOST_TURN
+    normal = turn / np.linalg.norm(turn) if hinges else across(along)[1]
+    normal = normal - (normal @ along) * along
+    normal /= np.linalg.norm(normal)
+    side = np.cross(normal, along)
+    moves = np.array([one.position - model.base for one in model.states])
+    if (out := float(np.abs(moves @ normal).max())) > 0.02 * model.length:
+        raise RunError(
+            f"the tip leaves the plane by {1e3 * out:.3g} mm, and a chain bends in one plane; write a table (.csv, .json)"
+        )
+    targets = np.column_stack([moves @ along, moves @ side, model.turns @ normal])
+    found, guess = [], np.zeros(3)
+    for target in targets:
+        if not hinges:
+            found.append([0.0, 0.0, target[0] - model.length])
+            continue
+        scale = np.array([1 / model.length, 1 / model.length, 1.0])
+        guess = least_squares(
+            lambda x, target=target, scale=scale: (np.array(reached(x, model.length)) - target) * scale,
+            guess,
+            xtol=1e-14,
+            gtol=1e-14,
+        ).x
+        found.append(guess)
+    top = float(model.pressures[np.argmax(np.abs(model.pressures))])
+    shares = model.pressures / top
+    powers = shares[:, None] ** np.arange(1 if abs(shares[0]) < 1e-9 else 0, 5)
+    fitted = np.linalg.lstsq(powers, np.array(found), rcond=None)[0].T
+    quartics = np.hstack([np.zeros((3, 5 - fitted.shape[1])), fitted])
+    middle = model((model.span[0] + model.span[1]) / 2).compliance
+    bending, axial = float(normal @ middle[3:, 3:] @ normal) if hinges else 0.0, model.states[0].compliance[:3, :3]
+    stretching = float(along @ np.nan_to_num(axial) @ along)
+    if math.isnan(bending):
+        bending = float(normal @ np.nan_to_num(middle[3:, 3:]) @ normal)
+    if stretching <= 0.0 or (hinges and bending <= 0.0):
+        raise RunError(
+            "the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device"
+        )
+    chain = Chain(
+        model.base,
+        along,
+        normal,
+        model.length,
+        quartics,
+        top,
+        SEGMENTS / bending if hinges else 0.0,
+        SEGMENTS / stretching,
+        hinges,
+    )
+    misses = []
+    for share, target in zip(shares, targets, strict=True):
+        x, y, angle = reached(quartics @ share ** np.arange(5), model.length)
+        misses.append(
+            (
+                math.hypot(x - target[0], y - target[1]) / model.length,
+                math.degrees(abs(angle - target[2]) if hinges else 0.0),
+            )
+        )
+    return dataclasses.replace(chain, error=(max(one for one, _ in misses), max(one for _, one in misses)))
+
+
+def mjcf(model: ReducedModel) -> str:
+    """Return a chain as MJCF: ``ctrl`` is the pressure in kPa; the site ``tip`` has the tip's pose.
+
+    Raises:
+        RunError: See `chain_of`.
+    """
+    chain, link = chain_of(model), model.length / SEGMENTS
+    mass = model.case.actuator.solid_volume * model.density / (SEGMENTS + 1)
+    root = ElementTree.Element("mujoco", model=model.case.name)
+    text = f" {WRITTEN}: {model.case.name}, {model.span[0] / 1e3:.4g} to {model.span[1] / 1e3:.4g} kPa; tip within " \
+           f"{100 * chain.error[0]:.2g} % of the length and {chain.error[1]:.2g} degrees of the table "  # fmt: skip
+    root.append(ElementTree.Comment(text))
+    ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
+    ElementTree.SubElement(root, "option", timestep="0.001", integrator="implicitfast", gravity="0 0 0")
+    world = ElementTree.SubElement(root, "worldbody")
+    _drivers(world)
+    tilt = np.column_stack([chain.along, np.cross(chain.normal, chain.along), chain.normal])
+    quaternion = Rotation.from_matrix(tilt).as_quat(canonical=True, scalar_first=True)
+    body = ElementTree.SubElement(world, "body", name="base", pos=_words(chain.base), quat=_words(quaternion))
+    radius = 0.12 * model.length
+    _link(body, link / 2, radius, mass)
+    for k in range(SEGMENTS):
+        long = link * (0.5 if k == SEGMENTS - 1 else 1.0)
+        body = ElementTree.SubElement(body, "body", name=f"link{k}", pos=_words([link / 2 if k == 0 else link, 0, 0]))
+        if chain.hinges:
+            ElementTree.SubElement(body, "joint", name=f"hinge{k}", type="hinge", axis="0 0 1", armature="1e-7")
+        ElementTree.SubElement(body, "joint", name=f"slide{k}", type="slide", axis="1 0 0", armature="1e-4")
+        _link(body, long, radius, mass)
+    turned = Rotation.from_matrix(tilt.T).as_quat(canonical=True, scalar_first=True)
+    ElementTree.SubElement(
+        body, "site", name="tip", pos=_words([link / 2, 0, 0]), quat=_words(turned), size=f"{radius / 3:.6g}"
+    )
+    _springs(root, chain)
+    actuator = ElementTree.SubElement(root, "actuator")
+    top = chain.top / 1e3
+    ends = sorted((model.states[0].pressure / 1e3, top))
+    ElementTree.SubElement(
+        actuator, "general", name="pressure_kPa", joint="pressure", ctrlrange=_words(ends), biastype="affine",
+        gainprm=_words([1 / LAG**2 / top]), biasprm=_words([0, -1 / LAG**2, -2 / LAG]),
+    )  # fmt: skip
+    ElementTree.indent(root, " ")
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _drivers(world: ElementTree.Element) -> None:
+    """Add the joints of the pressure and of the three numbers, of 1 kg: in MuJoCo equalities are as firm as the mass."""
+    for name in ("pressure", *DRIVERS):
+        body = ElementTree.SubElement(world, "body", name=name, gravcomp="1")
+        ElementTree.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1e-3 1e-3 1e-3")
+        ElementTree.SubElement(body, "joint", name=name, type="slide", axis="1 0 0")
+
+
+def _link(body: ElementTree.Element, length: float, radius: float, mass: float) -> None:
+    ElementTree.SubElement(
+        body, "geom", type="capsule", fromto=_words([0, 0, 0, length, 0, 0]), size=f"{radius:.6g}", mass=f"{mass:.9g}",
+        rgba="0.18 0.44 0.62 1", contype="0", conaffinity="0",
+    )  # fmt: skip
+
+
+def _springs(root: ElementTree.Element, chain: Chain) -> None:
+    """Add the springs of the chain, and tie the three numbers to the pressure."""
+    tendon, equality = ElementTree.SubElement(root, "tendon"), ElementTree.SubElement(root, "equality")
+    for k in range(SEGMENTS):
+        at = k - (SEGMENTS - 1) / 2
+        parts = {"hinge": [("bend", -1 / SEGMENTS), ("uneven", -at)], "slide": [("extension", -1 / SEGMENTS)]}
+        for kind, stiffness in (("hinge", chain.hinge), ("slide", chain.slide)):
+            if kind == "hinge" and not chain.hinges:
+                continue
+            spring = ElementTree.SubElement(
+                tendon, "fixed", name=f"{kind}_spring{k}", stiffness=f"{stiffness:.9g}", damping=f"{DAMPING * stiffness:.9g}",
+                springlength="0",
+            )  # fmt: skip
+            for name, factor in ((f"{kind}{k}", 1.0), *parts[kind]):
+                ElementTree.SubElement(spring, "joint", joint=name, coef=f"{factor:.9g}")
+    for name, quartic in zip(DRIVERS, chain.quartics, strict=True):
+        ElementTree.SubElement(
+            equality,
+            "joint",
+            joint1=name,
+            joint2="pressure",
+            polycoef=_words(quartic),
+            solref="0.002 1",
+            solimp="0.999 0.9999 0.001",
+        )
+
+
+def _words(values: Iterable[float]) -> str:
+    return " ".join(f"{value:.9g}" for value in values)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A scene for SOFA (SofaPython3): the tip as a rigid body on a spring, whose rest pose follows the table.
+
+
+SOFA = '''"""{written}: {name}. Run by: runSofa {file}
+
+The tip is a rigid body on springs whose rest pose follows the pressure; pressures from {low:.6g} to {high:.6g} kPa.
+Units: m, kg, s, N. Set `pressure_kPa` of the controller, or press the keys + and -.
+"""
+
+import numpy as np
+import Sofa
+
+PRESSURES = np.array({pressures})  # kPa
+POSES = np.array({poses})  # m, and the quaternion x, y, z, w
+STIFFNESS = np.array({stiffness})  # N/m and N m/rad: mean of the free directions
+
+
+def at(pressure_kPa):
+    """Return pose and stiffnesses at a pressure, linear between the {count} rows of the table."""
+    row = [np.interp(pressure_kPa, PRESSURES, column) for column in POSES.T]
+    row[3:] = row[3:] / np.linalg.norm(row[3:])
+    return row, [np.interp(pressure_kPa, PRESSURES, column) for column in STIFFNESS.T]
+
+
+class Pressure(Sofa.Core.Controller):
+    """Moves the rest pose of the tip's springs with the pressure."""
+
+    def __init__(self, *args, **kwargs):
+        super().__init__(*args, **kwargs)
+        self.rest, self.springs = kwargs["rest"], kwargs["springs"]
+        self.pressure_kPa = float(PRESSURES[0])
+
+    def onAnimateBeginEvent(self, event):
+        pose, (stiffness, angular) = at(self.pressure_kPa)
+        self.rest.position.value = [pose]
+        self.springs.stiffness.value = [stiffness]
+        self.springs.angularStiffness.value = [angular]
+
+    def onKeypressedEvent(self, event):
+        step = (PRESSURES[-1] - PRESSURES[0]) / 20 * {{"+": 1, "-": -1}}.get(event["key"], 0)
+        self.pressure_kPa = float(np.clip(self.pressure_kPa + step, PRESSURES[0], PRESSURES[-1]))
+
+
+def createScene(root):
+    root.dt = 0.001
+    root.gravity = [0, 0, 0]
+    for plugin in ("Component.ODESolver.Backward", "Component.LinearSolver.Iterative", "Component.StateContainer",
+                   "Component.Mass", "Component.SolidMechanics.Spring"):
+        root.addObject("RequiredPlugin", name="Sofa." + plugin)
+    root.addObject("DefaultAnimationLoop")
+    first, (stiffness, angular) = at(PRESSURES[0])
+    rest = root.addChild("rest").addObject("MechanicalObject", template="Rigid3d", name="rest", position=[first])
+    tip = root.addChild("tip")
+    tip.addObject("EulerImplicitSolver", rayleighStiffness=0.01)
+    tip.addObject("CGLinearSolver", iterations=25, tolerance=1e-9, threshold=1e-9)
+    tip.addObject("MechanicalObject", template="Rigid3d", name="tip", position=[first], showObject=True,
+                  showObjectScale={size:.6g})
+    tip.addObject("UniformMass", totalMass={mass:.6g})
+    springs = tip.addObject("RestShapeSpringsForceField", stiffness=[stiffness], angularStiffness=[angular],
+                            external_rest_shape=rest.getLinkPath(), points=[0], external_points=[0])
+    root.addObject(Pressure(name="pressure", rest=rest, springs=springs))
+    return root
+'''
+ROWS = 101
+"""Rows of the table in a scene, which is linear in between."""
+
+
+def sofa_scene(model: ReducedModel) -> str:
+    """Return a scene for SOFA."""
+    low, high = model.span
+    pressures = np.linspace(low, high, ROWS)
+    poses, stiffness = [], []
+    for pressure in pressures:
+        one = model(float(pressure))
+        w, *vector = one.quaternion.tolist()
+        poses.append([*(float(f"{x:.9g}") for x in one.position), *(float(f"{x:.9g}") for x in (*vector, w))])
+        C = one.compliance
+        stiffness.append([float(f"{_mean_stiffness(np.diag(C)[part]):.6g}") for part in (slice(0, 3), slice(3, 6))])
+    return SOFA.format(
+        written=WRITTEN, name=model.case.name, file="SCENE.py", low=low / 1e3, high=high / 1e3,
+        pressures=[float(f"{x / 1e3:.9g}") for x in pressures], poses=poses, stiffness=stiffness, count=ROWS,
+        size=0.2 * model.length, mass=model.case.actuator.solid_volume * model.density / 3,
+    )  # fmt: skip
+
+
+def _mean_stiffness(compliances: Array) -> float:
+    """Return one over the mean of the known compliances; stiff where none is known."""
+    known = compliances[np.isfinite(compliances) & (compliances > 0.0)]
+    return float(1 / known.mean()) if known.size else 1e6
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Which file is which.
+
+
+WRITERS: dict[str, Callable[[ReducedModel], str]] = {
+    "csv": table_csv, "json": table_json, "mjcf": mjcf, "sofa": sofa_scene, "fonsim": fonsim_csv,
+}  # fmt: skip
+ENDINGS = {".csv": "csv", ".json": "json", ".xml": "mjcf", ".py": "sofa"}
+"""What a file is by its ending; FONSim's is named, as it is CSV too."""
+
+
+def write(model: ReducedModel, file: Path, kind: str = "") -> Path:
+    """Write a reduced model for another program.
+
+    Args:
+        model: The model.
+        file: Where to.
+        kind: One of `WRITERS`; by the file's ending if empty.
+
+    Raises:
+        CaseError: Another kind or ending, or a file that this program has not written.
+        RunError: The model cannot be written as that.
+    """
+    chosen = kind_of(file, kind)
+    text = WRITERS[chosen](model)
+    replace_text(file, text)
+    return file
+
+
+def is_own(file: Path) -> bool:
+    """Return whether a file is a reduced model of this program, which may be replaced."""
+    try:
+        head = read_file(file)[:4000].decode(errors="replace")
+    except OSError:
+        return False
+    return WRITTEN in head or head.startswith(("pressure_Pa,", "volume,pressure\nml,kPa\n"))
+
+
+def kind_of(file: Path, kind: str = "") -> str:
+    """Return the kind of a file.
+
+    Raises:
+        CaseError: See `write`.
+    """
+    chosen = kind or ENDINGS.get(file.suffix.lower(), "")
+    if kind and kind not in WRITERS:
+        raise CaseError(f"as {kind!r} no reduced model is written; {known_are(kind, WRITERS)}")
+    if not chosen:
+        named = ", ".join(f"{ending} ({name})" for ending, name in ENDINGS.items())
+        raise CaseError(f"{file} has no ending of a reduced model; take {named}, or name the kind (kind=..., --as)")
+    if file.is_dir():
+        raise CaseError(f"{file} is a folder; name a file")
+    return chosen
+
+
+__all__ = ["WRITERS", "Chain", "chain_of", "is_own", "kind_of", "write"]

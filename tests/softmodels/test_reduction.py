@@ -1,0 +1,236 @@
+"""Reduced models: exact derivatives against finite differences of fresh solves, symmetry, files, and the chain in MuJoCo."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import sys
+import types
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.spatial.transform import Rotation
+
+import softmodels as sm
+from softmodels.case.materials import MaterialErrors
+from softmodels.cli.exports import reduce_command
+from softmodels.decks import chains
+from softmodels.decks.reduction import TipFace, continued, fitted_rotation, inverse_left_jacobian, usable
+
+FINGER = sm.BendingBellows(folds=1, cell_size=0.006)
+MU, DEVIATION = 30e3, 600.0
+SILICONE = sm.NeoHookean(MU)
+
+
+@pytest.fixture(scope="module")
+def run():
+    band = MaterialErrors(("shear_modulus",), ((DEVIATION**2,),))
+    return sm.inflate(FINGER, SILICONE, pressures="0:3 kPa", band=band, name="finger")
+
+
+@pytest.fixture(scope="module")
+def model(run):
+    return run.reduce()
+
+
+def fresh(pressures, material=SILICONE, parts=()):
+    """Position, rotation and added volume at pressures, solved from rest."""
+    found, device = [], sm.Model(FINGER, material, parts)
+    states = [e for e in device.path(pressures) if e.requested] if any(pressures) else [device.solve()]
+    for state in states:
+        position, R, _ = TipFace(device.system, "tip").pose(state.state)
+        found.append((position, R, state.volume))
+    device.release()
+    return found
+
+
+def between(low, high, step):
+    """Derivative of position, rotation vector and volume by central difference."""
+    turned = Rotation.from_matrix(high[1] @ low[1].T).as_rotvec()
+    return np.concatenate([high[0] - low[0], turned, [high[2] - low[2]]]) / step
+
+
+def same(found, exact, tolerance):
+    """Entries agree in sizes of the largest translation and the largest rotation."""
+    for part in (slice(0, 3), slice(3, 6)):
+        assert np.abs(found[part] - np.nan_to_num(exact[part])).max() < tolerance * np.nanmax(np.abs(exact[part]))
+
+
+def test_compliance_and_volume_by_a_force(model):
+    """Also the reciprocity of volume and tip: what a force adds to the volume, the pressure adds to the tip's place."""
+    state, a = model.states[-1], 1e-3
+    low, high = (
+        fresh([state.pressure], parts=[sm.Force(face="tip", direction=way, amount=a)])[-1] for way in ("-z", "z")
+    )
+    found = between(low, high, 2 * a)
+    same(found, state.compliance[:, 2], 1e-5)
+    assert found[6] == pytest.approx(state.rate[2], rel=1e-5)
+
+
+def test_compliance_by_a_moment_at_rest(model):
+    a = 1e-6
+    low, high = (fresh([0.0], parts=[sm.Moment(face="tip", axis=way, amount=a)])[-1] for way in ("-y", "y"))
+    same(between(low, high, 2 * a), model.states[0].compliance[:, 4], 1e-5)
+
+
+def test_table_between_its_states_and_jacobian(model):
+    """At a pressure that is none of the table's, against fresh solves there."""
+    assert all(abs(one.pressure - 1.111e3) > 20.0 for one in model.states)
+    low, mid, high = fresh([1.110e3, 1.111e3, 1.112e3])
+    at = model(1.111e3)
+    assert np.abs(at.position - mid[0]).max() < 1e-5 * model.length
+    assert np.abs(at.rotation - mid[1]).max() < 1e-5
+    assert at.volume == pytest.approx(mid[2], rel=1e-5)
+    same(between(low, high, 2.0), at.rate, 1e-4)
+    state = model.states[4]
+    low, high = fresh([state.pressure - 2.0, state.pressure + 2.0])
+    exact = np.append(state.jacobian[:, 0], state.volume_rate)
+    same(between(low, high, 4.0), exact, 1e-5)
+    assert between(low, high, 4.0)[6] == pytest.approx(exact[6], rel=1e-5)
+    assert state.rate == pytest.approx(state.jacobian[:, 0], rel=1e-8, abs=1e-16)
+    assert model.errors["position"] < 1e-4 and model.errors["compliance"] < 0.01
+
+
+def test_compliance_is_symmetric_and_positive(model):
+    for one in model.states:
+        known = ~np.isnan(np.diag(one.compliance))
+        C = one.compliance[np.ix_(known, known)]
+        D = np.sqrt(np.diag(C))
+        assert known.tolist() == [True, False, True, False, True, False]  # half a finger
+        assert np.abs(C - C.T).max() < 1e-8 * np.abs(C).max()
+        assert np.linalg.eigvalsh(C / np.outer(D, D)).min() > 0.0
+
+
+def test_band_of_the_tip(model):
+    state = model.states[-1]
+    low, high = (fresh([state.pressure], sm.NeoHookean(MU + way))[-1] for way in (-30.0, 30.0))
+    moved = between(low, high, 60.0) * 1.959963984540054 * DEVIATION
+    same(np.abs(moved[:6]), state.spread[:6], 1e-4)
+    assert abs(moved[6]) == pytest.approx(state.spread[6], rel=1e-4)
+
+
+def test_blocked_wrench_holds_the_tip(model):
+    for one in model.states:
+        known = ~np.isnan(np.diag(one.compliance))
+        held = one.rate[known] - one.compliance[np.ix_(known, known)] @ model.blocked(one)[known]
+        assert np.abs(held).max() < 1e-9 * np.abs(one.rate).max()
+    curvature, arc, _ = model.constant_curvature(model.states[-1])
+    chord = np.linalg.norm(model.states[-1].position - model.base)
+    assert 2 / curvature * math.sin(curvature * arc / 2) == pytest.approx(chord)
+
+
+def test_round_bellows():
+    """A section knows the axial compliance; the effective area is between those of the inner and the outer radius."""
+    bellows = sm.Bellows()
+    made = sm.inflate(bellows, "ecoflex-00-30", pressures="0:0.3 kPa").reduce()
+    assert math.pi * bellows.inner_radius**2 < made.effective_area(made.states[0]) < math.pi * bellows.outer_radius**2
+    low, high = made.states[:2]
+    slope = (high.position - low.position)[2] / (high.pressure - low.pressure)
+    assert min(low.rate[2], high.rate[2]) < slope < max(low.rate[2], high.rate[2])
+    assert chains.chain_of(made).error[0] < 0.01
+
+
+# -- files --------------------------------------------------------------------------------------------------------------
+
+
+def test_chain_in_mujoco(run, model, tmp_path):
+    mujoco = pytest.importorskip("mujoco")
+    run.reduce(tmp_path / "finger.xml")
+    chain = mujoco.MjModel.from_xml_path(str(tmp_path / "finger.xml"))
+    data = mujoco.MjData(chain)
+    assert chain.opt.timestep == 0.001
+    for pressure in (0.8e3, 2.1e3, 3e3):
+        data.ctrl[0] = pressure / 1e3
+        mujoco.mj_step(chain, data, 500)
+        at, site = model(pressure), data.site("tip")
+        assert np.linalg.norm(site.xpos - at.position) < 0.003 * model.length
+        assert np.linalg.norm(Rotation.from_matrix(site.xmat.reshape(3, 3).T @ at.rotation).as_rotvec()) < 0.005
+    # A small moment turns the tip as the table says, up to the change of the stiffness over the range.
+    before, moment = data.site("tip").xmat.reshape(3, 3).copy(), 2e-4
+    tip = data.body(f"link{chains.SEGMENTS - 1}")
+    data.xfrc_applied[tip.id, 4] = moment
+    mujoco.mj_step(chain, data, 500)
+    turned = Rotation.from_matrix(data.site("tip").xmat.reshape(3, 3) @ before.T).as_rotvec()[1] / moment
+    assert turned == pytest.approx(model(1.5e3).compliance[4, 4], rel=0.02)
+
+
+def test_tables(model):
+    rows = list(csv.DictReader(io.StringIO(chains.table_csv(model))))
+    table = json.loads(chains.table_json(model))["table"]
+    assert len(rows) == len(model.states) and set(rows[0]) == set(table)
+    last = model.states[-1]
+    assert float(rows[-1]["tip_z_m"]) == pytest.approx(last.position[2]) == pytest.approx(table["tip_z_m"][-1])
+    assert float(rows[-1]["compliance_turn_y_fz_rad_per_N"]) == pytest.approx(last.compliance[4, 2])
+    assert rows[0]["compliance_y_fy_m_per_N"] == "" and table["compliance_y_fy_m_per_N"][0] is None
+    labels, units, *values = chains.fonsim_csv(model).splitlines()
+    assert (labels, units) == ("volume,pressure", "ml,kPa")
+    volume, pressure = map(float, values[-1].split(","))
+    assert pressure == pytest.approx(3.0) and volume == pytest.approx((FINGER.cavity_volume + last.volume) * 1e6)
+
+
+def test_scene_follows_the_table(model, monkeypatch):
+    core = types.SimpleNamespace(Controller=object)
+    monkeypatch.setitem(sys.modules, "Sofa", types.SimpleNamespace(Core=core))
+    scene: dict = {}
+    exec(compile(chains.sofa_scene(model), "scene.py", "exec"), scene)
+    pose, (stiffness, angular) = scene["at"](1.5)
+    assert pose[:3] == pytest.approx(model(1.5e3).position) and np.roll(pose[3:], 1) == pytest.approx(
+        model(1.5e3).quaternion, abs=1e-4
+    )
+    assert angular == pytest.approx(1 / model(1.5e3).compliance[4, 4], rel=1e-3) and stiffness > 0.0
+
+
+def test_wrong_input(run, tmp_path):
+    run.save(tmp_path / "results")
+    for words, sentence in [
+        (["-o", "x.foo"], "no ending of a reduced model"),
+        (["-o", "x.csv", "--as", "urdf"], "as 'urdf' no reduced model is written"),
+        (["-o", "x.csv", "--face", "nose"], "no face 'nose'"),
+    ]:
+        done = CliRunner().invoke(reduce_command, [str(tmp_path / "results"), *words])
+        assert done.exit_code == 2 and sentence in done.stderr
+    with pytest.raises(sm.CaseError, match="no ending"):
+        run.reduce("finger.inp")
+
+
+# -- rotations ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("plane", [False, True])
+def test_rotation_of_a_face_and_its_derivative(plane):
+    rng = np.random.default_rng(3)
+    B = rng.normal(size=(3, 3))
+    S = B @ B.T
+    if plane:  # a plane face: the moments have rank 2
+        flat = np.diag([1.0, 1.0, 0.0])
+        S = flat @ S @ flat
+    R = Rotation.from_rotvec([0.3, -1.2, 0.7]).as_matrix()
+    dA, step = rng.normal(size=(3, 3)) @ (np.diag([1.0, 1.0, 0.0]) if plane else np.eye(3)), 1e-6
+    found, turn = fitted_rotation(R @ S)
+    assert found == pytest.approx(R, abs=1e-12)
+    low, high = (fitted_rotation(R @ S + way * step * dA)[0] for way in (-1, 1))
+    W = R.T @ dA - dA.T @ R
+    rate = turn @ np.array([W[2, 1], W[0, 2], W[1, 0]])
+    assert Rotation.from_matrix(high @ low.T).as_rotvec() / (2 * step) == pytest.approx(rate, rel=1e-6, abs=1e-7)
+
+
+def test_rotations_past_half_a_turn():
+    angles = np.linspace(0.0, 5.5, 12)
+    turns = continued([Rotation.from_rotvec([0.0, a, 0.0]).as_matrix() for a in angles])
+    assert turns[:, 1] == pytest.approx(angles)
+    turn, rate, step = np.array([0.4, 2.1, -0.6]), np.array([0.3, 0.2, -0.9]), 1e-6
+    low, high = (Rotation.from_rotvec(turn + way * step * rate).as_matrix() for way in (-1, 1))
+    omega = Rotation.from_matrix(high @ low.T).as_rotvec() / (2 * step)
+    assert inverse_left_jacobian(turn) @ omega == pytest.approx(rate, abs=1e-8)
+
+
+def test_table_ends_at_the_limit_point():
+    plain = {"bifurcation": 0, "jump": 0, "limit": 0}
+    rows = [{**plain, "pressure_Pa": p} for p in (0.0, 1.0, 2.0, 2.5)]
+    assert usable(rows) == ([0, 1, 2, 3], "")
+    assert usable([*rows, {**plain, "pressure_Pa": 2.4}]) == ([0, 1, 2, 3], "limit point")
+    assert usable([*rows, {**plain, "pressure_Pa": 2.6, "limit": 1}]) == ([0, 1, 2, 3], "limit point")
+    assert usable([*rows[:2], {**plain, "pressure_Pa": 2.0, "bifurcation": 1}, *rows[2:]])[1] == "bifurcation"
