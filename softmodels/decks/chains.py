@@ -150,6 +150,7 @@ class Chain:
             each, shape (3, 5).
         top: The highest pressure, Pa.
         hinge, slide: Stiffness of one joint, N m/rad and N/m.
+        side, twist: The same of bending out of the plane and of torsion; 0 where they are not known.
         hinges: Whether it bends.
         error: Largest distance of the tip from the table's over the length, and angle in degrees.
     """
@@ -163,6 +164,8 @@ class Chain:
     hinge: float
     slide: float
     hinges: bool
+    side: float = 0.0
+    twist: float = 0.0
     error: tuple[float, float] = (0.0, 0.0)
 
 
@@ -217,25 +220,16 @@ def chain_of(model: ReducedModel) -> Chain:
     fitted = np.linalg.lstsq(powers, np.array(found), rcond=None)[0].T
     quartics = np.hstack([np.zeros((3, 5 - fitted.shape[1])), fitted])
     middle = model((model.span[0] + model.span[1]) / 2).compliance
-    bending, axial = float(normal @ middle[3:, 3:] @ normal) if hinges else 0.0, model.states[0].compliance[:3, :3]
-    stretching = float(along @ np.nan_to_num(axial) @ along)
-    if math.isnan(bending):
-        bending = float(normal @ np.nan_to_num(middle[3:, 3:]) @ normal)
+    turning = np.nan_to_num(middle[3:, 3:])
+    bending, aside, twisting = (float(e @ turning @ e) for e in (normal, side, along))
+    stretching = float(along @ np.nan_to_num(model.states[0].compliance[:3, :3]) @ along)
     if stretching <= 0.0 or (hinges and bending <= 0.0):
         raise RunError(
             "the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device"
         )
-    chain = Chain(
-        model.base,
-        along,
-        normal,
-        model.length,
-        quartics,
-        top,
-        SEGMENTS / bending if hinges else 0.0,
-        SEGMENTS / stretching,
-        hinges,
-    )
+    stiffness = [SEGMENTS / one if one > 0.0 else 0.0 for one in (bending, stretching, aside, twisting)]
+    stiffness[0] *= hinges
+    chain = Chain(model.base, along, normal, model.length, quartics, top, *stiffness[:2], hinges, *stiffness[2:])
     misses = []
     for share, target in zip(shares, targets, strict=True):
         x, y, angle = reached(quartics @ share ** np.arange(5), model.length)
@@ -274,6 +268,12 @@ def mjcf(model: ReducedModel) -> str:
         body = ElementTree.SubElement(body, "body", name=f"link{k}", pos=_words([link / 2 if k == 0 else link, 0, 0]))
         if chain.hinges:
             ElementTree.SubElement(body, "joint", name=f"hinge{k}", type="hinge", axis="0 0 1", armature="1e-7")
+        for name, axis, stiffness in (("side", "0 1 0", chain.side), ("twist", "1 0 0", chain.twist)):
+            if stiffness:
+                ElementTree.SubElement(
+                    body, "joint", name=f"{name}{k}", type="hinge", axis=axis, armature="1e-7", stiffness=f"{stiffness:.9g}",
+                    damping=f"{DAMPING * stiffness:.9g}",
+                )  # fmt: skip
         ElementTree.SubElement(body, "joint", name=f"slide{k}", type="slide", axis="1 0 0", armature="1e-4")
         _link(body, long, radius, mass)
     turned = Rotation.from_matrix(tilt.T).as_quat(canonical=True, scalar_first=True)

@@ -19,15 +19,18 @@ import numpy.typing as npt
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.spatial.transform import Rotation
 
-from geometries import Actuator
+from geometries import Actuator, Hold
 from softmodels.case.case import Case
+from softmodels.case.components import without_walls
 from softmodels.case.entries import CaseError
 from softmodels.case.materials import MaterialErrors
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import known_are
+from softmodels.components.walls import Walls
 from softmodels.materials.silicones import density_of, extrapolated
 from softmodels.mechanics.mpi import on_root, start
+from softmodels.mechanics.regions import RegionPart
 from softmodels.runs.fields import Row
 from softmodels.runs.formats import Restart
 from softmodels.runs.model import temporary_folder
@@ -37,6 +40,10 @@ from softmodels.runs.recording import StoredRun, stored_state
 from softmodels.runs.simulation import Simulation
 
 if TYPE_CHECKING:
+    from ufl.core.expr import Expr
+
+    from softmodels.mechanics.body import Body
+    from softmodels.mechanics.solver import Solver
     from softmodels.mechanics.system import State, System
 
 TOLERANCE = 1e-11
@@ -94,17 +101,19 @@ class TipFace:
     Args:
         system: The device's equations.
         role: The face.
+        of: The device whose slice this is, for motions against its symmetry; None for those that have it.
 
     Attributes:
         centre: Of the undeformed face of the whole device, m.
         vectors: Entries by all owned dofs whose product with w is the mean of u_i (3) and of u_i (X - c)_j (9), dimensionless.
     """
 
-    def __init__(self, system: System, role: str):
+    def __init__(self, system: System, role: str, of: Actuator | None = None):
         from softmodels.mechanics.dead_loads import DistributedLoad
 
         self.system, on = system, DistributedLoad(system)
-        device, d = system.body.actuator, system.body.actuator.dimension
+        device, d = of or system.body.actuator, system.body.actuator.dimension
+        self._odd = of is not None
         area = on.integral(on.constant(1.0), role)
         hoop, measure = system.body.hoop, on.measure(role)
         places = [on.places[j] for j in range(d)]
@@ -133,17 +142,19 @@ class TipFace:
             return np.array([0.0, 0.0, of_mesh[1]])
         return np.diag([of_mesh[0, 0] / 2, of_mesh[0, 0] / 2, of_mesh[1, 1]])
 
-    def _whole(self, of_slice: Array) -> Array:
-        """Return the mean of a vector or matrix over the images that make the whole device."""
+    def _whole(self, of_slice: Array, odd: bool = False) -> Array:
+        """Return the mean of a vector or matrix over the images that make the whole device; of a motion against the symmetry
+        with the sign of each image."""
+        signs = [np.linalg.det(Q) if odd else 1.0 for Q in self._images]
         if of_slice.ndim == 1:
-            return np.mean([Q @ of_slice for Q in self._images], axis=0)
-        return np.mean([Q @ of_slice @ Q.T for Q in self._images], axis=0)
+            return np.mean([sign * Q @ of_slice for sign, Q in zip(signs, self._images, strict=True)], axis=0)
+        return np.mean([sign * Q @ of_slice @ Q.T for sign, Q in zip(signs, self._images, strict=True)], axis=0)
 
     def _combined(self, raw: Array, d: int) -> Array:
         """Return the twelve vectors of the whole device from those of the mesh's components."""
         basis, n = np.eye(len(raw)), raw.shape[1]
-        means = np.array([self._whole(self._in_space(e[:d])) for e in basis])
-        products = np.array([self._whole(self._in_space(e[d:].reshape(d, d))) for e in basis])
+        means = np.array([self._whole(self._in_space(e[:d]), self._odd) for e in basis])
+        products = np.array([self._whole(self._in_space(e[d:].reshape(d, d)), self._odd) for e in basis])
         products -= means[:, :, None] * self.centre_in_sizes
         return (np.hstack([means, products.reshape(len(raw), 9)]).T @ raw).reshape(12, n)
 
@@ -160,6 +171,40 @@ class TipFace:
             dA[k] = 1.0
             rates[3:, 3 + k] = turn @ axial(R.T @ dA.reshape(3, 3))
         return self.centre + found[:3] * device.size, R, rates
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Loads against the symmetry of half a device.
+#
+# At a symmetric state the tangent does not couple motions with and against the symmetry. Those against it are found on the same
+# half: on the cut plane they have no displacement within the plane, and are free across it.
+
+
+def odd_body(body: Body) -> Body | None:
+    """Return half a device whose cut plane may warp, but not move within itself; None if it is not half a device."""
+    from softmodels.mechanics.body import Body
+
+    device = body.actuator
+    if len(device.cut_planes) != 1 or device.dimension != 3:
+        return None
+    (plane,) = device.cut_planes
+    within = [e for e in np.eye(3) if abs(e @ plane.normal) < SAME]
+    if len(within) != 2 or any(hold.role == plane.name for hold in body.holds):
+        return None
+
+    class Warping(Body):
+        """A body whose cavity is closed by its mirror image."""
+
+        def volume_integrand(self, w: Expr) -> Expr:
+            return super().volume_integrand(w)
+
+    kind = type(type(device).__name__, (type(device),), {"cut_planes": ()})
+    uncut = object.__new__(kind)
+    for name, value in vars(device).items():
+        object.__setattr__(uncut, name, value)
+    holds = (*body.holds, *(Hold(plane.name, (float(e[0]), float(e[1]), float(e[2]))) for e in within))
+    own = {field.name: getattr(body, field.name) for field in dataclasses.fields(body)}
+    return Warping(**{**own, "actuator": uncut, "holds": holds})
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -285,6 +330,7 @@ def table_of(source: Source, stored: StoredRun, face: str = "") -> ReducedModel:
                 state = stored_state(stored, simulation.fields, comm, step, restart["P"], restart["V"])
                 states.append(responses.at(state, rows[step]))
             base = responses.base()
+            responses.release()
     except NoConvergence as failure:
         raise RunError(f"a stored state could not be solved again ({failure}); run the case again") from failure
     finally:
@@ -312,11 +358,29 @@ class Responses:
     def __init__(self, simulation: Simulation, role: str):
         self.solver, self.fields, self.case = simulation.solver, simulation.fields, simulation.case
         self.system, self.tip = self.solver.system, TipFace(self.solver.system, role)
+        self._sides = [(self.solver, self.tip), *self._against(role)]
         self._sensitivity = None
         if isinstance(self.case.band, MaterialErrors):
             from softmodels.mechanics.sensitivity import Sensitivity
 
             self._sensitivity = Sensitivity(self.solver)
+
+    def _against(self, role: str) -> list[tuple[Solver, TipFace]]:
+        """Return what solves for motions against the symmetry of half a device; nothing for others."""
+        from softmodels.mechanics.solver import Solver
+        from softmodels.mechanics.system import System
+
+        body, parts = odd_body(self.system.body), without_walls(self.case.components)
+        if body is None or not all(isinstance(part, RegionPart | Walls) for part in parts):
+            return []
+        system = System(body, self.case.material, self.case.formulation, parts)
+        system.direction = self.system.direction
+        return [(Solver(system, self.case.solver), TipFace(system, role, self.system.body.actuator))]
+
+    def release(self) -> None:
+        """Release what the simulation does not."""
+        for solver, _ in self._sides[1:]:
+            solver.release()
 
     def base(self) -> Array:
         """Return the centre of the device's first support, m."""
@@ -343,18 +407,7 @@ class Responses:
         device = system.body.actuator
         position, R, rates = self.tip.pose(state)
         stress, n = system.stress_unit, system.n
-        # Forces on the slice are those on the whole device over its copies; in shear moduli times the size squared or cubed.
-        loads = rates @ self.tip.loads
-        unit = 1.0 / (stress * device.size**3 * device.copies)
-        size = np.linalg.norm(loads, axis=1)
-        scale = np.array([size[:3].max()] * 3 + [size[3:].max() or 1.0] * 3)
-        moved = np.full((12, 6), np.nan)
-        for k in range(6):
-            if size[k] > SAME * scale[k]:
-                moved[:, k] = self.tip.vectors @ solver.linear_response(loads[k], 0.0, TOLERANCE).w[:n]
-        compliance = rates @ np.nan_to_num(moved) * unit
-        apart = np.isnan(moved[0])
-        compliance[apart, :] = compliance[:, apart] = np.nan
+        compliance = self._compliance(state, rates, touches(row))
         pushes = [push.copy() for push in system.pressure_loads()[: len(device.ratios)]]
         jacobian = [self.tip.vectors @ solver.linear_response(push, 0.0, TOLERANCE).w[:n] for push in pushes]
         return TipState(
@@ -362,6 +415,33 @@ class Responses:
             along.V * system.volume_unit / stress, rates @ (self.tip.vectors @ along.w[:n]) / stress,
             rates @ np.transpose(jacobian) / stress, compliance, self._spread(state, rates), float(row["max_stretch"]),
         )  # fmt: skip
+
+    def _compliance(self, state: State, rates: Array, touching: bool) -> Array:
+        """Return the compliance at a state at which the tangent of the slice is factorised.
+
+        Where surfaces press on each other, only that of the slice is known.
+        """
+        from softmodels.mechanics.controls import pressure_control
+
+        device = self.system.body.actuator
+        # Forces on the slice are those on the whole device over its copies; in shear moduli times the size squared or cubed.
+        unit = 1.0 / (self.system.stress_unit * device.size**3 * device.copies)
+        found = np.full((6, 6), np.nan)
+        for solver, tip in self._sides[:1] if touching else self._sides[::-1]:
+            loads = rates @ tip.loads
+            size = np.linalg.norm(loads, axis=1)
+            acting = [k for k in range(6) if size[k] > SAME * max(size[3 * (k // 3) : 3 * (k // 3) + 3])]
+            if solver is not self.solver:
+                solver.factorise(state)
+                solver.tangent(state, pressure_control(state.P), TOLERANCE)
+            moved = np.transpose(
+                [tip.vectors @ solver.linear_response(loads[k], 0.0, TOLERANCE).w[: len(loads[k])] for k in acting]
+            )
+            found[np.ix_(acting, acting)] = (rates @ moved)[acting] * unit
+            for k in acting:
+                others = [j for j in range(6) if j not in acting and np.isfinite(found[j, j])]
+                found[k, others] = found[others, k] = 0.0
+        return found
 
     def _spread(self, state: State, rates: Array) -> Array:
         """Return the half widths of the 95 % intervals of position, rotation and volume at a fixed pressure."""
