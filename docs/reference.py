@@ -21,7 +21,7 @@ GROUPS = {
     "Materials": "NeoHookean MooneyRivlin Yeoh Ogden Gent silicone Material Region",
     "Loads, contact and parts": "Gravity Mass Force Moment Rigid RigidShape Obstacle Walls Fibres Fabric Sheet Clamp",
     "Fits": "fit fit_heights fit_curves fit_leak score FitOptions TensileCurve Score Leak",
-    "Design, studies, mould, export": "optimise DesignProblem Keep study Study mould export",
+    "Design, studies, mould, export": "optimise DesignProblem Keep study Study ReducedModel mould export",
 }
 """Names by subject. A public name that is in no group is listed under "More"; errors and warnings have a group of their own."""
 PACKAGES = {"measurement": measurement, "geometries": geometries}
