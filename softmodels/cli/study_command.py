@@ -14,6 +14,7 @@ from softmodels.common.errors import MissingPackageError, reason
 from softmodels.common.files import write_bytes, write_text
 from softmodels.common.processes import say
 from softmodels.design.study import DATASET, PAGE, Study, StudyError, StudyFolder, StudyPlan, open_folder, solve_into
+from softmodels.mechanics.mpi import launched
 from softmodels.runs.outcomes import DONE, FAILED
 
 
@@ -48,6 +49,8 @@ def study_command(
     Exit status: 0 done; 1 failed; 2 bad input; 130 stopped (continue with --resume).
     """
     begun = time.monotonic()
+    if (launched() or 1) > 1:
+        fail("a study shares its samples among its own processes (--jobs, --scheduler); start it without mpirun")
     try:
         plan = StudyPlan.from_file(file)
         kept = open_folder(plan, output, resume, [file])

@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
+import pickle
 import queue
 import signal
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from multiprocessing.connection import Connection
@@ -64,8 +66,12 @@ class Worker:
             DiedError: The process ended meanwhile.
         """
         try:
+            order = pickle.dumps((function, args))
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            return False, f"this cannot be sent to another process ({reason(error)}); define its classes in a module"
+        try:
             self.start()
-            self._line.send((function, args))
+            self._line.send_bytes(order)
             found: Answer = self._line.recv()
         except (EOFError, OSError):
             self.stop()
@@ -102,12 +108,14 @@ def answers(module: str, function: str, tasks: Mapping[int, object], count: int)
         worker.start()  # by this thread: a process ends with the thread that started it
         free.put(worker)
 
+    closed = threading.Event()
+
     def answer(task: object) -> Answer:
         worker = free.get()
         try:
             with contextlib.suppress(DiedError):
                 return worker.call(function, task)
-            return worker.call(function, task)
+            return (False, ENDED) if closed.is_set() else worker.call(function, task)
         except DiedError as error:
             return False, str(error)
         finally:
@@ -119,6 +127,7 @@ def answers(module: str, function: str, tasks: Mapping[int, object], count: int)
             for future in as_completed(numbers):
                 yield numbers[future], future.result()
         finally:
+            closed.set()
             pool.shutdown(wait=False, cancel_futures=True)
             for worker in workers:
                 worker.stop()
@@ -131,8 +140,9 @@ def serve(module: str, line: Connection) -> None:
     functions = importlib.import_module(module)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
-            function, args = line.recv()
+            order = line.recv_bytes()
             try:
+                function, args = pickle.loads(order)
                 line.send((True, getattr(functions, function)(*args)))
             except Exception as error:
                 line.send((False, reason(error)))

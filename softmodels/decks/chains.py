@@ -20,7 +20,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import known_are
 from softmodels.common.files import read_file, replace_text
 from softmodels.decks.deck import WRITTEN
-from softmodels.decks.reduction import ReducedModel, TipState, across
+from softmodels.decks.reduction import SAME, ReducedModel, TipState, across
 from softmodels.runs.outcomes import RunError
 
 AXES = ("x", "y", "z")
@@ -182,6 +182,11 @@ def reached(numbers: Array, length: float) -> tuple[float, float, float]:
     return x, y, angle
 
 
+def _missed(numbers: Array, target: Array, scale: Array, length: float) -> Array:
+    """Return how far the end of a chain is from a target, in lengths and radians."""
+    return (np.array(reached(numbers, length)) - target) * scale
+
+
 def chain_of(model: ReducedModel) -> Chain:
     """Return the chain that follows a reduced model.
 
@@ -201,19 +206,15 @@ def chain_of(model: ReducedModel) -> Chain:
             f"the tip leaves the plane by {1e3 * out:.3g} mm, and a chain bends in one plane; write a table (.csv, .json)"
         )
     targets = np.column_stack([moves @ along, moves @ side, model.turns @ normal])
-    found, guess = [], np.zeros(3)
+    found, scale = [], np.array([1 / model.length, 1 / model.length, 1.0])
     for target in targets:
         if not hinges:
             found.append([0.0, 0.0, target[0] - model.length])
             continue
-        scale = np.array([1 / model.length, 1 / model.length, 1.0])
-        guess = least_squares(
-            lambda x, target=target, scale=scale: (np.array(reached(x, model.length)) - target) * scale,
-            guess,
-            xtol=1e-14,
-            gtol=1e-14,
-        ).x
-        found.append(guess)
+        # Away from zero: the derivatives are by differences in proportion.
+        guess = [target[2] + 0.01, 0.01, float(np.hypot(*target[:2])) - 0.99 * model.length]
+        solved = least_squares(_missed, guess, xtol=1e-14, gtol=1e-14, args=(target, scale, model.length))
+        found.append(solved.x)
     top = float(model.pressures[np.argmax(np.abs(model.pressures))])
     shares = model.pressures / top
     powers = shares[:, None] ** np.arange(1 if abs(shares[0]) < 1e-9 else 0, 5)
@@ -227,7 +228,8 @@ def chain_of(model: ReducedModel) -> Chain:
         raise RunError(
             "the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device"
         )
-    stiffness = [SEGMENTS / one if one > 0.0 else 0.0 for one in (bending, stretching, aside, twisting)]
+    known = SAME * max(bending, aside, twisting)
+    stiffness = [SEGMENTS / one if one > known else 0.0 for one in (bending, stretching, aside, twisting)]
     stiffness[0] *= hinges
     chain = Chain(model.base, along, normal, model.length, quartics, top, *stiffness[:2], hinges, *stiffness[2:])
     misses = []

@@ -315,6 +315,8 @@ def table_of(source: Source, stored: StoredRun, face: str = "") -> ReducedModel:
             f"the run has {len(steps)} states with rising pressure; a reduced model needs {FEWEST}, so request more pressures"
         )
     comm = start()
+    if comm.size > 1:
+        raise RunError("a reduced model is made on one process only; start it without mpirun")
     simulation = Simulation(case, comm)
     try:
         with sentences(), temporary_folder(comm) as folder:
@@ -682,20 +684,32 @@ class Curves:
         self._place = CubicHermiteSpline(x, places[order], slopes[order])
         self._turn = CubicHermiteSpline(x, self.turns[order], rates[order])
         self._volume = CubicHermiteSpline(x, volumes[order], volume_rates[order])
-        compliances = np.array([one.compliance for one in states])[order]
-        self._unknown = np.isnan(compliances[0])
-        self._compliance = CubicSpline(x, np.nan_to_num(compliances).reshape(len(x), 36))
+        compliances = np.array([one.compliance for one in states])[order].reshape(len(x), 36)
+        # Loads against the symmetry are known up to where walls touch.
+        groups = alike(np.isfinite(compliances))
+        self._compliances = [
+            (entries, CubicSpline(x[known], compliances[known][:, entries])) for known, entries in groups
+        ]
 
     def at(self, pressure: float) -> TipPose:
         """Return the state at a pressure in Pa."""
         turn = self._turn(pressure)
         omega = np.linalg.solve(inverse_left_jacobian(turn), self._turn(pressure, 1))
-        C = self._compliance(pressure).reshape(6, 6)
-        C[self._unknown] = np.nan
+        C = np.full(36, np.nan)
+        for entries, spline in self._compliances:
+            if spline.x[0] <= pressure <= spline.x[-1]:
+                C[entries] = spline(pressure)
+        R = Rotation.from_rotvec(turn).as_matrix()
         return TipPose(
-            pressure, self._place(pressure), Rotation.from_rotvec(turn).as_matrix(), float(self._volume(pressure)), C,
+            pressure, self._place(pressure), R, float(self._volume(pressure)), C.reshape(6, 6),
             np.concatenate([self._place(pressure, 1), omega]), float(self._volume(pressure, 1)),
         )  # fmt: skip
+
+
+def alike(known: npt.NDArray[np.bool_]) -> list[tuple[npt.NDArray[np.bool_], npt.NDArray[np.int64]]]:
+    """Return the columns that are known in the same rows, with these rows, where there are enough for a curve."""
+    patterns = np.unique(known.T, axis=0)
+    return [(row, np.flatnonzero((row == known.T).all(axis=1))) for row in patterns if row.sum() > 1]
 
 
 def continued(rotations: Sequence[npt.NDArray[np.float64]]) -> Array:

@@ -75,7 +75,8 @@ def main(count: int, names: list[str]) -> None:
         angle = np.degrees(np.linalg.norm(model.turns[-1]))
         print(
             f"{name}: {len(model.states)} states to {high / 1e3:.3g} kPa, {angle:.3g} deg; at {len(places)} fresh pressures: "
-            f"tip {100 * max(places):.2g} % of the length, angle {max(angles):.2g} deg, compliance {100 * max(stiffnesses):.2g} %; "
+            f"tip {100 * max(places):.2g} % of the length, angle {max(angles):.2g} deg, "
+            f"compliance {100 * max(stiffnesses):.2g} %; "
             f"{in_mujoco(model)}; {time.process_time() - begun:.0f} s CPU",
             flush=True,
         )
