@@ -229,9 +229,9 @@ def chain_of(model: ReducedModel) -> Chain:
             "the stiffness of the tip is not known in the plane of bending; reduce a model of the whole device"
         )
     known = SAME * max(bending, aside, twisting)
-    stiffness = [SEGMENTS / one if one > known else 0.0 for one in (bending, stretching, aside, twisting)]
-    stiffness[0] *= hinges
-    chain = Chain(model.base, along, normal, model.length, quartics, top, *stiffness[:2], hinges, *stiffness[2:])
+    hinge, lateral, twist = (SEGMENTS / one if one > known else 0.0 for one in (bending, aside, twisting))
+    slide = SEGMENTS / stretching
+    chain = Chain(model.base, along, normal, model.length, quartics, top, hinge * hinges, slide, hinges, lateral, twist)
     misses = []
     for share, target in zip(shares, targets, strict=True):
         x, y, angle = reached(quartics @ share ** np.arange(5), model.length)

@@ -199,7 +199,7 @@ def odd_body(body: Body) -> Body | None:
             return super().volume_integrand(w)
 
     kind = type(type(device).__name__, (type(device),), {"cut_planes": ()})
-    uncut = object.__new__(kind)
+    uncut: Actuator = object.__new__(kind)
     for name, value in vars(device).items():
         object.__setattr__(uncut, name, value)
     holds = (*body.holds, *(Hold(plane.name, (float(e[0]), float(e[1]), float(e[2]))) for e in within))

@@ -227,8 +227,10 @@ class StudyPlan:
         try:
             import tomli_w
 
-            inline = isinstance(file, dict)
-            case = Case.from_toml(tomli_w.dumps(file), path.parent) if inline else Case.from_file(path.parent / file)
+            if isinstance(file, dict):
+                case = Case.from_toml(tomli_w.dumps(file), path.parent)
+            else:
+                case = Case.from_file(path.parent / file)
         except CaseError as error:
             raise StudyError(str(error)) from None
         numbers = {key: table[key] for key in ("samples", "seed") if key in table}
