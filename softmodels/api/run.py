@@ -23,7 +23,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import Spoken, known_are, spoken
 from softmodels.common.files import file_digest, hdf5_reason, is_same
-from softmodels.common.names import checked, keep_arrays, place, read_only, several
+from softmodels.common.names import checked, keep_arrays, one_of, place, read_only, several
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import to_table as table_of
 from softmodels.common.units import UnitError, brief, number, readable
@@ -1010,6 +1010,8 @@ class Run(Shown):
         from softmodels.decks.reduction import table_of
 
         path = None if file is None else place("file", file, "a file")
+        one_of("kind", kind, str, "a text such as 'mjcf'")
+        one_of("face", face, str, "the name of a face")
         if path is not None:
             kind_of(path, kind)
         made = table_of(self._source, _Stored(self._source), face)

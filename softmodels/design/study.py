@@ -34,7 +34,7 @@ from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import Spoken, known_are, reason, required, written
 from softmodels.common.files import read_text, replace
 from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
-from softmodels.common.names import callback, checked, flag, place, whole
+from softmodels.common.names import callback, checked, flag, one_of, place, whole
 from softmodels.common.processes import cores
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, number, number_and_unit
@@ -609,10 +609,12 @@ def study(
         else StudyPlan.from_file(place("file", file, "a study file, or a StudyPlan"))
     )
     callback("progress", progress)
+    count, address = whole("jobs", jobs, 0), one_of("scheduler", scheduler, str, "an address, or an empty text")
+    again = flag("resume", resume)
     output = None if folder is None else OwnFolder(place("folder", folder, "a folder"), KIND)
-    kept = StudyFolder(plan, output, flag("resume", resume))
+    kept = StudyFolder(plan, output, again)
     try:
-        return solve_into(kept, plan, whole("jobs", jobs, 0), scheduler, progress)
+        return solve_into(kept, plan, count, address, progress)
     finally:
         kept.leave()
 

@@ -21,6 +21,7 @@ from geometries import Actuator
 from softmodels.case.case import case_of
 from softmodels.common.errors import OWN
 from softmodels.common.schema import Choice, Flag, Length, Open, Quantity, Several, Words, about
+from softmodels.design.study import Input, StudyPlan
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Material
 
@@ -33,6 +34,7 @@ CURVE = sm.TensileCurve("pull", "uniaxial", STRETCH, 14e3 * (STRETCH - STRETCH**
 PROBLEM = sm.DesignProblem(
     sm.Case("disk", DISK, LAW, (0.0, 100.0)), {"membrane": ("4 mm", "8 mm")}, maximise={"quantity": "rise", "at": "100 cm"}
 )  # fmt: skip
+STUDY = StudyPlan("disk", PROBLEM.case, (Input.parse("geometry.membrane", ["4 mm", "8 mm"]),), "grid")
 
 
 class Started(Exception):
@@ -265,6 +267,10 @@ def calls(loaded):
     yield Call(loaded.at, {"value": "20 cm"}, {"value": "pressure"})
     yield Call(loaded.where, {"column": "apex_mm", "value": 0.1}, {"column": "choice", "value": "number"})
     yield Call(loaded.save, {"folder": "somewhere"}, {"folder": "path"})
+    yield Call(loaded.reduce, {}, {"file": "path", "kind": "text", "face": "text"})
+    yield Call(sm.study, {"file": STUDY}, {
+        "file": "path", "folder": "path", "jobs": "seed", "scheduler": "text", "resume": "flag", "progress": "function"},
+    )  # fmt: skip
 
 
 MEANT = {
@@ -291,7 +297,8 @@ def nothing_starts(monkeypatch, tmp_path):
         "geometries.actuator.Actuator.write", "softmodels.mechanics.system.System.__init__",
         "softmodels.api.calls.start", "softmodels.casting.files.made", "softmodels.design.optimise.start",
         "softmodels.api.run.start", "softmodels.runs.model.start", "softmodels.fitting.curves.fit.fit_law_to_curves",
-        "softmodels.fitting.outlines.fit.start", "softmodels.api.run.begin",
+        "softmodels.fitting.outlines.fit.start", "softmodels.api.run.begin", "softmodels.design.study.solve_into",
+        "softmodels.decks.reduction.start",
     ):  # fmt: skip
         monkeypatch.setattr(place, started)
 
@@ -428,6 +435,8 @@ def test_every_public_name_is_called_wrongly(loaded):
         "NaturalFrequencies",
         "Equilibrium",
         "Mode",
+        "Study",
+        "ReducedModel",
     }
     below = {
         "Material",
