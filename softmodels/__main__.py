@@ -67,7 +67,7 @@ PLACES = {
     ),
     "reduce": CommandPlace(
         "softmodels.cli.exports", "reduce_command",
-        "Reduce the results in FOLDER to the device's tip, for robot simulators: pose, volume and stiffness over the pressure.",
+        "Reduce the results in FOLDER to the device's tip, for robot simulators.",
     ),
     "run": CommandPlace(
         "softmodels.cli.run_command", "run",
