@@ -26,6 +26,10 @@ FORMATS: Mapping[str, str] = {".msh": "gmsh", ".inp": "abaqus", ".stl": "stl"}
 """Endings of the files that are read, and meshio's names for them."""
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
 """Of files that do not store the unit of their lengths, in m."""
+MAIN = "solid"
+"""Region of a file with one solid."""
+NONE = "none"
+"""What ``cavities`` says of a part without air."""
 BONDED = "bonded"
 """Role of the faces that a sheet can be bonded to."""
 
@@ -44,7 +48,7 @@ def only_inner_shell[Shell](file: str, inner: Sequence[Shell], centre: Callable[
     if not inner:
         raise GeometryError(
             f"cavities is empty, and file {file} has no closed inner shell that could be the cavity: close its inlet where "
-            "it is drawn, or name the planes of a part that is cut"
+            "it is drawn, name the planes of a part that is cut, or write cavities = ['none'] for a part without air"
         )
     if len(inner) > 1:
         middles = sorted(tuple(1e3 * centre(shell)) for shell in inner)
@@ -83,11 +87,13 @@ class Reading:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportedPart(Actuator):
-    """A part from a file, with one or more closed cavities; without ``cavities`` its only closed inner shell is the cavity.
+    """A part from a file, with one or more closed cavities; without ``cavities`` its only closed inner shell is the cavity, and
+    with ``cavities = ["none"]`` it has no air.
 
     A half, a quarter or a wedge of a part is cut on planes through the origin (``planes``), which meet at 180/n degrees, and
     its cavities may be open there and nowhere else. Physical groups: volume "solid", or several by their names; surfaces
-    "cavity", "cavity2", ... in the order of ``cavities``, "support", "plane0", "plane1", ..., "bonded" if given, and "outer".
+    "cavity", "cavity2", ... in the order of ``cavities``, "support", "plane0", "plane1", ..., "bonded" if given, those of
+    ``surfaces`` by their names, and "outer" for all that is left.
     How faces are selected is described below.
 
     With several cavities, cavity i has the pressure ``pressure_ratios[i]`` times P. Then P works on the sum of the volumes
@@ -99,10 +105,14 @@ class ImportedPart(Actuator):
     cavities: tuple[str, ...] = list_field(
         (),
         "a point in the air of each cavity, such as 'at 10, 0, 4 mm', or faces of its wall, such as 'named chamber'; "
-        "not needed where the part has exactly one closed inner shell",
+        "not needed where the part has exactly one closed inner shell; 'none' for a part without air",
     )
     support: str = text_field("", "held faces, such as 'x = 0 mm' or 'named flange'; three planes need none")
     bonded: str = text_field("", "faces that a sheet can be bonded to, such as 'coloured red'; none if not given")
+    surfaces: tuple[str, ...] = list_field(
+        (),
+        "names for faces of the outside, which loads, clamps, sheets, contact and others may use, such as 'pad = coloured red'",
+    )
     planes: tuple[str, ...] = list_field(
         (), "symmetry planes through the origin where the part is cut, such as 'y = 0 mm' or 'normal 1, -1, 0'"
     )
@@ -131,8 +141,9 @@ class ImportedPart(Actuator):
         if self.pressure_ratios and len(self.pressure_ratios) != self.cavity_count:
             cavities = f"{self.cavity_count} cavit{'y' if self.cavity_count == 1 else 'ies'}"
             raise GeometryError(f"pressure_ratios has {len(self.pressure_ratios)} values for {cavities}; give one each")
-        if not any(self.ratios):
+        if self.ratios and not any(self.ratios):
             raise GeometryError("pressure_ratios are all 0; give one other than 0, below it for a vacuum")
+        _ = self.patches
         self.check_cells()
         _ = self.reading
 
@@ -174,7 +185,27 @@ class ImportedPart(Actuator):
 
     @property
     def faces(self) -> tuple[str, ...]:  # type: ignore[override]
-        return (BONDED,) if self.bonded else ()
+        return ((BONDED,) if self.bonded else ()) + tuple(self.patches)
+
+    @property
+    def patches(self) -> dict[str, str]:
+        """Faces of the outside by the names that the user gives them."""
+        found: dict[str, str] = {}
+        taken = {"outer", "support", "axis", MAIN, BONDED, *(f"plane{i}" for i in range(3))}
+        for text in self.surfaces:
+            name, _, which = (part.strip() for part in text.partition("="))
+            if not (re.fullmatch(r"[a-z]\w*", name) and which):
+                raise GeometryError(f"surfaces has {text!r}; write a name and its faces, such as 'pad = coloured red'")
+            if name in taken or name in found or re.fullmatch(r"cavity\d*", name):
+                raise GeometryError(f"surfaces has {text!r}; the name {name!r} is taken, so use another")
+            faces("surfaces", which)
+            found[name] = which
+        return found
+
+    @property
+    def airless(self) -> bool:
+        """Whether it has no cavity."""
+        return self.cavities == (NONE,)
 
     @property
     def fuller(self) -> str:
@@ -191,11 +222,11 @@ class ImportedPart(Actuator):
     @property
     def cavity_count(self) -> int:
         """Number of cavities; 1 if none is named, because then the file's only closed inner shell is the cavity."""
-        return max(len(self.cavities), 1)
+        return 0 if self.airless else max(len(self.cavities), 1)
 
     @property
     def size(self) -> float:
-        return float(np.cbrt(max(self.reading.cavity_volumes)))
+        return float(np.cbrt(max(self.reading.cavity_volumes, default=self.reading.solid_volume)))
 
     @property
     def cut_planes(self) -> tuple[CutPlane, ...]:

@@ -374,7 +374,7 @@ def find_roles(part: ImportedMesh, mesh: Tetrahedra) -> dict[str, Ints]:
         inner = [piece for piece in pieces if piece is not outside]
         roles[cavity_role(0)] = only_inner_shell(part.file, inner, lambda piece: _middle(mesh, piece))
         left = np.setdiff1d(left, roles[cavity_role(0)])
-    for i, text in enumerate(part.cavities):
+    for i, text in enumerate(part.cavities[: part.cavity_count]):
         by_point = re.match(r"\s*at\b", text)
         wall = _around(mesh, pieces, text) if by_point else _with_faces(part, mesh, pieces, text, left)
         if np.isin(outside, wall).any():
@@ -385,7 +385,8 @@ def find_roles(part: ImportedMesh, mesh: Tetrahedra) -> dict[str, Ints]:
             raise GeometryError(f"cavities has {text!r}; that cavity is already selected")
         roles[cavity_role(i)] = wall
         left = np.setdiff1d(left, wall)
-    for role, field, text in (("support", "support", part.support), (BONDED, "bonded", part.bonded)):
+    patches = [(name, "surfaces", text) for name, text in part.patches.items()]
+    for role, field, text in (("support", "support", part.support), (BONDED, "bonded", part.bonded), *patches):
         if text:
             roles[role] = _some(part, mesh, f"{field} is {text!r}", field, text, left)
             left = np.setdiff1d(left, roles[role])

@@ -15,6 +15,7 @@ from geometries.disk import TRIANGLE
 from geometries.imported import (
     AXES,
     BONDED,
+    MAIN,
     ImportedPart,
     Reading,
     cavity_role,
@@ -78,8 +79,6 @@ def _curvatures(face: int) -> np.ndarray:
 # colours, as faces' names do (`geometries.imported`).
 
 
-MAIN = "solid"
-"""Region of a file with one solid."""
 NAMELESS = re.compile(r"Open CASCADE STEP translator.*|SOLID|COMPOUND|")
 
 
@@ -233,7 +232,7 @@ def find_roles(part: ImportedActuator, solids: Solids) -> dict[str, list[int]]:
         inner = [piece for piece in pieces if piece is not outside]
         roles[cavity_role(0)] = only_inner_shell(part.file, inner, lambda piece: _box(piece).mean(axis=0))
         left = [tag for tag in left if tag not in roles[cavity_role(0)]]
-    for i, text in enumerate(part.cavities):
+    for i, text in enumerate(part.cavities[: part.cavity_count]):
         by_point = re.match(r"\s*at\b", text)
         wall = _around(pieces, solids, text) if by_point else _with_faces(pieces, part, text, left, solids)
         if set(outside) & set(wall):
@@ -244,7 +243,8 @@ def find_roles(part: ImportedActuator, solids: Solids) -> dict[str, list[int]]:
             raise GeometryError(f"cavities has {text!r}; that cavity is already selected")
         roles[cavity_role(i)] = wall
         left = [tag for tag in left if tag not in wall]
-    for role, field, text in (("support", "support", part.support), (BONDED, "bonded", part.bonded)):
+    patches = [(name, "surfaces", text) for name, text in part.patches.items()]
+    for role, field, text in (("support", "support", part.support), (BONDED, "bonded", part.bonded), *patches):
         if text:
             roles[role] = _some(part, field, f"{field} is {text!r}", text, left, solids)
             left = [tag for tag in left if tag not in roles[role]]

@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from geometries import Actuator
 from softmodels.case.entries import MISSING, Entry, Missing, Option, Tables, Written, table_of
 from softmodels.common.errors import FieldError, known_are
 from softmodels.common.files import read_text
@@ -31,7 +32,9 @@ from softmodels.materials.silicones import (
     spanning,
 )
 from softmodels.materials.stability import check_rest
-from softmodels.mechanics.component import ComponentError, register_component
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.component import ComponentError, check_condition, register_component
+from softmodels.mechanics.pieces import cells_within
 from softmodels.mechanics.regions import RegionPart
 
 DEFAULT = NeoHookean(shear_modulus=30e3)
@@ -490,7 +493,8 @@ class Region(RegionPart):
     Attributes:
         material: Its law and parameters.
         density: In kg/m3; if None that of the named silicone's data sheet, or else of `softmodels.components.loads.Gravity`.
-        name: Physical group of its cells, one of `Actuator.regions`.
+        within: Condition of its cells' middles, such as ``"8 mm < r < 10 mm"``, instead of the name of a region of the device.
+        name: Physical group of its cells, one of `Actuator.regions`; with ``within`` any name.
 
     Raises:
         ComponentError: No name, or a density that no solid has.
@@ -498,6 +502,7 @@ class Region(RegionPart):
     """
 
     density: float | None = None
+    within: str = ""
 
     table: ClassVar[str] = "region"
 
@@ -518,6 +523,20 @@ class Region(RegionPart):
             check_density(density, self.where)
             object.__setattr__(self, "density", density)
 
+    def check_on(self, actuator: Actuator) -> None:
+        if self.within:
+            check_condition(self.where, self.within, actuator)
+        else:
+            super().check_on(actuator)
+
+    def cells(self, body: Body) -> npt.NDArray[np.int32]:
+        if not self.within:
+            return super().cells(body)
+        try:
+            return cells_within(body.mesh, body.actuator, self.within)
+        except ComponentError as error:
+            raise ComponentError(f"{self.where}: within = {error}") from None
+
     @property
     def own_density(self) -> float | None:
         sheet = sheet_of(self.material)
@@ -525,14 +544,16 @@ class Region(RegionPart):
 
     @classmethod
     def read_table(cls, name: str, table: Mapping[str, object]) -> Region:
-        law = {key: value for key, value in table.items() if key != "density"}
+        law = {key: value for key, value in table.items() if key not in ("density", "within")}
         given = table.get("density")
         density = None if given is None else DENSITY.read(f"[region.{name}] density", given)
-        return cls(from_table(law), density, name=name)
+        return cls(
+            from_table(law), density, Words().settled(f"[region.{name}] within", table.get("within", "")), name=name
+        )
 
     def write_table(self, text: Text) -> dict[str, object]:
         density = {} if self.density is None else {"density": text(self.density, DENSITY.unit)}
-        return {**to_table(self.material, text), **density}
+        return {**to_table(self.material, text), **density, **({"within": self.within} if self.within else {})}
 
     @property
     def explained(self) -> Mapping[str, str]:
@@ -540,6 +561,7 @@ class Region(RegionPart):
         return {
             **law,
             "density": "density of the region; default: from its silicone's data sheet, or that of [gravity]",
+            "within": "its cells by their middles, such as 8 mm < r < 10 mm; default: the device's region of this name",
         }
 
     @property

@@ -874,6 +874,8 @@ def _unknown(case: Case) -> Iterator[str]:
         named = [name for field in ("face", "faces", "on") for name in names_in(getattr(part, field, ""))]
         if not isinstance(part, LOADS) and not all(map(is_plain, named)):
             yield f"{part.where} on a piece of a face"
+        if isinstance(part, Region) and part.within:
+            yield f"{part.where} with cells chosen by within"
         if isinstance(part, RigidShape):
             if part.shape not in SHAPES:
                 yield f"{part.where} with a shape {part.shape!r} (springs support {', '.join(SHAPES)})"

@@ -35,7 +35,7 @@ from softmodels.common.errors import ComponentError, FieldError
 from softmodels.common.names import Registry
 from softmodels.common.schema import Text, about, doubt_of, settle
 from softmodels.common.units import brief
-from softmodels.mechanics.pieces import pieces_in
+from softmodels.mechanics.pieces import WITHIN, condition_of, pieces_in
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -390,6 +390,15 @@ def bases(where: str, texts: Sequence[str], actuator: Actuator) -> list[str]:
                 f"{where}: {piece.text!r} uses {other}; an axisymmetric section has r and z. For others use {actuator.fuller}"
             )
     return [face for piece in pieces for face in piece.faces]
+
+
+def check_condition(where: str, text: str, actuator: Actuator) -> None:
+    """Raise `ComponentError` for a condition such as ``"5 mm < r < 9 mm"`` that is none, or not of this device."""
+    try:
+        condition_of(text)
+    except ComponentError as error:
+        raise ComponentError(f"{where}: {error}") from None
+    bases(where, [f"cells{WITHIN}{text}"], actuator)
 
 
 def faces_of(actuator: Actuator) -> tuple[str, ...]:

@@ -166,6 +166,31 @@ def selected(mesh: mesh.Mesh, actuator: Actuator, roles: Mapping[str, Entities],
     return dimensions.pop(), np.unique(np.concatenate(found))
 
 
+def cells_within(mesh: mesh.Mesh, actuator: Actuator, condition: str) -> npt.NDArray[np.int32]:
+    """Return the local cells whose middles meet a condition such as ``"5 mm < r < 9 mm"``, ghosts too; all ranks call it.
+
+    Raises:
+        ComponentError: They are none.
+    """
+    from softmodels.mechanics.mpi import any_rank
+
+    index_map = mesh.topology.index_map(mesh.topology.dim)
+    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    cells = cells[condition_of(condition).holds(_middles(mesh, actuator, mesh.topology.dim, cells))]
+    if not any_rank(mesh.comm, bool(len(cells))):
+        raise ComponentError(f"{brief(condition)} selects no cells; coordinates are those of the undeformed device")
+    return cells
+
+
+def condition_of(text: str) -> Piece:
+    """Return a condition without a face, such as ``"5 mm < r < 9 mm"``.
+
+    Raises:
+        ComponentError: It is none.
+    """
+    return _piece(f"cells{WITHIN}{text}")
+
+
 def _middles(mesh: mesh.Mesh, actuator: Actuator, dimension: int, entities: npt.NDArray[np.int32]) -> Array:
     """Return the middles of entities in device coordinates, m, shape (n, 3)."""
     from dolfinx.mesh import compute_midpoints

@@ -42,6 +42,18 @@ class RegionPart(Component):
         """Raise `ComponentError` if a device has no such region."""
         check_regions(self.where, actuator, [self.name])
 
+    def cells(self, body: Body) -> npt.NDArray[np.int32]:
+        """Return its local cells, ghosts too.
+
+        Raises:
+            ComponentError: The mesh has none.
+        """
+        if self.name not in body.regions:
+            raise ComponentError(
+                f"{self.where}: the mesh has no cells of this name; it has {', '.join(body.regions) or 'none'}"
+            )
+        return body.regions[self.name]
+
     @property
     def own_density(self) -> float | None:
         """Density in kg/m3; None for that of `softmodels.components.loads.Gravity`."""
@@ -129,11 +141,7 @@ class Regions:
         self.numbers: npt.NDArray[np.int32] | None = None
         if not self._parts:
             return
-        for part in self._parts:
-            if part.name not in body.regions:
-                known = ", ".join(body.regions) or "none"
-                raise ComponentError(f"{part.where}: the mesh has no cells of this name; it has {known}")
-        self.numbers = numbered(body.mesh, [body.regions[part.name] for part in self._parts])
+        self.numbers = numbered(body.mesh, [part.cells(body) for part in self._parts])
         counts = body.mesh.comm.allreduce(np.bincount(self.numbers[: self._owned()], minlength=1 + len(self._parts)))
         if not counts[0]:
             raise ComponentError(

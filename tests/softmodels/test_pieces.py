@@ -98,3 +98,53 @@ def test_amounts_that_do_not_fit_are_refused(ended, tmp_path):
     wedge = sm.HollowDisk(cell_size=0.008, refinement=1.0)
     with pytest.raises(sm.CaseError, match=r"\[hold\] on a piece of a face, which decks do not support"):
         sm.export(sm.Case("disk", wedge, LAW, pressures_cm=(5.0,), components=sm.Clamp(INNER)), tmp_path / "disk.inp")
+
+
+def test_a_ring_within_the_layer_of_a_membrane():
+    """With rings of no thickness the cells end at their radii, so that the region is the whole ring of the layer."""
+    membrane = sm.Membrane(rings=(0.008, 0.010))
+    ring = sm.Region(sm.NeoHookean(3e6, 0.45), within="8 mm < r < 10 mm", name="stiff")
+    model = sm.Model(membrane, LAW, [ring])
+    region = next(one for one in model.system.potential.regions if one.name == "stiff")
+    volume = model.system.point_volumes()[region.cells].sum() * membrane.size**3
+    assert volume == pytest.approx(np.pi * (0.010**2 - 0.008**2) * membrane.thickness, rel=1e-6)
+    apex = [sm.Model(membrane, LAW, parts).solve(pressure="3 cm").rises["apex"] for parts in ((), [ring])]
+    assert 0 < apex[1] < 0.97 * apex[0]
+    case = sm.Case("m", membrane, LAW, pressures_cm=(3.0,), components=[ring])
+    assert sm.Case.from_toml(case.to_toml()) == case and 'within = "8 mm < r < 10 mm"' in case.to_toml()
+    for within, sentence in {
+        "r > 90 mm": r"\[region.stiff\]: within = 'r > 90 mm' selects no cells",
+        "r > 9": "has no unit",
+        "x > 9 mm": "has r and z",
+    }.items():
+        with pytest.raises((sm.CaseError, sm.ComponentError), match=sentence):
+            sm.inflate(membrane, LAW, pressures="3 cm", components=sm.Region(LAW, within=within, name="stiff"))
+
+
+def test_a_part_without_air(step_file, tmp_path):
+    """A bar from a STEP file bends as the library's beam does; its faces have names of the user's."""
+    file = step_file(tmp_path / "bar.step", lambda occ: occ.addBox(0, -5, -2.5, 40, 10, 5))
+    bar = sm.ImportedActuator(
+        file=file, cavities=("none",), support="x = 0 mm", surfaces=("tip = x = 40 mm", "roof = z = 2.5 mm"),
+        cell_size=BEAM.cell_size,
+    )  # fmt: skip
+    assert bar.ratios == () and bar.faces == ("tip", "roof")
+    force = sm.Force("tip", "-z", 0.005)
+    rises = [sm.Model(device, LAW, force).system.dead for device in (bar, BEAM)]
+    assert [one.amounts[0] for one in rises] == [0.005, 0.005]
+    tips = [sm.Model(device, LAW, force).solve().rises["tip"] for device in (bar, BEAM)]
+    assert tips[0] == pytest.approx(tips[1], rel=0.05)  # one corner of the tip, on two meshes
+    for face in ("outer", "outer within y > 0 mm", "edge of tip and roof", "roof, outer"):
+        assert (
+            sm.Model(bar, LAW, [sm.Sheet(face, 100.0)] if "edge" not in face else [sm.Clamp(face)]).solve().pressure
+            == 0.0
+        )
+    for surfaces, sentence in {
+        ("tip",): "write a name and its faces",
+        ("outer = x = 40 mm",): "the name 'outer' is taken",
+        ("tip = x = 41 mm",): "no such face",
+    }.items():
+        with pytest.raises(sm.GeometryError, match=sentence):
+            sm.ImportedActuator(file=file, cavities=("none",), support="x = 0 mm", surfaces=surfaces)
+    with pytest.raises(sm.CaseError, match="has no cavity for a pressure"):
+        sm.inflate(bar, LAW, pressures="1 cm", components=force)
