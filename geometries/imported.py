@@ -30,8 +30,6 @@ MAIN = "solid"
 """Region of a file with one solid."""
 NONE = "none"
 """What ``cavities`` says of a part without air."""
-BONDED = "bonded"
-"""Role of the faces that a sheet can be bonded to."""
 
 
 def only_inner_shell[Shell](file: str, inner: Sequence[Shell], centre: Callable[[Shell], NDArray[np.float64]]) -> Shell:
@@ -92,7 +90,7 @@ class ImportedPart(Actuator):
 
     A half, a quarter or a wedge of a part is cut on planes through the origin (``planes``), which meet at 180/n degrees, and
     its cavities may be open there and nowhere else. Physical groups: volume "solid", or several by their names; surfaces
-    "cavity", "cavity2", ... in the order of ``cavities``, "support", "plane0", "plane1", ..., "bonded" if given, those of
+    "cavity", "cavity2", ... in the order of ``cavities``, "support", "plane0", "plane1", ..., those of
     ``surfaces`` by their names, and "outer" for all that is left.
     How faces are selected is described below.
 
@@ -108,7 +106,6 @@ class ImportedPart(Actuator):
         "not needed where the part has exactly one closed inner shell; 'none' for a part without air",
     )
     support: str = text_field("", "held faces, such as 'x = 0 mm' or 'named flange'; three planes need none")
-    bonded: str = text_field("", "faces that a sheet can be bonded to, such as 'coloured red'; none if not given")
     surfaces: tuple[str, ...] = list_field(
         (),
         "names for faces of the outside, which loads, clamps, sheets, contact and others may use, such as 'pad = coloured red'",
@@ -185,13 +182,13 @@ class ImportedPart(Actuator):
 
     @property
     def faces(self) -> tuple[str, ...]:  # type: ignore[override]
-        return ((BONDED,) if self.bonded else ()) + tuple(self.patches)
+        return tuple(self.patches)
 
     @property
     def patches(self) -> dict[str, str]:
         """Faces of the outside by the names that the user gives them."""
         found: dict[str, str] = {}
-        taken = {"outer", "support", "axis", MAIN, BONDED, *(f"plane{i}" for i in range(3))}
+        taken = {"outer", "support", "axis", MAIN, *(f"plane{i}" for i in range(3))}
         for text in self.surfaces:
             name, _, which = (part.strip() for part in text.partition("="))
             if not (re.fullmatch(r"[a-z]\w*", name) and which):

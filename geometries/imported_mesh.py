@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from geometries.actuator import Vector, check_slice, joined
 from geometries.imported import (
     AXES,
-    BONDED,
     FORMATS,
     TILT,
     UNITS,
@@ -386,7 +385,7 @@ def find_roles(part: ImportedMesh, mesh: Tetrahedra) -> dict[str, Ints]:
         roles[cavity_role(i)] = wall
         left = np.setdiff1d(left, wall)
     patches = [(name, "surfaces", text) for name, text in part.patches.items()]
-    for role, field, text in (("support", "support", part.support), (BONDED, "bonded", part.bonded), *patches):
+    for role, field, text in (("support", "support", part.support), *patches):
         if text:
             roles[role] = _some(part, mesh, f"{field} is {text!r}", field, text, left)
             left = np.setdiff1d(left, roles[role])

@@ -14,7 +14,6 @@ from geometries.actuator import Vector, check_slice
 from geometries.disk import TRIANGLE
 from geometries.imported import (
     AXES,
-    BONDED,
     MAIN,
     ImportedPart,
     Reading,
@@ -244,7 +243,7 @@ def find_roles(part: ImportedActuator, solids: Solids) -> dict[str, list[int]]:
         roles[cavity_role(i)] = wall
         left = [tag for tag in left if tag not in wall]
     patches = [(name, "surfaces", text) for name, text in part.patches.items()]
-    for role, field, text in (("support", "support", part.support), (BONDED, "bonded", part.bonded), *patches):
+    for role, field, text in (("support", "support", part.support), *patches):
         if text:
             roles[role] = _some(part, field, f"{field} is {text!r}", text, left, solids)
             left = [tag for tag in left if tag not in roles[role]]

@@ -23,7 +23,7 @@ from geometries import Actuator, Hold
 from geometries.actuator import Opening, Vector, cavity_roles, find_openings
 from geometries.meshing import load_mesh, private_model
 from softmodels.common.arrays import Array
-from softmodels.common.errors import Spoken
+from softmodels.common.errors import ComponentError, Spoken
 from softmodels.mechanics.compiling import compiling, mend_cache
 from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.mechanics.pieces import Roles, selected
@@ -206,8 +206,9 @@ class Body:
         dimension, found = self.entities.get(role, (-1, np.empty(0, dtype=np.int32)))
         if dimension != wanted:
             faces = ", ".join(name for name, (of, _) in self.entities.items() if of == self.mesh.topology.dim - 1)
-            edge = f"{role!r} is an edge, which has no area; name a face: {faces}"
-            raise BodyError(edge if self.is_edge(role) else f"the mesh has no face named {role!r}; it has {faces}")
+            if self.is_edge(role):
+                raise ComponentError(f"{role!r} is an edge, which has no area; name a face: {faces}")
+            raise BodyError(f"the mesh has no face named {role!r}; it has {faces}")
         found = np.sort(found)
         return meshes.meshtags(self.mesh, wanted, found, np.full(len(found), SHEET, dtype=np.int32))
 

@@ -95,7 +95,8 @@ SECTION: Tables = {
 MORE: Tables = {
     "geometry": {"variant": '"shadow"', "membrane": '"4 mm"', "fillet": '"0 mm"', "order": "2", "support": '"base"',
                  "angle": '"45 deg"', "azimuth": '"0 deg"', "device": '"SeminarActuator"', "channels": "5", "file": '"a.step"',
-                 "cavities": '["at 1, 2, 3 mm"]', "planes": '["y = 0 mm"]', "pressure_ratios": "[1]", "bonded": '"red"'},
+                 "cavities": '["at 1, 2, 3 mm"]', "planes": '["y = 0 mm"]', "pressure_ratios": "[1]",
+                 "surfaces": '["pad = coloured red"]'},
     "material": {"law": '"yeoh"', "c1": '"8 kPa"', "c2": '"90 Pa"', "mu": '["3 kPa"]', "alpha": "[2]", "limit": "30",
                  "silicone": '"ecoflex-00-30"', "young": '"60 kPa"', "convention": '"mu/alpha"'},
     "load": {"volume_ml": '"0:1"', "stroke_ml": '"0:5"', "load_unload": "true", "cavity1.pressure_cm": "[0, 5]",

@@ -102,13 +102,13 @@ def test_every_role_by_name_or_colour(part, text, tmp_path):
         "support": "named flange",
         "cavities": ("named air",),
         "planes": ("named cut",),
-        "bonded": "coloured #ff8000",
+        "surfaces": ("pad = coloured #ff8000",),
     }
     by_label = part(labelled, **labels)
-    assert by_label.faces == ("bonded",) and part(text).faces == ()
+    assert by_label.faces == ("pad",) and part(text).faces == ()
     found = roles(by_label, tmp_path)
-    assert found == roles(part(text, bonded="z = 10 mm"), tmp_path)
-    assert found["support"] == [[0, 0, 0], [0, 12, 10]] and found["bonded"] == [[0, 0, 10], [24, 12, 10]]
+    assert found == roles(part(text, surfaces=("pad = z = 10 mm",)), tmp_path)
+    assert found["support"] == [[0, 0, 0], [0, 12, 10]] and found["pad"] == [[0, 0, 10], [24, 12, 10]]
     assert part(labelled, support="coloured red").reading == part(text, support="z = 0 mm").reading
 
 
@@ -159,7 +159,7 @@ def test_names_as_files_write_them(written, name, part, text):
             {"planes": ("named flange", "y = 0 mm"), "support": "x = 24 mm", "cavities": ("coloured red",)},
             "outside the part",
         ),
-        ({"bonded": "named flange"}, "no such face, or it already"),
+        ({"surfaces": ("pad = named flange",)}, "no such face, or it already"),
         ({"planes": ("named air",)}, "move the part by 0, 0, -3 mm"),
     ],
 )

@@ -42,7 +42,7 @@ def part(path, **changes):
 
 def test_two_solids_are_glued(tmp_path):
     """A plate wider than the block: its upper face is partly an interface, partly the cavity's floor, partly outside."""
-    device = part(write_step(tmp_path / "two.step", base=(0.0, 4.0)), bonded="z = 0 mm")
+    device = part(write_step(tmp_path / "two.step", base=(0.0, 4.0)), surfaces=("foot = z = 0 mm",))
     assert device.regions == ("base_plate", "chamber")
     air = (LENGTH - 2 * WALL) * (WIDTH - 2 * WALL) * (TOP - WALL) * 1e-9
     solids = {"base_plate": LENGTH * (WIDTH + 8.0) * BASE * 1e-9, "chamber": LENGTH * WIDTH * TOP * 1e-9 - air}
@@ -54,7 +54,7 @@ def test_two_solids_are_glued(tmp_path):
     walls = 2 * (LENGTH - 2 * WALL + WIDTH - 2 * WALL) * (TOP - WALL) + 2 * (LENGTH - 2 * WALL) * (WIDTH - 2 * WALL)
     assert found[2, "cavity"] == pytest.approx(walls * 1e-6, rel=1e-9)
     assert found[2, "support"] == pytest.approx((WIDTH * TOP + (WIDTH + 8.0) * BASE) * 1e-6, rel=1e-9)
-    assert found[2, "bonded"] == pytest.approx(LENGTH * (WIDTH + 8.0) * 1e-6, rel=1e-9)
+    assert found[2, "foot"] == pytest.approx(LENGTH * (WIDTH + 8.0) * 1e-6, rel=1e-9)
 
 
 def groups(path):
