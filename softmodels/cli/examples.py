@@ -7,6 +7,7 @@ with a tensile curve, boards for the camera's lens, a part from a STEP file and 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 import math
 import tempfile
@@ -267,6 +268,7 @@ cycles.csv         two cycles each to stretch 2 and 3 of a silicone with a memor
                    fast.csv: a pull and return at 0.5 /s
 truth.txt          the true materials
 mypart.step        a finger with one cavity that bends, mypart.toml the case of it
+accordion.step     a quarter of a square accordion, accordion.toml the case of it under vacuum
 twopart.step       a block with two cavities, program.toml a series for each of them
 *.toml             cases: volume, syringe, cycle, contact, ball, sheet (seminar), balloon
 lifted, height     a membrane with a plate and a weight; the force on the plate at a height
@@ -391,6 +393,40 @@ def two_cavities(path: Path) -> None:
     _write_step(path, draw)
 
 
+def accordion(path: Path) -> None:
+    """Write a quarter of a square accordion of three folds, 30 mm high and 18 to 30 mm wide, as a STEP file."""
+
+    def draw(occ: gmsh.model.occ) -> None:
+        folds = [(3.0 + 4.0 * k, k % 2) for k in range(7)]
+        outer = [(0.0, 9.0), *((z, 15.0 if crest else 9.0) for z, crest in folds), (30.0, 9.0)]
+        inner = [(z, 12.76 if crest else 7.74) for z, crest in folds]
+        occ.cut([(3, _square_tower(occ, outer))], [(3, _square_tower(occ, inner))])
+
+    _write_step(path, draw)
+
+
+def _square_tower(occ: gmsh.model.occ, profile: Sequence[tuple[float, float]]) -> int:
+    """Draw a quarter of a tower of square rings, each a height and half a width, and return its volume."""
+    rings = [[occ.addPoint(x * a, y * a, z) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))] for z, a in profile]
+    lines: dict[tuple[int, int], int] = {}
+
+    def line(begin: int, end: int) -> int:
+        if (begin, end) not in lines:
+            lines[begin, end] = occ.addLine(begin, end)
+            lines[end, begin] = -lines[begin, end]
+        return lines[begin, end]
+
+    def face(*points: int) -> int:
+        return int(occ.addPlaneSurface([occ.addCurveLoop([*map(line, points, (*points[1:], points[0]))])]))
+
+    faces = [face(*rings[0]), face(*rings[-1])]
+    for low, high in itertools.pairwise(rings):
+        faces += [face(low[k], low[k + 1], high[k + 1], high[k]) for k in (1, 2)]
+    axis = [ring[0] for ring in rings]
+    faces += [face(*axis, *(ring[k] for ring in reversed(rings))) for k in (1, 3)]
+    return int(occ.addVolume([occ.addSurfaceLoop(faces)]))
+
+
 def _write_step(path: Path, draw: Callable[[gmsh.model.occ], None]) -> None:
     """Write what ``draw(gmsh.model.occ)`` draws in mm as a STEP file."""
     import gmsh  # type: ignore[import-untyped]
@@ -430,6 +466,7 @@ def write_examples(path: Path, tell: Callable[[str], None] = lambda text: None) 
 
     folder.add("mypart.step", lambda file: apart(finger, file))
     folder.add("twopart.step", lambda file: apart(two_cavities, file))
+    folder.add("accordion.step", lambda file: apart(accordion, file))
     tell("photographing the board")
     for number, scene in enumerate(board_scenes(), 1):
         folder.add(f"boards/board{number:02d}.jpg",
@@ -678,6 +715,24 @@ silicone = "ecoflex-00-30"
 
 [load]
 pressure_cm = "0:65"
+""",
+    "accordion.toml": """# a quarter of a square accordion from a STEP file; a vacuum folds it, and its walls meet
+name = "accordion"
+
+[geometry]
+device = "ImportedActuator"
+file = "accordion.step"
+cavities = ["at 1, 1, 15 mm"]
+support = "z = 0 mm"
+planes = ["x = 0 mm", "y = 0 mm"]
+gauge_point = "at 9, 9, 30 mm"  # a corner of its lid
+cell_size = "3 mm"
+
+[material]
+silicone = "dragon-skin-10-medium"
+
+[load]
+pressure = ["0 kPa", "-0.3 kPa", "-0.6 kPa"]
 """,
     "program.toml": """# a part with two cavities, a load series for each: one inflated, the other filled with water and closed
 name = "program"

@@ -181,6 +181,7 @@ def test_boards_and_photographs_are_there(written):
         "photographs/photos.csv",
         "mypart.step",
         "twopart.step",
+        "accordion.step",
         "README.txt",
         "truth.txt",
     } <= names
