@@ -352,6 +352,10 @@ class SolvedState(Shown):
     def _place(self, name: str, given: Place) -> Array:
         known = {**self.case.actuator.probes, **self.case.gauges.places}
         if not isinstance(given, str):
+            if not isinstance(given, list | tuple | np.ndarray):
+                raise CaseError(
+                    f"{name} is {brief(given)}; a place is a text such as '0, 0, 10 mm', a probe's name, or three numbers in m"
+                )
             place = np.array([_number(value, name) for value in given])
             if place.shape != (3,):
                 raise CaseError(f"{name} has {len(place)} numbers; a place has three, x, y and z in m")

@@ -18,6 +18,7 @@ from geometries import Actuator
 from geometries.actuator import reflected
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
+from softmodels.common.units import brief
 from softmodels.runs.fields import OUTPUTS, OutputField
 from softmodels.runs.formats import CELL_TYPES
 from softmodels.runs.state_values import FacingWalls, principal
@@ -163,8 +164,8 @@ class Probe:
         begin, end = ends
         if not np.linalg.norm(end - begin) > 0.0:
             raise CaseError(f"the line begins and ends at {told(begin)}; give two different places")
-        if count < 2:
-            raise CaseError(f"the line has {count} points; give 2 or more")
+        if not isinstance(count, int) or isinstance(count, bool) or count < 2:
+            raise CaseError(f"points is {brief(count)}; give a whole number, 2 or more")
         points = begin + np.linspace(0.0, 1.0, count)[:, None] * (end - begin)
         smooth = {name: values for name, values in fields.items() if not name.startswith("principal")}
         found = self.at(points, smooth)

@@ -266,6 +266,7 @@ def calls(loaded):
         "inputs": "components"})  # fmt: skip
     yield Call(loaded.at, {"value": "20 cm"}, {"value": "pressure"})
     yield Call(loaded.where, {"column": "apex_mm", "value": 0.1}, {"column": "choice", "value": "number"})
+    yield Call(loaded.last.through, {"point": "apex"}, {"point": "choice"})
     yield Call(loaded.save, {"folder": "somewhere"}, {"folder": "path"})
     yield Call(loaded.reduce, {}, {"file": "path", "kind": "text", "face": "text"})
     yield Call(sm.study, {"file": STUDY}, {
@@ -434,6 +435,7 @@ def test_every_public_name_is_called_wrongly(loaded):
         "Limit",
         "NaturalFrequencies",
         "Equilibrium",
+        "Line",
         "Mode",
         "Study",
         "ReducedModel",
