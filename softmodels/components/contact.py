@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator, GeometryError
-from geometries.actuator import Vector
+from geometries.actuator import Vector, cavity_roles
 from geometries.imported import UNITS, faces as plane_faces
 from softmodels.common.arrays import Array
 from softmodels.common.errors import whole_path
@@ -55,6 +55,9 @@ from softmodels.components.pressing import (
     Stand,
     Surface,
     TooFineError,
+    components_of,
+    scattered,
+    together,
 )
 from softmodels.mechanics.assembly import FaceNodes, check_mesh_faces
 from softmodels.mechanics.body import Body, in_section, in_space
@@ -66,6 +69,8 @@ from softmodels.mechanics.component import (
     EnergyTerm,
     Equations,
     FormContext,
+    PathFailure,
+    Sealing,
     check_on_mesh,
     direction,
     names_in,
@@ -472,6 +477,208 @@ class RubbingShapeTerm(PressingTerm[Rubbed]):
 
 
 # ----------------------------------------------------------------------------------------------------------------------
+# Faces that seal a cavity where they press on a plane, as the lip of a suction cup does.
+#
+# The cavity's pressure acts inside the seal, none outside. In between it falls from edge to edge of the faces in proportion to
+# the contact pressure that it passes, as gas that seeps through the ring would have it: the share s of it solves
+#
+#     div (grad s / (q + SEEPS max q)) = 0,     s = 1 at the cavity's edge, s = 0 at all others
+#
+# with the contact pressure q. Where nothing presses s does not change, so the gas of either side goes up to the contact. In it
+# the walls' gap is closed, and where exactly s falls is of no consequence but for the penetration of the penalty. (Persson's
+# theory has a conductance that falls as fast as exponentially, doi 10.1039/C9SM01679A.)
+
+
+SEEPS = 1e-6
+"""Contact pressure in that of the facet that is pressed most, below which gas passes freely."""
+OPENS = 1e-6
+"""Depth in sizes of the last contact at which a seal opens."""
+SETTLED = 1e-7
+"""Change of the share of the pressure below which it is that of the state."""
+RESTS, RESTING = 1e-5, 0.1
+"""Depth in sizes up to which faces hardly press, and their stiffness in a factorisation then, in that of the contact: nothing
+else holds the device."""
+
+
+class SealingTerm(RubbingShapeTerm):
+    """The energy of contact with such a plane, and the share of the cavity's pressure on the faces.
+
+    Args:
+        shape: The plane.
+        standing: Its term without friction.
+        setting: The potential.
+
+    Raises:
+        ComponentError: Faces beside the plane, or without an edge of the cavity.
+    """
+
+    standing: SampledShapeTerm
+
+    def __init__(self, shape: RigidShape, standing: SampledShapeTerm, setting: FormContext):
+        super().__init__(shape, standing, setting)
+        self.plane, body, nodes = shape, setting.body, standing.nodes
+        assert body.seal is not None
+        self.body, self.share, self._displacement = body, body.seal.share, setting.displacement
+        off = float(np.abs(distances(nodes.places, standing.numbers)).max())
+        if off > NEAR:
+            size = self.actuator.size * 1e3
+            raise ComponentError(
+                f"{shape.where}: {shape.faces} must lie in the plane at rest to seal on it, and are up to {off * size:.4g} mm off; "
+                "move the plane (at)"
+            )
+        self._corners, self._edges = _seal_edges(shape, body, setting.w.function_space, nodes)
+        self._conduct = _conductances(standing.surface, body.axisymmetric)
+        self._dofs, self._of_dofs = _share_dofs(body, self.share, nodes.places)
+        self._settled = np.full(len(nodes.places), np.nan)
+        self.settle_at(nodes.places)
+
+    def stiffness_here(self) -> scipy.sparse.csr_array:
+        found = super().stiffness_here()
+        return found if self._pressed.depth > RESTS else found + self._resting
+
+    def whole_stiffness_here(self) -> scipy.sparse.csr_array:
+        return self._pressed.whole_stiffness
+
+    @functools.cached_property
+    def _resting(self) -> scipy.sparse.csr_array:
+        surface, d = self.standing.surface, self.nodes.places.shape[1]
+        held = RESTING * self.plane.stiffness * surface.measure
+        dofs = components_of(surface.facets[surface.owner], d)
+        blocks = np.einsum("sa,sb,s,ij->saibj", surface.shapes, surface.shapes, held, np.eye(d))
+        size = d * len(self.nodes.places)
+        return scattered(blocks.reshape(len(held), dofs.shape[1], -1), dofs, dofs, size, size)
+
+    def coupled(self) -> scipy.sparse.csr_array:
+        facets = self.standing.surface.facets
+        return together(np.arange(len(facets)), facets, (len(facets), len(self.nodes.places)))
+
+    # -- the share of the pressure -------------------------------------------------------------------------------------
+
+    def settle(self, w: Array) -> bool:
+        return self.settle_at(self.nodes.moved(w))
+
+    def settle_at(self, places: Array) -> bool:
+        """Set the share of the pressure with the nodes at places, shape (n, d); return whether it has changed."""
+        import scipy
+
+        surface, pressed = self.standing.surface, self.standing.pressed(places)
+        if pressed.depth <= 0.0 and self._settled[self._corners[0]] >= 0.0:
+            return False  # just lifted off: the share stays what it was
+        push = np.linalg.norm(pressed.slopes(), axis=1).reshape(len(surface.facets), -1).sum(axis=1)
+        area = surface.measure.reshape(len(surface.facets), -1).sum(axis=1)
+        n, corners = len(places), surface.facets[:, : places.shape[1]]
+        pressure = push / area
+        blocks = self._conduct / (pressure + SEEPS * (pressure.max() or 1.0))[:, None, None]
+        K = scattered(blocks, corners, corners, n, n).tocsr()
+        share = np.full(n, np.nan)
+        share[self._corners] = 0.0
+        share[self._edges[0]] = 1.0
+        free = np.setdiff1d(self._corners, np.concatenate(self._edges))
+        if len(free):
+            share[free] = scipy.sparse.linalg.spsolve(K[free][:, free].tocsc(), -(K @ np.nan_to_num(share))[free])
+        changed = not np.abs(share - self._settled)[self._corners].max() <= SETTLED
+        if changed:
+            self._settled = share
+            self.share.x.array[self._dofs] = share[self._of_dofs]
+        return changed
+
+    # -- what a user reads -----------------------------------------------------------------------------------------------
+
+    def compile(self, equations: Equations) -> None:
+        import ufl
+
+        seal, body = self.body.seal, self.body
+        assert seal is not None
+        flow = body.flow(self._displacement, ufl.as_vector(list(map(float, seal.normal))))
+        self._sealed = equations.form(body.on_walls(-flow * body.hoop, 0))
+
+    def figures(self, equations: Equations) -> dict[str, float]:
+        label, size, copies = self.shape.label, equations.length_unit, self.actuator.copies
+        found = super().figures(equations)
+        if not self.plane.friction:
+            found = {
+                name: value for name, value in found.items() if name.startswith((f"{label}_force", f"{label}_depth"))
+            }
+        area = equations.integral(self._sealed) * size**2 * copies
+        pressed = self.standing.surface.measure[self._pressed.touching].sum() * size**2 * copies
+        found |= {f"{label}_contact_mm2": float(pressed) * 1e6, f"{label}_sealed_mm2": area * 1e6}
+        found[f"{label}_hold_N"] = -float(equations.pressures[0]) * equations.stress_unit * area
+        if self.plane.friction:
+            normal = float(np.linalg.norm(self.standing.pressed(self._pressed.nodes).slopes(), axis=1).sum())
+            found[f"{label}_shear_N"] = self.plane.friction * normal * equations.stress_unit * size**2 * copies
+        return found
+
+    def margin(self, equations: Equations) -> float:
+        self._take(equations.w.x.array)
+        return self._pressed.depth - OPENS
+
+    def opened(self, equations: Equations) -> PathFailure:
+        figures = self.figures(equations)
+        places = in_space(self.standing.surface.places(self._pressed.nodes))
+        x, y, z = self.actuator.device_points(places[[int(self._pressed.gaps.argmin())]] * self.actuator.size)[0] * 1e3
+        pressure = equations.pressures[0] * equations.stress_unit
+        return PathFailure(
+            f"the seal opens and the cup leaks: {self.plane.faces} lifts off the plane of {self.plane.where}, last at a radius "
+            f"of {math.hypot(x, y):.4g} mm, at {pressure / 1e3:.4g} kPa over {figures[f'{self.shape.label}_sealed_mm2']:.4g} mm2, "
+            f"which hold {figures[f'{self.shape.label}_hold_N']:.4g} N",
+            "Pull less, use a deeper vacuum, or a wider cup (--radius) or a softer lip",
+        )
+
+
+def _seal_edges(
+    shape: RigidShape, body: Body, space: fem.FunctionSpace, nodes: FaceNodes
+) -> tuple[Indices, tuple[Indices, Indices]]:
+    """Return the numbers of the corners of faces, and those on the cavity's edge and on all other edges."""
+    from scipy.spatial import cKDTree
+
+    corners = np.unique(nodes.facets[:, : nodes.places.shape[1]])
+    tree = cKDTree(nodes.places[corners])
+    beside = {*shape.roles, *(plane.name for plane in body.actuator.cut_planes), "axis"}
+
+    def shared(roles: Sequence[str]) -> Indices:
+        places = FaceNodes(body, space, roles).places if roles else np.empty((0, nodes.places.shape[1]))
+        far, found = tree.query(places, distance_upper_bound=NEAR)
+        return np.asarray(np.unique(corners[found[np.isfinite(far)]]), dtype=np.int64)
+
+    fdim = body.mesh.topology.dim - 1
+    others = [name for name, (dimension, _) in body.entities.items() if dimension == fdim and name not in beside]
+    walls = cavity_roles(body.actuator)
+    inside, outside = shared(walls[:1]), shared([name for name in others if name != walls[0]])
+    if not len(inside):
+        raise ComponentError(
+            f"{shape.where}: {shape.faces} has no edge in common with the cavity, so it is no rim on which the cavity could seal; "
+            "name the face around its opening (lip, of a SuctionCup)"
+        )
+    return corners, (inside, np.setdiff1d(outside, inside))
+
+
+def _conductances(surface: Surface, axisymmetric: bool) -> Array:
+    """Return the undeformed facets' matrices of int grad . grad between their corners, shape (f, d, d)."""
+    d = surface.dimension
+    X = surface.nodes[surface.facets[:, :d]]
+    if d == 2:
+        lengths = np.linalg.norm(X[:, 1] - X[:, 0], axis=1)
+        round_ = 2 * math.pi * X[:, :, 0].mean(axis=1) if axisymmetric else 1.0
+        return np.asarray((round_ / lengths)[:, None, None] * np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    edges = np.roll(X, 1, axis=1) - np.roll(X, -1, axis=1)  # opposite to each corner
+    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+    return np.asarray(np.einsum("fai,fbi->fab", edges, edges) / (4 * area)[:, None, None])
+
+
+def _share_dofs(body: Body, share: fem.Function, places: Array) -> tuple[Indices, Indices]:
+    """Return the local dofs of the share on the sealing faces, and the node that each is."""
+    from dolfinx import fem
+    from scipy.spatial import cKDTree
+
+    assert body.seal is not None
+    space, fdim = share.function_space, body.mesh.topology.dim - 1
+    found = [fem.locate_dofs_topological(space, fdim, body.entities[role][1]) for role in body.seal.roles]
+    dofs = np.unique(np.concatenate(found)).astype(np.int64)
+    at = space.tabulate_dof_coordinates()[dofs, : places.shape[1]]
+    return dofs, np.asarray(cKDTree(places).query(at)[1], dtype=np.int64).reshape(len(dofs))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
 # The contact energy with a sphere, a cylinder or a capsule: as a form, and as sums over samples for a movable one.
 
 
@@ -844,6 +1051,7 @@ class RigidShape(ContactPart):
             pulls the other way the spring does.
         friction: Coefficient of Coulomb friction of the faces on a shape that stands still.
         slip: Way in m over which friction sets in; 0 for a thousandth of `Actuator.size`.
+        seal: Whether the faces close the first cavity where they press on this plane, see `SealingTerm`.
     """
 
     shape: str = choice_field(
@@ -885,6 +1093,9 @@ class RigidShape(ContactPart):
     slip: float = length_field(
         0.0, "elastic slip over which friction sets in; 0 for a thousandth of the device's size", zero=True
     )
+    seal: bool = field_of(
+        Flag(), "the cavity ends where the faces press on this plane, as under a suction cup's lip", False
+    )
 
     table: ClassVar[str] = "contact"
     always_named: ClassVar[bool] = True
@@ -895,6 +1106,10 @@ class RigidShape(ContactPart):
         r"(\w+)_sliding": ("share that slides on {0}", "of the normal force; the rest sticks"),
         r"(\w+)_slip_mm": ("largest slip on {0}", "largest distance a point of the faces has slid on it"),
         r"(\w+)_friction_mJ": ("friction on {0}", "work dissipated by sliding on that rigid shape so far"),
+        r"(\w+)_contact_mm2": ("contact area on {0}", "undeformed area of the faces that press on that sealing plane"),
+        r"(\w+)_sealed_mm2": ("sealed area on {0}", "area of that plane on which the cavity's pressure acts"),
+        r"(\w+)_hold_N": ("holding force on {0}", "vacuum times sealed area: the pull at which the seal would open"),
+        r"(\w+)_shear_N": ("shear held by {0}", "lateral force at which the faces slide: friction times contact force"),
     }
 
     def check(self) -> None:
@@ -907,6 +1122,8 @@ class RigidShape(ContactPart):
         self.check_stiffness()
         check_guide(self)
         check_friction(self)
+        if self.seal and (self.shape != "plane" or self.guide):
+            raise ComponentError(f"{self.where}: a cavity seals only on a fixed plane (shape = 'plane', without guide)")
         if self.shape == "stl":
             self._check_file()
             return
@@ -976,6 +1193,12 @@ class RigidShape(ContactPart):
     def onset(self) -> float:
         """Depth over which the contact sets in, in sizes of the device."""
         return ONSET_PRESSURE / self.stiffness
+
+    @property
+    def sealing(self) -> Sealing | None:
+        x, y, z = self.at
+        i, j, k = map(float, self.direction)
+        return Sealing(tuple(self.roles), (x, y, z), (i, j, k)) if self.seal else None
 
     def half(self, size: float) -> float:
         """Return half the length of the line in its middle, in sizes of the device."""
@@ -1050,6 +1273,8 @@ class RigidShape(ContactPart):
 
     def term(self, setting: FormContext) -> EnergyTerm:
         check_mesh_faces(setting.body, self.roles, self.where)
+        if self.seal:
+            return SealingTerm(self, SampledShapeTerm(self, setting), setting)
         if self.guide or self.friction:
             standing = FileShapeTerm(self, setting) if self.file else SampledShapeTerm(self, setting)
             return (GuidedShapeTerm if self.guide else RubbingShapeTerm)(self, standing, setting)

@@ -65,6 +65,22 @@ class BodyError(Spoken, RuntimeError):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
+class Seal:
+    """A plane on which faces close the first cavity where they press on it.
+
+    Attributes:
+        roles: The faces.
+        point, normal: Of the plane, in mesh coordinates and sizes of the device, shape (d,).
+        share: Share of the cavity's pressure that acts on the faces: 1 inside the seal, 0 outside.
+    """
+
+    roles: tuple[str, ...]
+    point: Array
+    normal: Array
+    share: fem.Function
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
 class Body:
     """Mesh and roles of an actuator on a communicator.
 
@@ -78,6 +94,7 @@ class Body:
         regions: Local cells by the name of their physical group, ghosts too.
         holds: What is held beside the cut planes: the device's own holds, unless clamps hold it (`mechanics.holds`).
         openings: Where its cavities' walls end.
+        seal: What closes its first cavity, where that is a plane on which its rim is free.
     """
 
     actuator: Actuator
@@ -88,6 +105,7 @@ class Body:
     regions: dict[str, npt.NDArray[np.int32]] = dataclasses.field(default_factory=dict)
     holds: tuple[Hold, ...] = ()
     openings: tuple[Opening, ...] = ()
+    seal: Seal | None = None
 
     def __post_init__(self) -> None:
         # Made with the body, because the order in which constants are made is part of a form's signature.
@@ -140,6 +158,24 @@ class Body:
     def held_by(self, holds: Sequence[Hold]) -> Body:
         """Return the same body with other supports."""
         return dataclasses.replace(self, skew=_skew(self.actuator, holds), holds=tuple(holds))
+
+    def sealed_by(self, roles: Sequence[str], point: npt.ArrayLike, normal: npt.ArrayLike) -> Body:
+        """Return the same body, its first cavity closed by faces that press on a plane.
+
+        Args:
+            roles: The faces.
+            point, normal: Of the plane, in device coordinates and sizes of the device, shape (3,).
+        """
+        from dolfinx import fem, mesh as meshes
+
+        d, fdim = self.actuator.dimension, self.mesh.topology.dim - 1
+        lips = np.unique(np.concatenate([self.entities[role][1] for role in roles]))
+        facets = np.concatenate([self.cavity.indices, lips])
+        tags = np.concatenate([self.cavity.values, np.full(len(lips), SHEET, dtype=np.int32)])
+        order = np.argsort(facets)
+        share = fem.Function(fem.functionspace(self.mesh, ("P", 1)))
+        seal = Seal(tuple(roles), in_section(point, d), in_section(normal, d), share)
+        return dataclasses.replace(self, cavity=meshes.meshtags(self.mesh, fdim, facets[order], tags[order]), seal=seal)
 
     def group(self, role: str) -> tuple[int, npt.NDArray[np.int32]]:
         """Return the dimension and local entities of a role or a region; `BodyError` if there is none."""
@@ -250,16 +286,35 @@ class Body:
     def volume_integrand(self, w: Expr) -> Expr:
         """Return the integrand over the cavity wall whose integral is the deformed cavity's volume (divergence theorem).
 
-        V = -1/3 int (X + u) . cof(F) N ds, N out of the solid. Cut planes add nothing because they hold the origin.
+        V = -1/3 int (X + u) . cof(F) N ds, N out of the solid. Cut planes add nothing because they hold the origin. Above a
+        plane that seals it is the sum of columns on the plane, so that no part of it hangs on a rim that lifts.
         """
         import ufl
 
         F = self.deformation_gradient(w)
         X, N = ufl.SpatialCoordinate(self.mesh), ufl.FacetNormal(self.mesh)
         x = X + self.displacement(w)
+        if self.seal:
+            normal, point = (ufl.as_vector(list(map(float, v))) for v in (self.seal.normal, self.seal.point))
+            return -ufl.dot(x - point, normal) * self.flow(w, normal) * self.hoop
         if self.axisymmetric:
             x, N = ufl.as_vector([x[0], 0, x[1]]), ufl.as_vector([N[0], 0, N[1]])
         return -ufl.dot(x, ufl.dot(ufl.cofac(F), N)) / 3 * self.hoop
+
+    def flow(self, w: Expr, direction: Expr) -> Expr:
+        """Return the deformed area per undeformed area of a wall, projected along a direction of the mesh, out of the solid."""
+        import ufl
+
+        N = ufl.FacetNormal(self.mesh)
+        if self.axisymmetric:
+            direction, N = (ufl.as_vector([v[0], 0, v[1]]) for v in (direction, N))
+        return ufl.dot(direction, ufl.dot(ufl.cofac(self.deformation_gradient(w)), N))
+
+    def on_walls(self, integrand: Expr, number: int) -> ufl.Form:
+        """Return an integral over a cavity's walls, and its share over the faces that seal the first one."""
+        ds = self._on_facets(self.cavity)
+        walls = integrand * ds(int(_cavity_tags(number + 1)[-1]))
+        return walls + self.seal.share * integrand * ds(SHEET) if self.seal and not number else walls
 
     def volumes(self, w: Expr) -> list[ufl.Form]:
         """Return UFL forms of the deformed cavities' volumes, one for each.
@@ -267,8 +322,8 @@ class Body:
         Args:
             w: The skew components.
         """
-        integrand, ds = self.volume_integrand(w), self._on_facets(self.cavity)
-        return [integrand * ds(int(tag)) for tag in _cavity_tags(len(self.actuator.ratios))]
+        integrand = self.volume_integrand(w)
+        return [self.on_walls(integrand, number) for number in range(len(self.actuator.ratios))]
 
     def pressing(self, w: Expr, test: Expr) -> list[ufl.Form]:
         """Return the UFL forms of the work of a unit pressure on the cavities' walls, one for each.
@@ -282,11 +337,8 @@ class Body:
         """
         import ufl
 
-        N, u = ufl.FacetNormal(self.mesh), self.displacement(test)
-        if self.axisymmetric:
-            u, N = ufl.as_vector([u[0], 0, u[1]]), ufl.as_vector([N[0], 0, N[1]])
-        work, ds = -ufl.dot(u, ufl.dot(ufl.cofac(self.deformation_gradient(w)), N)), self._on_facets(self.cavity)
-        return [work * self.hoop * ds(int(tag)) for tag in _cavity_tags(len(self.actuator.ratios))]
+        work = -self.flow(w, self.displacement(test)) * self.hoop
+        return [self.on_walls(work, number) for number in range(len(self.actuator.ratios))]
 
     @property
     def chambers(self) -> npt.NDArray[np.float64]:

@@ -22,6 +22,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import itertools
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Protocol
@@ -196,6 +197,11 @@ class Component(abc.ABC):
         return False
 
     @property
+    def sealing(self) -> Sealing | None:
+        """What it closes the first cavity with; None for nothing."""
+        return None
+
+    @property
     def files(self) -> Mapping[str, str]:
         """Files named by its fields, by field; their contents are part of its identity."""
         return {}
@@ -228,6 +234,20 @@ class Component(abc.ABC):
     def where(self) -> str:
         """Its table in messages."""
         return f"[{self.table}.{self.name}]" if self.name else f"[{self.table}]"
+
+
+@dataclasses.dataclass(frozen=True)
+class Sealing:
+    """A plane that closes the first cavity where faces press on it: these are free, whatever the device holds them by.
+
+    Attributes:
+        roles: The faces.
+        point, normal: Of the plane in m, in device coordinates.
+    """
+
+    roles: tuple[str, ...]
+    point: Vector
+    normal: Vector
 
 
 class EnergyComponent(Component):
@@ -330,6 +350,22 @@ class EnergyTerm:
     def breakdown(self, equations: Equations) -> PathFailure | None:
         """Return the cause if it is unstable by itself in the loaded state, the same on all ranks;
         else None."""
+        return None
+
+    def settle(self, w: Array) -> bool:
+        """Adjust to a converged state what its forces take as given during a solve; return whether that has changed.
+
+        Args:
+            w: This rank's owned entries, and possibly more behind them.
+        """
+        return False
+
+    def margin(self, equations: Equations) -> float:
+        """Return how far what it seals is from opening in the loaded state, the same on all ranks; 0 where it opens."""
+        return math.inf
+
+    def opened(self, equations: Equations) -> PathFailure | None:
+        """Return the end of a path in the loaded state, in which `margin` is 0."""
         return None
 
     def keep(self, w: Array, anew: bool = False) -> None:

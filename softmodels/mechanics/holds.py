@@ -10,7 +10,7 @@ import numpy as np
 
 from geometries import Actuator, Hold
 from softmodels.mechanics.body import Body, in_section
-from softmodels.mechanics.component import Component, ComponentError
+from softmodels.mechanics.component import Component, ComponentError, Sealing
 from softmodels.mechanics.regions import RegionPart
 
 if TYPE_CHECKING:
@@ -35,21 +35,29 @@ class HoldingPart(Component):
 
 
 def held_with(own: Sequence[Hold], actuator: Actuator, components: Sequence[Component]) -> list[Hold]:
-    """Return the supports of a device: its own, except those replaced by clamps, and the clamps."""
+    """Return the supports of a device: its own, except those replaced by clamps and by seals, and the clamps."""
     clamps = [part for part in components if isinstance(part, HoldingPart)]
-    roles = {role for clamp in clamps for role in clamp.roles}
+    roles = {role for clamp in clamps for role in clamp.roles} | {
+        role for seal in seals(components) for role in seal.roles
+    }
     kept = [hold for hold in own if hold.role not in roles]
     return [*kept, *(hold for clamp in clamps for hold in clamp.holds(actuator))]
 
 
+def seals(components: Sequence[Component]) -> list[Sealing]:
+    """Return what closes the first cavity among the components."""
+    return [part.sealing for part in components if part.sealing]
+
+
 def clamped(body: Body, components: Sequence[Component]) -> Body:
-    """Return a body with the clamps' supports, on the same mesh; the body itself if there are none.
+    """Return a body with the clamps' supports and its seal, on the same mesh; the body itself if there are none.
 
     Raises:
         ComponentError: A role that the mesh does not have, or a device that nothing keeps in its place any more.
     """
     clamps = [part for part in components if isinstance(part, HoldingPart)]
-    if not clamps:
+    sealing = seals(components)
+    if not clamps and not sealing:
         return body
     for clamp in clamps:
         for role in clamp.roles:
@@ -57,6 +65,8 @@ def clamped(body: Body, components: Sequence[Component]) -> Body:
                 known = ", ".join([*body.entities, *body.regions])
                 raise ComponentError(f"{clamp.where}: the mesh has no {role!r}; it has {known}")
     held = body.held_by(held_with(body.holds, body.actuator, components))
+    for seal in sealing:
+        held = held.sealed_by(seal.roles, np.asarray(seal.point) / body.actuator.size, seal.normal)
     replaced = {hold.role for hold in body.holds} & {role for clamp in clamps for role in clamp.roles}
     if replaced and all(
         isinstance(part, HoldingPart | RegionPart) for part in components

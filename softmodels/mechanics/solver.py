@@ -125,6 +125,8 @@ def select_solver(system: System, method: str) -> SolverMethod:
     )
 
 
+MOST_SETTLINGS = 30
+"""Solves of one state, until what each of them takes as given is that state's; see `Potential.settle`."""
 TANGENT_TOLERANCE = 1e-7
 """Tolerance of the linear solver for a path's tangent, which affects the step length: at 1e-5 single-precision rounding
 shows."""
@@ -196,7 +198,13 @@ class Solver:
         Raises:
             NoConvergence: Newton's method did not get there. The functions hold its last iterate.
         """
-        return self._state(self.newton.solve(control, w, P, since, most))
+        state = self._state(self.newton.solve(control, w, P, since, most))
+        for _ in range(MOST_SETTLINGS):
+            if not self.system.potential.settle(state.w):
+                return state
+            again = self._state(self.newton.solve(control, state.w, state.P, since, most))
+            state = dataclasses.replace(again, iterations=state.iterations)  # which say how long a step may be
+        raise NoConvergence("the pressure on the sealing faces did not settle")
 
     def solve_along(self, force: PETSc.Vec, anchor: Array, amount: float, w: Array, P: float) -> State:
         """Find the state with ``force . (w - anchor) = amount`` at whatever pressure, starting from the guess (w, P).

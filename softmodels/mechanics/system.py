@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from geometries.actuator import check_closed
+from geometries.actuator import Hold, check_closed
 from softmodels.common.arrays import Array
 from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
@@ -24,7 +24,7 @@ from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.controls import Coupling
 from softmodels.mechanics.dead_loads import DeadLoads
-from softmodels.mechanics.holds import clamped, conditions
+from softmodels.mechanics.holds import clamped, conditions, seals
 from softmodels.mechanics.mpi import any_rank, largest, total
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.products import TangentOperator
@@ -609,7 +609,8 @@ class System(Assembly):
         check_compressible(material, components, formulation == "mixed")
         self.body, self.formulation, self.comm = clamped(body, components), formulation, body.mesh.comm
         if type(body).volume_integrand is Body.volume_integrand:  # a user's volume integral may close them differently
-            check_closed(body.actuator, body.openings, self.body.holds)
+            closing = [Hold(role, seal.normal) for seal in seals(components) for role in seal.roles]
+            check_closed(body.actuator, body.openings, [*self.body.holds, *closing])
         self.mixed = formulation == "mixed"
         self.potential = self.potential_class(self.body, material, self.mixed, components)
         self.space, self.w = self.potential.space, self.potential.w
@@ -699,6 +700,7 @@ class System(Assembly):
         """Make ``state`` the current state of the functions."""
         self.w.x.array[:] = state.w[: self.dofs]
         self.unknowns.take(self.w.x.array)
+        self.potential.settle(state.w)
         self.potential.predict_stress(state.w)
         self._set_pressures(state.P, state.w[self.dofs :])
 

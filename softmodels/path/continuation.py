@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.mechanics.component import PathFailure
+from softmodels.mechanics.component import EnergyTerm, PathFailure
 from softmodels.mechanics.controls import Control, Curve, Tangent, volume_control
 from softmodels.mechanics.mpi import largest, total
 from softmodels.mechanics.newton import NoConvergence
@@ -1027,6 +1027,23 @@ class Continuation:
         except NoConvergence as failure:
             raise lost(self.corrector, self.requested, "a limit point on the way was not located", failure) from failure
 
+    def opened(self, before: Point, after: Point) -> tuple[Point, PathEnd] | None:
+        """Return where a seal opens between two neighbouring points, and the end of the path there; None if it does not."""
+        system = self.solver.system
+        for term in system.potential.terms.values():
+
+            def margin(point: Point, term: EnergyTerm = term) -> float:
+                system.load(point.state)
+                return term.margin(system)
+
+            if math.isinf(here := margin(after)) or here > 0.0 or not system.pressures[0]:
+                continue
+            state = self.corrector.root(before, after, margin) if margin(before) > 0.0 else before.state
+            system.load(state)
+            end = PathEnd("a seal opens", cause=term.opened(system))
+            return dataclasses.replace(self.corrector.point(state), requested=False), end
+        return None
+
     def advance(self, step: float, goal: float) -> Point:
         """Take a step towards the requested value ``goal``, shortened until it converges.
 
@@ -1146,10 +1163,14 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
             step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.V0))
         try:
             after = path.advance(step, left[0])
+            leak = path.opened(before, after)
+            after = leak[0] if leak else after
             stops = [*path.events(before, after), after]
         except PathEnd as end:
             raise passed.ended(end, path.requested) from end
         yield from _up_to(path, before, stops, left, passed)
+        if leak:
+            raise leak[1]
         left = left[1:] if left and after.requested else left
 
 

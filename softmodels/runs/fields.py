@@ -660,7 +660,8 @@ def blocked_force(sampling: Sampling, state: State) -> dict[str, float]:
 
 def standing_force(sampling: Sampling, state: State) -> dict[str, float]:
     """Return the force in N with which the whole device presses on what it stands on, if it stands."""
-    role = sampling.system.body.actuator.standing
+    body = sampling.system.body
+    role = body.actuator.standing if not body.seal else ""
     return {f"{role}_force_N": -_held_along_lift(sampling.system, role)} if role else {}
 
 

@@ -274,7 +274,7 @@ def vacuum_notes(case: Case) -> list[str]:
 def lifted_notes(case: Case, rows: Sequence[Row]) -> list[str]:
     """Return where a face that only stands on its plane lifts off, as a sentence; none if it does not."""
     role = case.actuator.standing
-    forces = [row[f"{role}_force_N"] for row in rows] if role else []
+    forces = [row[f"{role}_force_N"] for row in rows if f"{role}_force_N" in row]
     at = next((k for k, (one, two) in enumerate(itertools.pairwise(forces)) if one > 0.0 >= two), None)
     if at is None:
         return []
