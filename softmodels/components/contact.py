@@ -519,15 +519,15 @@ class SealingTerm(RubbingShapeTerm):
         self.plane, body, nodes = shape, setting.body, standing.nodes
         assert body.seal is not None
         self.body, self.share, self._displacement = body, body.seal.share, setting.displacement
+        self._edges = _seal_edges(shape, body, setting.w.function_space, nodes)
         off = float(np.abs(distances(nodes.places, standing.numbers)).max())
         if off > NEAR:
             size = self.actuator.size * 1e3
             raise ComponentError(
-                f"{shape.where}: {shape.faces} must lie in the plane at rest to seal on it, and are up to {off * size:.4g} mm off; "
+                f"{shape.where}: {shape.faces} must lie in the plane at rest to seal on it, and is up to {off * size:.4g} mm off; "
                 "move the plane (at)"
             )
-        self._corners, self._edges = _seal_edges(shape, body, setting.w.function_space, nodes)
-        self._conduct = _conductances(standing.surface, body.axisymmetric)
+        self._ring = _Ring.of(standing.surface)
         self._dofs, self._of_dofs = _share_dofs(body, self.share, nodes.places)
         self._settled = np.full(len(nodes.places), np.nan)
         self.settle_at(nodes.places)
@@ -561,26 +561,26 @@ class SealingTerm(RubbingShapeTerm):
         """Set the share of the pressure with the nodes at places, shape (n, d); return whether it has changed."""
         import scipy
 
-        surface, pressed = self.standing.surface, self.standing.pressed(places)
-        if pressed.depth <= 0.0 and self._settled[self._corners[0]] >= 0.0:
+        n, (inside, outside), depth = len(places), self._edges, self._depths(places)
+        if depth.max() <= 0.0 and self._settled[0] >= 0.0:
             return False  # just lifted off: the share stays what it was
-        push = np.linalg.norm(pressed.slopes(), axis=1).reshape(len(surface.facets), -1).sum(axis=1)
-        area = surface.measure.reshape(len(surface.facets), -1).sum(axis=1)
-        n, corners = len(places), surface.facets[:, : places.shape[1]]
-        pressure = push / area
-        blocks = self._conduct / (pressure + SEEPS * (pressure.max() or 1.0))[:, None, None]
-        K = scattered(blocks, corners, corners, n, n).tocsr()
-        share = np.full(n, np.nan)
-        share[self._corners] = 0.0
-        share[self._edges[0]] = 1.0
-        free = np.setdiff1d(self._corners, np.concatenate(self._edges))
+        pressure = self.standing.penalty.rates(depth)[1][self._ring.pieces].mean(axis=1)
+        blocks = self._ring.conductances / (pressure + SEEPS * (pressure.max() or 1.0))[:, None, None]
+        K = scattered(blocks, self._ring.pieces, self._ring.pieces, n, n).tocsr()
+        share = np.zeros(n)
+        share[inside] = 1.0
+        free = np.setdiff1d(np.arange(n), np.concatenate([inside, outside]))
         if len(free):
-            share[free] = scipy.sparse.linalg.spsolve(K[free][:, free].tocsc(), -(K @ np.nan_to_num(share))[free])
-        changed = not np.abs(share - self._settled)[self._corners].max() <= SETTLED
+            share[free] = scipy.sparse.linalg.spsolve(K[free][:, free].tocsc(), -(K @ share)[free])
+        changed = not np.abs(share - self._settled).max() <= SETTLED
         if changed:
             self._settled = share
             self.share.x.array[self._dofs] = share[self._of_dofs]
         return changed
+
+    def _depths(self, places: Array) -> Array:
+        """Return the depths of nodes at places, shape (n, d): below zero of those that do not touch."""
+        return -distances(places, self.standing.numbers)
 
     # -- what a user reads -----------------------------------------------------------------------------------------------
 
@@ -609,36 +609,55 @@ class SealingTerm(RubbingShapeTerm):
         return found
 
     def margin(self, equations: Equations) -> float:
+        """Return the depth that gas has to pass on its easiest way through the contact, in sizes, less `OPENS`."""
+        import scipy
+
         self._take(equations.w.x.array)
-        return self._pressed.depth - OPENS
+        n, (inside, outside) = len(self.nodes.places), self._edges
+        pieces, d = self._ring.pieces, self.standing.surface.dimension
+        depth = self._depths(self._pressed.nodes)[pieces].max(axis=1)
+        pairs = np.concatenate([pieces[:, [i, j]] for i in range(d) for j in range(i)])
+        pairs, order = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+        lowest = np.full(len(pairs), np.inf)
+        np.minimum.at(lowest, order.ravel(), np.tile(depth, d * (d - 1) // 2))
+        # Weights above zero, in the same order; two more nodes for either side. A minimum spanning tree has the way of least
+        # depth between any two nodes.
+        rank = np.argsort(np.argsort(lowest)) + 1.0
+        starts = np.concatenate([pairs[:, 0], np.full(len(inside), n), np.full(len(outside), n + 1)])
+        ends = np.concatenate([pairs[:, 1], inside, outside])
+        weights = np.concatenate([rank, np.full(len(inside) + len(outside), 0.5)])
+        graph = scipy.sparse.coo_array((weights, (starts, ends)), shape=(n + 2, n + 2)).tocsr()
+        tree = scipy.sparse.csgraph.minimum_spanning_tree(graph)
+        _, before = scipy.sparse.csgraph.breadth_first_order(tree, n, directed=False)
+        tree, here, most = tree + tree.T, n + 1, 0.0
+        while here != n:
+            most, here = max(most, float(tree[here, before[here]])), int(before[here])
+        return float(np.sort(lowest)[round(most) - 1]) - OPENS
 
     def opened(self, equations: Equations) -> PathFailure:
-        figures = self.figures(equations)
-        places = in_space(self.standing.surface.places(self._pressed.nodes))
-        x, y, z = self.actuator.device_points(places[[int(self._pressed.gaps.argmin())]] * self.actuator.size)[0] * 1e3
-        pressure = equations.pressures[0] * equations.stress_unit
+        figures, label = self.figures(equations), self.shape.label
+        last = self._pressed.nodes[[int(self._depths(self._pressed.nodes).argmax())]] * self.actuator.size
+        x, y, _ = self.actuator.device_points(in_space(last))[0] * 1e3
+        pressure = equations.pressures[0] * equations.stress_unit / 1e3
         return PathFailure(
-            f"the seal opens and the cup leaks: {self.plane.faces} lifts off the plane of {self.plane.where}, last at a radius "
-            f"of {math.hypot(x, y):.4g} mm, at {pressure / 1e3:.4g} kPa over {figures[f'{self.shape.label}_sealed_mm2']:.4g} mm2, "
-            f"which hold {figures[f'{self.shape.label}_hold_N']:.4g} N",
-            "Pull less, use a deeper vacuum, or a wider cup (--radius) or a softer lip",
+            f"the seal of {self.plane.where} opens at {pressure:.4g} kPa over {figures[f'{label}_sealed_mm2']:.4g} mm2, a holding "
+            f"force of {figures[f'{label}_hold_N']:.4g} N: leak ({self.plane.faces} touches last at a radius of "
+            f"{math.hypot(x, y):.4g} mm)",
+            "For more force use a deeper vacuum or a wider cup (--radius)",
         )
 
 
-def _seal_edges(
-    shape: RigidShape, body: Body, space: fem.FunctionSpace, nodes: FaceNodes
-) -> tuple[Indices, tuple[Indices, Indices]]:
-    """Return the numbers of the corners of faces, and those on the cavity's edge and on all other edges."""
+def _seal_edges(shape: RigidShape, body: Body, space: fem.FunctionSpace, nodes: FaceNodes) -> tuple[Indices, Indices]:
+    """Return the numbers of the nodes of faces on the cavity's edge, and on all other edges."""
     from scipy.spatial import cKDTree
 
-    corners = np.unique(nodes.facets[:, : nodes.places.shape[1]])
-    tree = cKDTree(nodes.places[corners])
+    tree = cKDTree(nodes.places)
     beside = {*shape.roles, *(plane.name for plane in body.actuator.cut_planes), "axis"}
 
     def shared(roles: Sequence[str]) -> Indices:
         places = FaceNodes(body, space, roles).places if roles else np.empty((0, nodes.places.shape[1]))
         far, found = tree.query(places, distance_upper_bound=NEAR)
-        return np.asarray(np.unique(corners[found[np.isfinite(far)]]), dtype=np.int64)
+        return np.asarray(np.unique(found[np.isfinite(far)]), dtype=np.int64)
 
     fdim = body.mesh.topology.dim - 1
     others = [name for name, (dimension, _) in body.entities.items() if dimension == fdim and name not in beside]
@@ -646,23 +665,37 @@ def _seal_edges(
     inside, outside = shared(walls[:1]), shared([name for name in others if name != walls[0]])
     if not len(inside):
         raise ComponentError(
-            f"{shape.where}: {shape.faces} has no edge in common with the cavity, so it is no rim on which the cavity could seal; "
-            "name the face around its opening (lip, of a SuctionCup)"
+            f"{shape.where}: {shape.faces} shares no edge with the cavity, so it is no rim on which the cavity could "
+            "seal; name the face around its opening (lip, of a SuctionCup)"
         )
-    return corners, (inside, np.setdiff1d(outside, inside))
+    return inside, np.setdiff1d(outside, inside)
 
 
-def _conductances(surface: Surface, axisymmetric: bool) -> Array:
-    """Return the undeformed facets' matrices of int grad . grad between their corners, shape (f, d, d)."""
-    d = surface.dimension
-    X = surface.nodes[surface.facets[:, :d]]
-    if d == 2:
-        lengths = np.linalg.norm(X[:, 1] - X[:, 0], axis=1)
-        round_ = 2 * math.pi * X[:, :, 0].mean(axis=1) if axisymmetric else 1.0
-        return np.asarray((round_ / lengths)[:, None, None] * np.array([[1.0, -1.0], [-1.0, 1.0]]))
-    edges = np.roll(X, 1, axis=1) - np.roll(X, -1, axis=1)  # opposite to each corner
-    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
-    return np.asarray(np.einsum("fai,fbi->fab", edges, edges) / (4 * area)[:, None, None])
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Ring:
+    """Sealing faces at rest in pieces: halves of lines, quarters of triangles.
+
+    Attributes:
+        pieces: Nodes of each, shape (p, d).
+        conductances: Matrices of int grad . grad between these, shape (p, d, d).
+    """
+
+    pieces: Indices
+    conductances: Array
+
+    @classmethod
+    def of(cls, surface: Surface) -> _Ring:
+        d = surface.dimension
+        parts = [[0, 2], [2, 1]] if d == 2 else [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]]
+        pieces = surface.facets[:, parts].reshape(-1, d)
+        X = surface.nodes[pieces]
+        if d == 2:
+            lengths = np.linalg.norm(X[:, 1] - X[:, 0], axis=1)
+            rings = 2 * math.pi * X[:, :, 0].mean(axis=1) if surface.axisymmetric else np.ones(len(X))
+            return cls(pieces, (rings / lengths)[:, None, None] * np.array([[1.0, -1.0], [-1.0, 1.0]]))
+        edges = np.roll(X, 1, axis=1) - np.roll(X, -1, axis=1)  # opposite to each corner
+        area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+        return cls(pieces, np.einsum("fai,fbi->fab", edges, edges) / (4 * area)[:, None, None])
 
 
 def _share_dofs(body: Body, share: fem.Function, places: Array) -> tuple[Indices, Indices]:

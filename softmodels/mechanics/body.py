@@ -173,7 +173,7 @@ class Body:
         facets = np.concatenate([self.cavity.indices, lips])
         tags = np.concatenate([self.cavity.values, np.full(len(lips), SHEET, dtype=np.int32)])
         order = np.argsort(facets)
-        share = fem.Function(fem.functionspace(self.mesh, ("P", 1)))
+        share = fem.Function(fem.functionspace(self.mesh, ("P", 2)))
         seal = Seal(tuple(roles), in_section(point, d), in_section(normal, d), share)
         return dataclasses.replace(self, cavity=meshes.meshtags(self.mesh, fdim, facets[order], tags[order]), seal=seal)
 
@@ -335,8 +335,6 @@ class Body:
             w: The skew components.
             test: Skew components of a test displacement.
         """
-        import ufl
-
         work = -self.flow(w, self.displacement(test)) * self.hoop
         return [self.on_walls(work, number) for number in range(len(self.actuator.ratios))]
 

@@ -218,7 +218,8 @@ class Potential:
 
     def settle(self, w: npt.NDArray[np.float64]) -> bool:
         """Adjust to a state's w what solves take as given; return whether that has changed by as much as matters."""
-        return any([term.settle(w) for term in self.terms.values()])
+        changed = [term.settle(w) for term in self.terms.values()]
+        return any(changed)
 
     def keep(self, w: npt.NDArray[np.float64], anew: bool = False) -> None:
         """Accept a converged state's w; see `softmodels.mechanics.component.EnergyTerm.keep`."""

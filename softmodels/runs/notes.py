@@ -80,6 +80,7 @@ def notes_of(case: Case, rows: Sequence[Row], sources: SourceRows = MappingProxy
         *volume_notes(rows),
         *contact_notes(case, rows),
         *lifted_notes(case, rows),
+        *sealing_notes(case, rows),
         *depth_notes(case, rows),
         *place_notes(case, rows),
         *band_notes(rows),
@@ -284,6 +285,20 @@ def lifted_notes(case: Case, rows: Sequence[Row]) -> list[str]:
         f"the {role} LIFTS OFF at about {before + share * (after - before):.4g} {case.unit}, between states {at} and {at + 1} "
         f"({role}_force_N falls to 0): beyond it the seal leaks, and the states are invalid"
     ]
+
+
+def sealing_notes(case: Case, rows: Sequence[Row]) -> list[str]:
+    """Return what each seal holds in the last state, as sentences."""
+    found = []
+    for part in case.components if rows else ():
+        last, label = rows[-1], part.label
+        if part.sealing and (hold := last[f"{label}_hold_N"]) > 0.0:
+            shear = f"; its lip slides at a lateral force of {last[f'{label}_shear_N']:.4g} N" if part.remembers else ""
+            found.append(
+                f"in the last state the holding force of {part.where} is {hold:.4g} N (vacuum times "
+                f"{last[f'{label}_sealed_mm2']:.4g} mm2 inside the seal){shear}"
+            )
+    return found
 
 
 def law_notes(case: Case, rows: Sequence[Row]) -> list[str]:
