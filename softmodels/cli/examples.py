@@ -983,25 +983,54 @@ spring = "5 N/mm"
 [load]
 pressure = "0:5 kPa"
 """,
-    "cup.toml": f"""# a suction cup at a vacuum of 2 kPa, pulled off the plane by its stem
+    "cup.toml": f"""# a suction cup at a vacuum of 2 kPa, pulled off by its stem until its seal opens
 name = "cup"
 
 [geometry]
 device = "SuctionCup"
+through = 6                     # facets across the lip: the sealed radius is known to a sixth of one
 {_MATERIAL}
-[contact.plane]                 # where the roof comes down
+[contact.plane]                 # on which the lip seals: the vacuum ends where it touches
 shape = "plane"
-faces = "cavity"
-at = ["0 mm", "0 mm", "-0.05 mm"]
+faces = "lip"
+at = ["0 mm", "0 mm", "0 mm"]
 along = [0, 0, 1]
+friction = 0.5
+seal = true
 
 [force.pull]
 face = "top"
 direction = "z"
 
 [load]
-at_pressure_cm = -20            # first; then the force, until the lip lifts off and beyond
-force_N = "0:1.6"
+at_pressure_cm = -20            # first; then the stem travels, and the run ends at the leak
+travel_mm = "0:6"
+""",
+    "cup-shear.toml": f"""# half of a suction cup at a vacuum of 3 kPa, pushed aside by its stem until its lip slides
+name = "cup-shear"
+
+[geometry]
+device = "SuctionCup"
+section = "wedge"
+angle = "180 deg"
+cell_size = "3 mm"
+through = 1
+{_MATERIAL}
+[contact.plane]
+shape = "plane"
+faces = "lip"
+at = ["0 mm", "0 mm", "0 mm"]
+along = [0, 0, 1]
+friction = 0.5
+seal = true
+
+[force.push]
+face = "top"
+direction = "x"
+
+[load]
+at_pressure_cm = -30
+travel_mm = "0:4:1"
 """,
 }
 """File texts by file name."""

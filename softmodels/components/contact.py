@@ -632,7 +632,7 @@ class SealingTerm(RubbingShapeTerm):
         tree, here, most = tree + tree.T, n + 1, 0.0
         while here != n:
             most, here = max(most, float(tree[here, before[here]])), int(before[here])
-        return float(np.sort(lowest)[round(most) - 1]) - OPENS
+        return min(float(np.sort(lowest)[round(most) - 1]), self._pressed.depth) - OPENS
 
     def opened(self, equations: Equations) -> PathFailure:
         figures, label = self.figures(equations), self.shape.label

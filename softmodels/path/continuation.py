@@ -903,6 +903,9 @@ QUICK, SLOW = 3, 6  # Newton iterations up to which steps grow, above which they
 STEP_GROWTH = 1.7
 SOFTENING = 4.0  # growth of dV/dP (or dV/dS) over its minimum at which `auto` switches to volume control
 PAST_LIMIT = 0.1  # how far `auto` continues past a limit point, relative to the volume added up to it
+OPENING_STEP = (
+    0.05  # relative to the step that failed first: a seal that opens in a longer one is approached in shorter ones
+)
 SHORTEST_STEP = 1e-3  # relative to the first step: shorter steps do not fix the cause of failure
 LARGEST_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control ends
 
@@ -1027,17 +1030,21 @@ class Continuation:
         except NoConvergence as failure:
             raise lost(self.corrector, self.requested, "a limit point on the way was not located", failure) from failure
 
+    def _open_terms(self, state: State) -> list[EnergyTerm]:
+        """Return the terms whose seal is open at a state with a pressure."""
+        system = self.solver.system
+        system.load(state)
+        return [term for term in system.potential.terms.values() if system.pressures[0] and term.margin(system) <= 0.0]
+
     def opened(self, before: Point, after: Point) -> tuple[Point, PathEnd] | None:
         """Return where a seal opens between two neighbouring points, and the end of the path there; None if it does not."""
         system = self.solver.system
-        for term in system.potential.terms.values():
+        for term in self._open_terms(after.state):
 
             def margin(point: Point, term: EnergyTerm = term) -> float:
                 system.load(point.state)
                 return term.margin(system)
 
-            if math.isinf(here := margin(after)) or here > 0.0 or not system.pressures[0]:
-                continue
             state = self.corrector.root(before, after, margin) if margin(before) > 0.0 else before.state
             system.load(state)
             end = PathEnd("a seal opens", cause=term.opened(system))
@@ -1051,14 +1058,18 @@ class Continuation:
             PathEnd: Not even the shortest step succeeded.
         """
         direct = self.direct
-        step = min(step, self._longest())
+        begun = step = min(step, self._longest())
         left = goal - self.value(self.last.state)
         while True:
             hit = direct and left <= step * (1 + 1e-9)
             # Equal parts of the remainder avoid a tiny step before a requested value.
             share = left if hit else left / math.ceil(left / step - 1e-9) if direct and left < 3 * step else step
             try:
-                return self._stepped(share, goal if hit else None, step)
+                point = self._stepped(share, goal if hit else None, step)
+                closest = max(OPENING_STEP * begun, 2 * SHORTEST_STEP * self.first_step)
+                if share > closest and self._open_terms(point.state):
+                    raise NoConvergence("a seal opens")  # perhaps only because its place was that of the last state
+                return point
             except NoConvergence as failure:
                 self.report(f"no convergence with step {share:.3g} ({failure}); halving the step")
                 step = share / 2
