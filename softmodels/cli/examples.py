@@ -1006,14 +1006,14 @@ direction = "z"
 at_pressure_cm = -20            # first; then the stem travels, and the run ends at the leak
 travel_mm = "0:6"
 """,
-    "cup-shear.toml": f"""# half of a suction cup at a vacuum of 3 kPa, pushed aside by its stem until its lip slides
+    "cup-shear.toml": f"""# half of a suction cup at a vacuum of 1 kPa, pushed aside by its stem until its lip slides
 name = "cup-shear"
 
 [geometry]
 device = "SuctionCup"
 section = "wedge"
 angle = "180 deg"
-cell_size = "3 mm"
+cell_size = "4 mm"
 through = 1
 {_MATERIAL}
 [contact.plane]
@@ -1021,7 +1021,7 @@ shape = "plane"
 faces = "lip"
 at = ["0 mm", "0 mm", "0 mm"]
 along = [0, 0, 1]
-friction = 0.5
+friction = 0.25
 seal = true
 
 [force.push]
@@ -1029,8 +1029,8 @@ face = "top"
 direction = "x"
 
 [load]
-at_pressure_cm = -30
-travel_mm = "0:4:1"
+at_pressure_cm = -10
+travel_mm = "0:3:1"
 """,
 }
 """File texts by file name."""

@@ -524,8 +524,8 @@ class SealingTerm(RubbingShapeTerm):
         if off > NEAR:
             size = self.actuator.size * 1e3
             raise ComponentError(
-                f"{shape.where}: {shape.faces} must lie in the plane at rest to seal on it, and is up to {off * size:.4g} mm off; "
-                "move the plane (at)"
+                f"{shape.where}: {shape.faces} must lie in the plane at rest to seal on it, and is up to {off * size:.4g} mm "
+                "off; move the plane (at)"
             )
         self._ring = _Ring.of(standing.surface)
         self._dofs, self._of_dofs = _share_dofs(body, self.share, nodes.places)
@@ -640,8 +640,8 @@ class SealingTerm(RubbingShapeTerm):
         x, y, _ = self.actuator.device_points(in_space(last))[0] * 1e3
         pressure = equations.pressures[0] * equations.stress_unit / 1e3
         return PathFailure(
-            f"the seal of {self.plane.where} opens at {pressure:.4g} kPa over {figures[f'{label}_sealed_mm2']:.4g} mm2, a holding "
-            f"force of {figures[f'{label}_hold_N']:.4g} N: leak ({self.plane.faces} touches last at a radius of "
+            f"the seal of {self.plane.where} opens at {pressure:.4g} kPa over {figures[f'{label}_sealed_mm2']:.4g} mm2, a "
+            f"holding force of {figures[f'{label}_hold_N']:.4g} N: leak ({self.plane.faces} touches last at a radius of "
             f"{math.hypot(x, y):.4g} mm)",
             "For more force use a deeper vacuum or a wider cup (--radius)",
         )

@@ -86,9 +86,17 @@ def test_the_force_held_converges_with_the_cells_of_the_lip(run, fine, figure):
 def test_friction_bounds_the_shear_and_not_the_pull(run, figure):
     rubbed = pulled(SuctionCup(), 200e3, friction=0.5)
     found = rubbed.rows[-1]["force_pull_N"] / run.rows[-1]["force_pull_N"] - 1
-    figure("no friction", "force held by a suction cup with friction", found, 1e-4)
+    figure("no friction", "force held by a suction cup with friction", found, 1e-7)
     for row in rubbed.rows:
         assert row["plane_shear_N"] == pytest.approx(-0.5 * row["plane_force_z_N"], rel=1e-9, abs=1e-12)
+
+
+def test_a_cup_pushed_aside_slides_at_friction_times_contact_force(figure):
+    half = SuctionCup(section="wedge", angle=180.0, cell_size=0.004, through=1)
+    rows = pulled(half, 80e3, values=(0.0, 3.0), way="x", vacuum=10.0, friction=0.25).rows
+    assert 0.0 < rows[1]["force_pull_N"] < 0.5 * rows[1]["plane_shear_N"] and rows[1]["plane_sliding"] < 1.0
+    found = rows[-1]["force_pull_N"] / rows[-1]["plane_shear_N"] - 1
+    figure("friction times contact force", "lateral force of a sliding cup", found, 4e-5)
 
 
 @pytest.mark.parametrize(

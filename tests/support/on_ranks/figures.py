@@ -15,7 +15,7 @@ from pathlib import Path
 
 from geometries import Cylinder, HollowDisk, ImportedActuator, PneuNet, SeminarActuator
 from softmodels.mechanics.mpi import abort_on_error, is_root, start
-from tests.support.on_ranks import lifting, rubbing
+from tests.support.on_ranks import lifting, rubbing, sealing
 
 WEDGE = HollowDisk(angle=15.0, cell_size=0.006, fillet=0.0015)
 SLAB = SeminarActuator(channels=1, spread=20.0, around=4.0, cell_size=0.006)
@@ -61,6 +61,7 @@ def figures(
     found["wedge whose walls meet"] = meeting(comm, wedge)
     found["wedge that lifts a ball of triangles"] = lifting.figures(comm, WEDGE, wedge)
     found["wedge that rubs on a plate, there and back"] = rubbing.figures(comm, WEDGE, wedge)
+    found["cup whose seal opens"] = sealing.figures()
     equations = Solver(System(Body.from_file(SECTION, section, comm), NeoHookean(20e3, 0.495)))
     found["section past its limit, rates and outline"] = rates(equations, 6.0)
     points = []
