@@ -46,6 +46,10 @@ PLACES = {
         "softmodels.cli.fit_command", "fit_material",
         "Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.",
     ),
+    "grasp": CommandPlace(
+        "softmodels.cli.grasp_command", "grasp_command",
+        "Close equal fingers around an object that is free in their plane, and load it.",
+    ),
     "limit": CommandPlace(
         "softmodels.cli.analyses", "limit_command",
         "Find the largest pressure a device can take, and the place of its largest strain.",
@@ -99,6 +103,7 @@ def softmodels() -> None:
     softmodels run case.toml            repeat a run from its case file
     softmodels run --device Membrane --pressure-cm 0:20   inflate any device of the library
     softmodels limit --help             how much pressure a design can bear
+    softmodels grasp finger.toml        an object between several fingers, and the load that it bears
     softmodels modes --help             natural frequencies at rest and under pressure
     softmodels design problem.toml      the device that does best what is asked for, within its limits
     softmodels study study.toml         many samples of a case: dataset, response surfaces, Sobol indices

@@ -983,6 +983,28 @@ spring = "5 N/mm"
 [load]
 pressure = "0:5 kPa"
 """,
+    "grasp.toml": """# one of the fingers of a grasp: softmodels grasp examples/grasp.toml --fingers 3 --load 8mN
+name = "grasp"
+
+[geometry]
+device = "PneuNet"
+chambers = 2
+cell_size = "5 mm"
+
+[material]
+silicone = "ecoflex-00-30"
+
+[contact.rod]                   # the object, free in the fingers' plane
+shape = "cylinder"
+faces = "bottom, tip"
+at = ["14.5 mm", "0 mm", "-8 mm"]
+radius = "6 mm"
+along = [0, 1, 0]
+friction = 0.5
+
+[load]
+pressure_cm = [9, 9.5]
+""",
     "cup.toml": f"""# a suction cup at a vacuum of 2 kPa, pulled off by its stem until its seal opens
 name = "cup"
 

@@ -10,8 +10,9 @@ from pathlib import Path
 import click
 import matplotlib
 import numpy as np
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from geometries import Actuator
 from softmodels.common.arrays import Array
@@ -30,11 +31,58 @@ from softmodels.pictures.offscreen import (
 from softmodels.pictures.solid import tiled
 from softmodels.pictures.style import CURVE, DPI, FAINT, INK, SOLID, STYLE, WARNING, WIDTH, png
 from softmodels.runs.analyses import Tolerance
+from softmodels.runs.grasp import Grasp, Held
 from softmodels.runs.grid import Cells, outline, surface_of
 from softmodels.runs.state_values import FacingWalls
 
 SHOWN = {"m": (1e3, ", mm"), "degree": (1.0, ", degrees"), "": (1.0, "")}
 """Factor and text of each unit on an axis."""
+
+
+def grasp_figure(made: Grasp, found: Sequence[Held], outlines: Sequence[Sequence[Array]]) -> Figure:
+    """Draw fingers and object in their plane, the load downwards: the last state without load, and the last one.
+
+    Args:
+        made: The grasp.
+        found: Its states.
+        outlines: Corners of the fingers' facets in each, see `Grasp.outlines`.
+    """
+    free = max((number for number, held in enumerate(found) if not held.load), default=0)
+    shown = list(dict.fromkeys([free, len(found) - 1]))
+    largest = max(float(np.hypot(*found[number].forces.T).max()) for number in shown) or 1.0
+    radius = made.shape.radius * 1e3
+
+    def plane(vectors: Array) -> Array:
+        """Return vectors along and across the load as across and up."""
+        return np.stack([vectors[..., 1], -vectors[..., 0]], axis=-1)
+
+    with matplotlib.rc_context(STYLE):
+        figure = Figure((WIDTH, WIDTH / len(shown) + 0.6), dpi=DPI, layout="constrained")
+        for axes, number in zip(np.atleast_1d(figure.subplots(1, len(shown))), shown, strict=True):
+            held = found[number]
+            for corners in outlines[number]:
+                axes.add_collection(
+                    PolyCollection(list(plane(corners) * 1e3), facecolors=FAINT, edgecolors=FAINT, linewidths=0.3)
+                )
+            centre = plane(held.moved) * 1e3
+            axes.add_patch(Circle((float(centre[0]), float(centre[1])), radius, facecolor="none", edgecolor=INK))
+            arrows = [*zip(held.forces, ["C0"] * len(held.forces), strict=True), (np.array([held.load, 0.0]), WARNING)]
+            for force, colour in arrows:
+                if not force.any():
+                    continue
+                way = plane(force) / largest * 2.5 * radius
+                start = centre if colour == WARNING else centre - way
+                axes.annotate("", start + way, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.6})
+            axes.set_aspect("equal")
+            axes.autoscale_view()
+            axes.set(xlabel="across the load, mm", ylabel="against the load, mm")
+            pressure = f"{held.pressure / made.case.cm:.4g} cm of water"
+            press = ", ".join(f"{force * 1e3:.3g}" for force in held.press)
+            figure.supxlabel("arrows: force of each finger on the object, and its load (downwards)", fontsize="small")
+            axes.set_title(
+                f"{pressure}, load {held.load * 1e3:.3g} mN\nfingers press with {press} mN", fontsize="medium"
+            )
+    return figure
 
 
 def scatter_figure(

@@ -3,6 +3,7 @@
 Begin with `simulation`, which yields states; `recording` writes them, and resumes an interrupted run.
 
 - `model`: `sm.Model`: equilibria, paths and modes without files. `analyses`: limit pressures, natural frequencies.
+  `grasp`: an object between fingers.
 - `fields`: fields and figures of a state, and its row. `state_values`, `grid`: what they are made of, and where they live;
   gaps between walls.
 - `columns`: what stands in ``path.csv``, and the 95 % bands there. `notes`: warnings and explanations.

@@ -1,0 +1,420 @@
+"""A rigid object, free in a plane, between equal fingers at equal angles around it: poses, forces, and the load that it bears.
+
+One finger is meshed. Finger i is its copy, turned by the angle a_i about the object's axis through its first place; it has a
+state of its own. With the object's displacement d and rotation t in the plane, finger i sees the object displaced by R(-a_i) d
+and rotated by t, and presses on it with the force f_i and the moment m_i in its own frame. Equilibrium of the object are three
+equations for d and t,
+
+    sum R(a_i) f_i + load = 0,     sum m_i = 0,
+
+solved by Newton's method with Broyden's updates around the equilibria of the fingers. Friction is that of the contact, with
+the history in the object's frame, so that it is carried along.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from softmodels.common.arrays import Array
+from softmodels.common.errors import Spoken
+from softmodels.components.contact import RigidShape, RubbingShapeTerm, SampledShapeTerm, StandingShape, copies_around
+from softmodels.components.pressing import Grip, Rubbed
+from softmodels.mechanics.assembly import FaceNodes
+from softmodels.mechanics.component import Component, EnergyTerm, FormContext
+from softmodels.runs.model import Model, meshed
+from softmodels.runs.outcomes import NO_EQUILIBRIUM, RunError
+
+if TYPE_CHECKING:
+    import scipy
+
+    from softmodels.case.case import Case
+    from softmodels.mechanics.system import State
+
+MOST_FINGERS = 12
+BALANCED = 1e-7
+"""Residual of the object's equilibrium, relative to the sum of the fingers' forces."""
+NUDGE = 1e-5
+"""Displacement in sizes, and rotation, by which the fingers' stiffness is measured."""
+MOST_UPDATES = 12
+STEPS, SHORTEST = 10, 1 / 64
+"""Steps to a pressure or to the load, and the shortest one in theirs."""
+
+
+class GraspError(Spoken, ValueError):
+    """No grasp can be computed; the message is for the user."""
+
+
+class HeldTerm(RubbingShapeTerm):
+    """The contact with a shape that has been moved in the plane.
+
+    Attributes:
+        moved: Its displacement in sizes in device coordinates.
+        turn: Its rotation, shape (3, 3).
+    """
+
+    def __init__(self, shape: RigidShape, standing: StandingShape, setting: FormContext):
+        self.moved, self.turn = np.zeros(3), np.eye(3)
+        self.centre = np.asarray(shape.at) / setting.body.actuator.size
+        super().__init__(shape, standing, setting)
+
+    def place(self, moved: Array, turn: Array, grip: Grip) -> None:
+        """Set where the shape is, and the friction's history."""
+        self.moved, self.turn, self.grip = moved, turn, grip
+        self._state[:] = np.nan
+
+    def _back(self, places: Array) -> Array:
+        """Return places as the shape in its first place sees them."""
+        return np.asarray((places - self.centre - self.moved) @ self.turn + self.centre)
+
+    def pressed(self, places: Array) -> Rubbed:
+        return super().pressed(self._back(places))
+
+    def forces_here(self) -> Array:
+        return np.asarray(super().forces_here() @ self.turn.T)
+
+    def stiffness_here(self) -> scipy.sparse.csr_array:
+        return self._turned(super().stiffness_here())
+
+    def whole_stiffness_here(self) -> scipy.sparse.csr_array:
+        return self._turned(super().whole_stiffness_here())
+
+    def _turned(self, matrix: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+        import scipy
+
+        T = scipy.sparse.kron(scipy.sparse.eye_array(len(self.nodes.places)), self.turn, format="csr")
+        return scipy.sparse.csr_array(T @ matrix @ T.T)
+
+    def admits(self, before: Array, after: Array) -> bool:
+        return self.standing.clear(self._back(self.nodes.moved(before)), self._back(self.nodes.moved(after)))
+
+    def pushes(self, w: Array) -> Pushes:
+        """Return what the finger does to the shape in a state, of all its slices."""
+        self._take(w)
+        copies, pressed = copies_around(self.actuator, self.standing.crossed), self._pressed
+        forces, on = self.forces_here(), pressed.touching
+        arms = self.nodes.moved(w) - self.centre - self.moved
+        places = pressed.surface.places(pressed.nodes)[on] - self.centre
+        return Pushes(
+            copies * forces.sum(axis=0), copies * np.cross(arms, forces).sum(axis=0), places @ self.turn.T,
+            copies * pressed.pressed.slopes()[on] @ self.turn.T, pressed.sliding,
+        )  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Pushes:
+    """Forces of a finger on the object, dimensionless.
+
+    Attributes:
+        force, moment: Of all, about the object's centre, shape (3,).
+        arms: Points of contact from the object's centre, shape (k, 3).
+        pressing: Their forces without friction, shape (k, 3).
+        sliding: Share of these at points that slide.
+    """
+
+    force: Array
+    moment: Array
+    arms: Array
+    pressing: Array
+    sliding: float
+
+
+class HeldShape(RigidShape):
+    """A rigid shape that is moved in the plane; the same table as `RigidShape`."""
+
+    def term(self, setting: FormContext) -> EnergyTerm:
+        return HeldTerm(self, SampledShapeTerm(self, setting), setting)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Held:
+    """An equilibrium of the object. Vectors in the plane are along the load, and across it.
+
+    Attributes:
+        pressure: Of the fingers in Pa.
+        load: On the object in N.
+        moved: Displacement of its centre in m, shape (2,).
+        turned: Rotation in rad.
+        forces: Of each finger on it in N, shape (fingers, 2).
+        moments: Of each finger about its centre in N m, shape (fingers,).
+        press: Force with which each finger presses, in N, shape (fingers,).
+        sliding: Share of it that slides, shape (fingers,).
+        arms: Points of contact from its centre in m, shape (k, 2).
+        pressing: Forces there without friction in N, shape (k, 2).
+        states, grips: Of the fingers, and the histories of their friction.
+    """
+
+    pressure: float
+    load: float
+    moved: Array
+    turned: float
+    forces: Array
+    moments: Array
+    press: Array
+    sliding: Array
+    arms: Array
+    pressing: Array
+    states: Sequence[State]
+    grips: Sequence[Grip]
+
+    def closed(self, friction: float) -> bool:
+        """Return whether it is in force closure: the edges of the friction cones span all forces and moments in the plane.
+
+        They do if a sum of all of them with factors above zero is zero, and three are independent.
+        """
+        from scipy.optimize import linprog
+
+        wrenches = self._wrenches(friction)
+        if not len(self.arms) or np.linalg.matrix_rank(wrenches, tol=1e-6) < 3:
+            return False
+        count = wrenches.shape[1]
+        least = np.append(np.zeros(count), -1.0)
+        equal = np.vstack([np.column_stack([wrenches, np.zeros(3)]), np.append(np.ones(count), 0.0)])
+        above = np.column_stack([-np.eye(count), np.ones(count)])
+        found = linprog(least, A_ub=above, b_ub=np.zeros(count), A_eq=equal, b_eq=[0.0, 0.0, 0.0, 1.0])
+        return bool(found.status == 0 and -found.fun > 1e-9 / count)
+
+    def bears(self, friction: float) -> float:
+        """Return the largest load in N that the friction cones balance as the fingers press now; at least `load`."""
+        from scipy.optimize import linprog
+
+        press = np.linalg.norm(self.pressing, axis=1)
+        if not len(press) or not friction:
+            return self.load
+        normal = self.pressing / press[:, None]
+        across = np.column_stack([-normal[:, 1], normal[:, 0]])
+        columns = np.column_stack([_wrench(self.arms, across * press[:, None] * friction).T, [1.0, 0.0, 0.0]])
+        bounds = [*[(-1.0, 1.0)] * len(press), (None, None)]
+        cost = np.append(np.zeros(len(press)), -1.0)
+        found = linprog(cost, A_eq=columns, b_eq=-_wrench(self.arms, self.pressing).sum(axis=0), bounds=bounds)
+        return max(float(-found.fun), self.load) if found.status == 0 else self.load
+
+    def _wrenches(self, friction: float) -> Array:
+        """Return the edges of the friction cones as forces and moments of unit size, shape (3, 2 k)."""
+        press = np.linalg.norm(self.pressing, axis=1)
+        normal = self.pressing / press[:, None]
+        across = friction * np.column_stack([-normal[:, 1], normal[:, 0]])
+        arms = self.arms / np.linalg.norm(self.arms, axis=1).max(initial=1e-300)
+        return np.concatenate([_wrench(arms, normal + across), _wrench(arms, normal - across)]).T
+
+
+def _wrench(arms: Array, forces: Array) -> Array:
+    """Return forces and their moments, shape (k, 3)."""
+    return np.column_stack([forces, arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0]])
+
+
+def turning(axis: Array, angle: float) -> Array:
+    """Return the rotation about a unit vector, shape (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(angle * axis).as_matrix())
+
+
+def check_grasp(case: Case, label: str, fingers: int, direction: Array) -> RigidShape:
+    """Return the object among a case's components.
+
+    Raises:
+        GraspError: None, one that cannot be held like this, or a finger that cannot.
+    """
+    shapes = [part for part in case.components if isinstance(part, RigidShape) and label in ("", part.label)]
+    if len(shapes) != 1:
+        known = ", ".join(part.label for part in case.components if isinstance(part, RigidShape)) or "none"
+        raise GraspError(
+            f"a grasp needs one object, a [contact.name] with shape = 'cylinder'; the case has {known}: name it (--object)"
+        )
+    shape = shapes[0]
+    if shape.shape != "cylinder" or shape.hollow or shape.guide:
+        raise GraspError(f"{shape.where}: the object of a grasp is a fixed cylinder around which the fingers stand")
+    if not 2 <= fingers <= MOST_FINGERS:
+        raise GraspError(f"{fingers} fingers: a grasp has 2 to {MOST_FINGERS} (--fingers)")
+    if case.actuator.dimension == 2 or not any(
+        abs(np.asarray(plane.normal) @ shape.direction) > 1 - 1e-9 for plane in case.actuator.cut_planes
+    ):
+        raise GraspError(
+            f"{shape.where}: the fingers move in one plane; use a finger that a cut plane halves, and the cylinder's axis "
+            "normal to it (along)"
+        )
+    if any(part.acceleration is not None for part in case.components):
+        raise GraspError("the fingers of a grasp are turned around the object and have no weight; leave out [gravity]")
+    if case.program or case.driven or not case.pressures_cm or case.pressures_cm[-1] <= 0.0:
+        raise GraspError("a grasp needs pressures above 0 that close the fingers (pressure_cm = [5, 10])")
+    if np.linalg.norm(np.cross(direction, shape.direction)) < 1e-9 * np.linalg.norm(direction):
+        raise GraspError("the load must lie in the plane of the fingers, not along the object's axis (--direction)")
+    return shape
+
+
+class Grasp:
+    """Equal fingers around an object.
+
+    Args:
+        case: One finger with its pressures, and a rigid cylinder that it presses on.
+        label: The cylinder's name.
+        fingers: How many.
+        direction: Of the load on the object, in the plane.
+        steps: Steps to a pressure or to the load; friction depends on them to first order.
+    """
+
+    def __init__(self, case: Case, label: str, fingers: int, direction: Array, steps: int = STEPS):
+        from softmodels.mechanics.mpi import start
+
+        chosen = check_grasp(case, label, fingers, direction)
+        self.shape = HeldShape(**{field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)})
+        parts: tuple[Component, ...] = tuple(self.shape if part is chosen else part for part in case.components)
+        self.model = Model.of(case, meshed(case.actuator, start()), components=parts)
+        self.solver, self.system = self.model.solver, self.model.system
+        term = self.system.potential.terms[self.shape.label]
+        assert isinstance(term, HeldTerm)
+        self.case, self.term, self.steps = case, term, steps
+        self.axis = self.shape.direction
+        self.angles = 2 * math.pi * np.arange(fingers) / fingers
+        first = direction - (direction @ self.axis) * self.axis
+        self.along = first / np.linalg.norm(first)
+        self.plane = np.array([self.along, np.cross(self.axis, self.along)])
+        size, stress = self.system.length_unit, self.system.stress_unit
+        self.force_unit, self.moment_unit = stress * size**2, stress * size**3
+        (cut,) = [p.name for p in case.actuator.cut_planes if abs(np.asarray(p.normal) @ self.axis) > 1 - 1e-9][:1]
+        self.section = FaceNodes(self.model.body, self.system.space, [cut])
+
+    def rest(self) -> Held:
+        """Return the fingers without pressure."""
+        none, n, away = np.zeros(len(self.angles)), len(self.angles), np.zeros((0, 2))
+        states, grips = [self.system.rest()] * n, [self.term.grip] * n
+        return Held(0.0, 0.0, np.zeros(2), 0.0, np.zeros((n, 2)), none, none, none, away, away, states, grips)
+
+    def _put(self, pose: Array, finger: int, grip: Grip) -> None:
+        away = pose[:2] @ self.plane
+        back = turning(self.axis, -self.angles[finger])
+        self.term.place(back @ away, turning(self.axis, pose[2]), grip)
+
+    def at(self, pose: Array, P: float, load: float, before: Held) -> Held:
+        """Return the fingers' equilibria around the object in a pose: two displacements in sizes, a rotation."""
+        from softmodels.mechanics.controls import pressure_control
+
+        states, found = [], []
+        for finger in range(len(self.angles)):
+            self._put(pose, finger, before.grips[finger])
+            states.append(self.solver.solve(pressure_control(P), before.states[finger].w, P))
+            found.append(self.term.pushes(states[-1].w))
+        size, turns = self.system.length_unit, [self.plane @ turning(self.axis, angle) for angle in self.angles]
+        sides = list(zip(turns, found, strict=True))
+        press = [np.linalg.norm(one.pressing, axis=1).sum() for one in found]
+        return Held(
+            P * self.system.stress_unit, load, pose[:2] * size, float(pose[2]),
+            self.force_unit * np.array([turn @ one.force for turn, one in sides]),
+            self.moment_unit * np.array([self.axis @ one.moment for one in found]),
+            self.force_unit * np.array(press), np.array([one.sliding for one in found]),
+            size * np.concatenate([one.arms @ turn.T for turn, one in sides]),
+            self.force_unit * np.concatenate([one.pressing @ turn.T for turn, one in sides]), states, before.grips,
+        )  # fmt: skip
+
+    def _pose(self, held: Held) -> Array:
+        return np.array([*held.moved / self.system.length_unit, held.turned])
+
+    def imbalance(self, held: Held) -> Array:
+        """Return force in N in the plane's two directions, and moment in N times size, on the object."""
+        along, across = held.forces.sum(axis=0)
+        return np.array([along + held.load, across, held.moments.sum() / self.system.length_unit])
+
+    def balanced(self, P: float, load: float, before: Held) -> Held:
+        """Return the equilibrium at a pressure and a load, friction remembering it.
+
+        Raises:
+            NoConvergence: There is none near.
+        """
+        from softmodels.mechanics.newton import NoConvergence
+
+        held = self.at(self._pose(before), P, load, before)
+        wrong, J = self.imbalance(held), None
+        for _ in range(MOST_UPDATES):
+            if np.abs(wrong).max() <= BALANCED * max(held.press.sum(), abs(load), 1e-6):
+                return self._kept(held)
+            if J is None:
+                columns = []
+                for k in range(3):
+                    nudged = self.at(
+                        self._pose(held) + NUDGE * np.eye(3)[k], P, load, dataclasses.replace(held, grips=before.grips)
+                    )
+                    columns.append((self.imbalance(nudged) - wrong) / NUDGE)
+                J = np.array(columns).T
+            step = -np.linalg.lstsq(J, wrong, rcond=1e-6)[0]
+            if not np.abs(step).max() < 0.2:
+                raise NoConvergence("the object leaves the fingers")
+            after = self.at(self._pose(held) + step, P, load, held)
+            found = self.imbalance(after)
+            J = J + np.outer(found - wrong - J @ step, step) / (step @ step)
+            held, wrong = after, found
+        raise NoConvergence("the object's equilibrium was not found")
+
+    def _kept(self, held: Held) -> Held:
+        grips = []
+        for finger, state in enumerate(held.states):
+            self._put(self._pose(held), finger, held.grips[finger])
+            self.term.keep(state.w)
+            grips.append(self.term.grip)
+        return dataclasses.replace(held, grips=grips)
+
+    def follow(self, start: Held, P: float, load: float) -> Iterator[Held]:
+        """Yield the equilibria on the way from one to a pressure (in shear moduli) and a load (in N), as far as it goes."""
+        from softmodels.mechanics.newton import NoConvergence
+
+        P0 = start.states[0].P
+        done, step, here = 0.0, 1 / self.steps, start
+        while done < 1.0:
+            share = min(step, 1.0 - done)
+            try:
+                at = done + share
+                here = self.balanced(P0 + at * (P - P0), start.load + at * (load - start.load), here)
+            except NoConvergence:
+                step = share / 2
+                if step < SHORTEST / self.steps:
+                    return
+                continue
+            done, step = done + share, min(2 * share, 1 / self.steps)
+            yield here
+
+    def outlines(self, held: Held) -> list[Array]:
+        """Return the corners of the fingers' facets in the plane, in m from the object's first centre, shape (f, 3, 2) each."""
+        found = []
+        for angle, state in zip(self.angles, held.states, strict=True):
+            places = self.section.moved(state.w) - self.term.centre
+            turned = places @ (self.plane @ turning(self.axis, angle)).T
+            found.append(turned[self.section.facets[:, :3]] * self.system.length_unit)
+        return found
+
+
+def grasp(
+    case: Case, fingers: int, load: float, direction: Array, label: str = "", steps: int = STEPS
+) -> tuple[Grasp, list[Held]]:
+    """Return the grasp, and its states: one at each requested pressure, then those on the way to the load, as far as it goes.
+
+    Args:
+        case: One finger, with an object in contact and pressures.
+        fingers: How many stand around it.
+        load: On the object in N.
+        direction: Of the load in device coordinates.
+        label: Name of the object; the only shape if empty.
+        steps: See `Grasp`.
+
+    Raises:
+        GraspError: Invalid input.
+        RunError: The fingers do not close to the first pressure.
+    """
+    made = Grasp(case, label, fingers, direction, steps)
+    here, found = made.rest(), []
+    for cm in [value for value in case.pressures_cm if value > 0.0]:
+        P = cm * case.cm / made.system.stress_unit
+        here = [here, *made.follow(here, P, 0.0)][-1]
+        if abs(here.states[0].P / P - 1) > 1e-9:
+            raise RunError(
+                f"the fingers do not close to {cm:g} cm: the object is no longer in equilibrium beyond "
+                f"{here.pressure / case.cm:.4g} cm; lower the pressure, or use more fingers or friction",
+                NO_EQUILIBRIUM,
+            )
+        found.append(here)
+    if load:
+        found += made.follow(here, here.states[0].P, load)
+    return made, found
