@@ -33,10 +33,11 @@ RUNS: dict[tuple[str, ...], tuple[str, ...] | str] = {
     ("contact-lifted",): CASE.format("HollowDisk", "[0, 30, 50, 70, 90]") + GUIDED,
     ("contact-friction",): CASE.format("PneuNet", "[0, 6, 12]") + TABLE,
     ("suction-cup",): BENCH["cup.toml"],
+    ("grasp",): BENCH["grasp.toml"],
     ("seminar", "lift"): ("softmodels.seminar", "--pressure-cm", "0,70,130,177"),
 }
 """The pages' pictures, and the command or the case of their run."""
-FROM = {"disk": "cut", "pneunet": "cut", "seminar": "cut", "contact-friction": "stress-2"}
+FROM = {"disk": "cut", "pneunet": "cut", "seminar": "cut", "contact-friction": "stress-2", "grasp": "grasp"}
 """The run's picture, if it is not the stress at the shown pressures."""
 WIDE = 1000
 
@@ -45,7 +46,8 @@ def draw(names: tuple[str, ...], run: tuple[str, ...] | str, folder: Path) -> No
     """Run a command or a case and write its pictures on the pages."""
     if isinstance(run, str):
         (folder / "case.toml").write_text(run)
-        run = ("softmodels", "run", str(folder / "case.toml"))
+        verb = ("grasp", "--load", "8mN") if names == ("grasp",) else ("run",)
+        run = ("softmodels", *verb, str(folder / "case.toml"))
     done = subprocess.run([sys.executable, "-m", *run, "--quiet", "-o", folder / "run"], check=False)
     assert done.returncode in (0, 3), names  # 3: the path ends, as at a cup's leak
     for name in names:

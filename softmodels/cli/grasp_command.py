@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import sys
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ import numpy as np
 from geometries import MeshingError
 from geometries.options import QuantityType
 from softmodels.case.entries import INPUT_ERRORS
-from softmodels.cli.options import fail, open_on_root, write_into
+from softmodels.cli.options import fail, open_on_root, taken, write_into
 from softmodels.cli.run_command import case_of_file
 from softmodels.common.commands import FolderType
 from softmodels.common.files import write_bytes, write_text
@@ -25,6 +26,19 @@ from softmodels.runs.outcomes import Ended, RunError
 
 USED_UP = 1e-2
 """Reserve of the friction cones over the load below which the object slips."""
+
+
+@dataclasses.dataclass(frozen=True)
+class GraspOptions:
+    """The options of `grasp_command`."""
+
+    fingers: int
+    load: float
+    direction: str
+    label: str
+    steps: int
+    output: Path | None
+    quiet: bool
 
 
 @click.command("grasp")
@@ -48,9 +62,7 @@ USED_UP = 1e-2
     "-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/grasp, or results/grasp-2 …]"
 )
 @click.option("--quiet", is_flag=True, help="Print only errors.")
-def grasp_command(
-    file: Path, fingers: int, load: float, direction: str, label: str, steps: int, output: Path | None, quiet: bool
-) -> None:
+def grasp_command(file: Path, **values: object) -> None:
     """Close equal fingers around an object that is free in their plane, and load it.
 
     FILE is the case of one finger with a rigid cylinder that it presses on ([contact.NAME]); the others are its copies, turned
@@ -68,21 +80,22 @@ def grasp_command(
       softmodels grasp examples/grasp.toml --load 8mN
       softmodels grasp examples/grasp.toml --fingers 4 --load 5mN --direction x
     """
-    options = {"fingers": fingers, "load": load, "direction": direction, "object": label, "steps": steps}
+    options = dict(values)
+    how = taken(GraspOptions, values)
     try:
         case = case_of_file(file, None)
-        way = unit_vector(direction, "--direction")
+        way = np.array(unit_vector(how.direction, "--direction"))
     except (*INPUT_ERRORS, ComponentError) as error:
         fail(str(error))
     comm = start()
     abort_on_error(comm)
-    folder = open_on_root(comm, output, Path("results/grasp"), "grasp", options, [file])
+    folder = open_on_root(comm, how.output, Path("results/grasp"), "grasp", options, [file])
     try:
-        made, found = grasp(case, fingers, load, np.array(way), label, steps)
+        made, found = grasp(case, how.fingers, how.load, way, how.label, how.steps)
     except (*INPUT_ERRORS, ComponentError, GraspError, MeshingError, RunError) as error:
         fail(str(error), Ended.by(error).status)
     outlines = [made.outlines(held) for held in found]
-    lost = bool(load) and found[-1].load < load * (1 - 1e-9)
+    lost = found[-1].load < how.load * (1 - 1e-9)
     if is_root(comm) and folder is not None:
 
         def write(place: Path) -> None:
@@ -93,12 +106,12 @@ def grasp_command(
             write_bytes(place / "grasp.png", png(grasp_figure(made, found, outlines)))
 
         write_into(folder, write, "the results")
-        if not quiet:
+        if not how.quiet:
             for text in [*told(made, found), f"results in {folder.path}: grasp.csv, grasp.png"]:
                 say(text)
     if lost:
         fail(
-            f"no equilibrium of the object at a load of {load:.4g} N: beyond {found[-1].load:.4g} N it leaves the fingers; "
+            f"no equilibrium of the object at a load of {how.load:.4g} N: beyond {found[-1].load:.4g} N it leaves the fingers; "
             "use a higher pressure, more friction or more fingers",
             3,
         )

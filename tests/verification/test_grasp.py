@@ -43,14 +43,14 @@ def test_forces_and_moments_balance_the_load(smooth, rough, figure):
 def test_without_friction_the_steps_do_not_matter(smooth, figure):
     last, here = grasp(finger(0.0), 3, LOAD, DOWN, steps=3)[1][-1], smooth[1][-1]
     apart = np.abs(last.forces - here.forces).max() / here.press.sum()
-    figure("two steps", "forces of the fingers after three, without friction", apart, 1e-6)
+    figure("two steps", "forces of the fingers after three, without friction", apart, 1e-7)
 
 
 def test_without_a_load_each_finger_presses_as_on_a_fixed_rod(smooth, figure):
     row = sm.run(finger(0.0)).rows[-1]
     wanted = np.hypot(row["rod_force_x_N"], row["rod_force_z_N"])
     found = np.linalg.norm(smooth[1][0].forces, axis=1)
-    figure("a finger on a fixed rod", "force of each of three fingers", found / wanted - 1, 1e-4)
+    figure("a finger on a fixed rod", "force of each of three fingers", found / wanted - 1, 1e-7)
 
 
 def test_friction_closes_the_grasp_and_bounds_the_load(smooth, rough):
