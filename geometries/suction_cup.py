@@ -15,9 +15,9 @@ The half profile, with the axis of symmetry z on the left::
     |              \\________\\  lip, z = 0
     0      ceiling  radius   outer radius
 
-The cavity is open below: the plane on which the lip stands closes it. Without more the lip is held down and slides there without
-friction; on a plane of ``[contact]`` with ``seal`` it touches, rubs and lifts. What is asked of a cup are the force that it holds at
-a vacuum, and where its seal opens.
+The cavity is open below: the plane on which the lip stands closes it. By itself the lip is held down and slides there without
+friction; on a plane of ``[contact]`` with ``seal`` it touches, rubs and lifts. What is asked of a cup are the force that it
+holds at a vacuum, and where its seal opens.
 """
 
 from __future__ import annotations
