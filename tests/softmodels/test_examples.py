@@ -139,7 +139,7 @@ def test_the_two_demonstrations_take_folders_of_their_own(monkeypatch, capsys):
 def test_the_cases_are_cases_and_the_part_has_its_cavities(written):
     cases = {path.stem: Case.from_file(path) for path in written.path.glob("*.toml")}
     kinds = {case.quantity for case in cases.values()}
-    assert kinds == {"pressure", "volume", "stroke", "step", "force"} and cases["cycle"].load_unload
+    assert kinds == {"pressure", "volume", "stroke", "step", "force", "travel"} and cases["cycle"].load_unload
     assert [part.where for name in ("contact", "sheet") for part in cases[name].components] == ["[contact]", "[sheet]"]
     assert cases["disk"].actuator == HollowDisk(section="axisymmetric")
     volumes = cases["program"].actuator.cavity_volume
