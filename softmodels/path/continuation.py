@@ -1033,6 +1033,8 @@ class Continuation:
     def _open_terms(self, state: State) -> list[EnergyTerm]:
         """Return the terms whose seal is open at a state with a pressure."""
         system = self.solver.system
+        if not system.body.seal:
+            return []
         system.load(state)
         return [term for term in system.potential.terms.values() if system.pressures[0] and term.margin(system) <= 0.0]
 
