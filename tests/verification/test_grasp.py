@@ -10,9 +10,9 @@ from geometries import HollowDisk, PneuNet
 from softmodels.runs.grasp import GraspError, Held, check_grasp, grasp
 from tests.support import runs
 
-FINGER = PneuNet(chambers=2, cell_size=0.006)
+FINGER = PneuNet(chambers=2, cell_size=0.01)
 RADIUS, DOWN = 0.006, np.array([0.0, 0.0, -1.0])
-LOAD = 4e-4
+LOAD = 2e-4
 
 
 def finger(friction, **changes):
@@ -20,7 +20,7 @@ def finger(friction, **changes):
     at = (FINGER.length - 0.004, 0.0, -0.5 * FINGER.base - RADIUS - 5e-5)
     given = {"radius": RADIUS, "along": (0.0, 1.0, 0.0), "friction": friction, "name": "rod", **changes}
     rod = sm.RigidShape("cylinder", "bottom, tip", at=at, **given)
-    return sm.Case("finger", FINGER, sm.silicone("ecoflex-00-30"), pressures_cm=(3.0,), components=rod)
+    return sm.Case("finger", FINGER, sm.silicone("ecoflex-00-30"), pressures_cm=(2.0,), components=rod)
 
 
 @pytest.fixture(scope="module")
