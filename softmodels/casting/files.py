@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import math
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geometries import Actuator
+from geometries.actuator import Pour
 from softmodels.case.case import Case
 from softmodels.casting.bodies import MM
 from softmodels.casting.facets import Facets
@@ -27,7 +29,7 @@ from softmodels.common.pages import Bullets, Fact, Page, Picture, Provenance, Ta
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import shown
 from softmodels.materials.silicones import HOUR, MINUTE
-from softmodels.pictures.offscreen import Layer, ViewCamera, can_render, direction, lines, studio, surface
+from softmodels.pictures.offscreen import Image, Layer, ViewCamera, can_render, direction, lines, studio, surface
 from softmodels.pictures.style import DPI, EDGE, Caption, number, page
 from softmodels.runs.grid import Cells
 
@@ -100,23 +102,30 @@ def checks(asked: Asked, made: Made) -> dict[str, object]:
         "cast_volume_in_mould_mm3": made.cast_volume * 1e9,
         "inlet_volume_mm3": made.plug * 1e9,
         "device_less_cast_share": made.differs,
+        "block_less_bodies_openings_casts_share": made.balance,
         "smallest_silicone_wall_mm": made.thinnest * 1e3,
-        "smallest_channel_mm": made.channel * 1e3,
+        "smallest_channel_mm": _known(made.channel * 1e3),
         "shrinkage": asked.workshop.shrinkage,
         "stl_chord_allowed_mm": asked.workshop.chord * 1e3,
         "bodies": {body.name: _of_body(body) for body in made.bodies},
     }
 
 
-def _of_body(body: MouldBody) -> dict[str, float | int | bool]:
+def _known(value: float) -> float | None:
+    """Return a number that JSON can hold."""
+    return value if math.isfinite(value) else None
+
+
+def _of_body(body: MouldBody) -> dict[str, float | int | bool | None]:
     assert body.checked is not None
     return {
         "watertight": body.facets.open_edges == 0,
         "volume_mm3": body.facets.volume,
         "least_lean_of_part_deg": body.checked.lean + 0.0,
-        "least_draft_of_pins_and_holes_deg": body.checked.own_lean,
+        "least_draft_of_pins_and_holes_deg": _known(body.checked.own_lean),
         "smallest_wall_mm": body.checked.wall * 1e3,
-        "smallest_gap_mm": body.checked.gap * 1e3,
+        "smallest_gap_mm": _known(body.checked.gap * 1e3),
+        "overlap_on_the_way_out_mm": body.checked.overlap * 1e3,
         "stl_triangles": len(body.facets.triangles),
         "stl_chord_mm": body.checked.chord * 1e3,
         "stl_volume_over_step_less_1": body.checked.volume_gap,
@@ -242,12 +251,13 @@ def bench_sheet(asked: Asked, made: Made) -> BenchSheet:
 
 def _about(asked: Asked, made: Made) -> list[str]:
     silicone, workshop = asked.casting, asked.workshop
-    parting = asked.device.parting
+    count = ("", "", "two", "three", "four")[min(len(made.casts), 4)]
+    pieces = ", ".join(f"the {pour.name}" for pour in made.recipe.pours)
+    how = f"It is cast in {count} pieces, {pieces}, which are bonded. " if count else "It is cast in one piece. "
     texts = [
         f"{type(asked.device).__name__}, {made.volume * ML:.4g} ml of silicone"
         + (f", {asked.silicone}." if asked.silicone else "; the silicone is not named."),
-        "It is cast in two halves, which are bonded at the parting plane. "
-        + (parting.why if parting else f"The mould opens along {workshop.pull.strip()}."),
+        how + made.recipe.why,
     ]
     if silicone:
         a, b = silicone.parts
@@ -270,10 +280,11 @@ def _time(seconds: float) -> str:
 
 
 def _amounts(asked: Asked, made: Made) -> SheetTable:
-    """Return the volumes and masses of each half and of both, with the surplus, and the amounts of A and B."""
+    """Return the volumes and masses of each piece and of all, with the surplus, and the amounts of A and B."""
     silicone, more = asked.casting, 1.0 + asked.workshop.surplus
     volumes = [(cast.name, cast.facets.volume / MM**3) for cast in made.casts]
-    volumes.append(("both", sum(volume for _, volume in volumes)))
+    if len(volumes) > 1:
+        volumes.append(("all", sum(volume for _, volume in volumes)))
     rows = []
     for name, volume in volumes:
         row = [name, f"{volume * ML:.2f}", f"{volume * more * ML:.1f}"]
@@ -298,7 +309,7 @@ def _amounts(asked: Asked, made: Made) -> SheetTable:
 
 
 def _steps(asked: Asked, made: Made) -> list[str]:
-    silicone, workshop = asked.casting, asked.workshop
+    silicone = asked.casting
     pot = f"within {_time(silicone.pot_life)}" if silicone else f"within its pot life ({READ})"
     cure = _time(silicone.cure_time) if silicone else f"its cure time ({READ})"
     weigh = (
@@ -307,38 +318,95 @@ def _steps(asked: Asked, made: Made) -> list[str]:
         else f"Weigh A and B in the ratio of the silicone ({READ})"
     )
     steps = [
-        "Print or mill the four bodies (lengths in mm): cups on their floors, lids on their backs with the core upwards, "
-        "without supports. Freshly printed resin inhibits platinum-cure silicone: bake or coat the prints.",
-        "Test the fit of lid and cup without silicone. The three pins allow only one orientation; the rims must close without "
-        "a gap.",
-        "Coat cup, lid and core thinly with release agent.",
+        f"Print or mill the {len(made.bodies)} bodies (lengths in mm; plate.stl has them laid flat), without supports. Freshly "
+        "printed resin inhibits platinum-cure silicone: bake or coat the prints.",
+        "Test the fit without silicone. The pins allow only one orientation; the rims must close without a gap.",
+        "Coat all bodies thinly with release agent.",
         f"{weigh}, mix, and draw the air out under vacuum; pour {pot}.",
-        "Fill each cup to a little above its rim. Lower the lid from one side, so that the air escapes ahead of it, "
-        "and press it on until the rims meet and silicone fills every vent. Top up through the pour opening.",
-        f"Put weights on the lids, and let cure for {cure}.",
-        "Lift the lids straight off, along the pins. Silicone in the pour opening and vents tears off at its neck; push it "
-        "out.",
-        "Bend the halves out of their cups. Cut the sprues flush with the bonding face.",
-        "Spread a 0.1 mm film of the same silicone on the bonding faces, clear of the channels' edges. "
-        f"Align the halves edge to edge, put a light weight on them, and let cure for {cure}.",
     ]
-    if made.plug:
+    for pour in made.recipe.pours:
+        steps += _pour_steps(pour, [body.name for body in made.bodies if body.piece == pour.name], cure)
+    steps += made.recipe.steps
+    if len(made.recipe.pours) > 1:
         steps.append(
-            f"Push the tube ({shown(workshop.tube, 'm')} outside) into the inlet up to the cavity and seal it with silicone."
+            "Spread a 0.1 mm film of the same silicone on the bonding faces, clear of the channels' edges. "
+            f"Align the pieces edge to edge in the jig, put a light weight on them, and let cure for {cure}."
+        )
+    return [*steps, *_tube_steps(asked, made)]
+
+
+def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str) -> list[str]:
+    """Return how one piece is cast and demoulded."""
+    cup, pins = (
+        " and ".join(f"the {name}" for name in bodies if "cup" in name),
+        [name for name in bodies if "pin" in name],
+    )
+    steps = []
+    if pour.lost:
+        steps.append(
+            f"Print the {pour.name} core of PVA, or cast it of wax, and press its peg into the lid: it is wider than the opening "
+            "that it would leave by."
+        )
+    if pins:
+        steps.append(f"Push the {pins[0]} through its hole up to the core and seal its gap with a little wax.")
+    if not pour.lid:
+        tray = "frame on its floor" if pour.floor is not None else "tray"
+        steps.append(f"Fill the {pour.name} {tray}, scrape it flat with a straight edge, and let cure for {cure}.")
+    elif pour.sideways is not None or pour.gate is not None:
+        steps.append(
+            f"Put {cup} on the {pour.name} lid and bolt or clamp them. Pour through the wide opening in a thin stream until "
+            f"silicone fills every vent; tap the air out, top up, and let cure for {cure}."
         )
     else:
-        steps.append("Without an inlet: pierce the part with a needle, push the tube in and seal it with silicone.")
-    steps.append("Inflate gently under water: no bubbles may rise from the bond or the tube.")
+        out = "wipe off what is pressed out between the rims" if pour.squeezed else (
+            "silicone fills every vent; top up through the pour opening"
+        )  # fmt: skip
+        steps.append(
+            f"Fill the {pour.name} cup to a little above its rim. Lower the lid from one side, so that the air escapes ahead of "
+            f"it, and press it on until the rims meet; {out}. Bolt or clamp them, and let cure for {cure}."
+        )
+    first = f"Pull the {pins[0]} out straight. " if pins else ""
+    if pour.sideways is not None:
+        core = "slide the piece off its core" if not pour.lost else "dissolve the core in warm water, or melt it out"
+        steps.append(
+            f"{first}Part the halves of the cup sideways, lift the piece off the lid and {core}. Cut the sprues flush."
+        )
+    elif pour.lid:
+        steps.append(
+            f"{first}Lift the lid straight off, along the pins, and bend the piece out of its cup. Silicone in the openings tears "
+            "off at its neck; push it out, and cut the sprues flush."
+        )
+    else:
+        steps.append(f"{first}Bend the {pour.name} out.")
     return steps
+
+
+def _tube_steps(asked: Asked, made: Made) -> list[str]:
+    """Return how the tube is put in, and the test of the cavity; nothing without a closed one."""
+    workshop = asked.workshop
+    if made.plug:
+        fitting = {"tube": "tube", "barb": "barb", "luer": "male Luer slip"}[workshop.inlet]
+        wide = "" if workshop.inlet == "luer" else f" ({shown(workshop.tube, 'm')} outside)"
+        first = f"Push the {fitting}{wide} into the inlet up to the cavity and seal it with silicone."
+    elif len(made.casts) > 1:
+        first = "Without an inlet: pierce the part with a needle, push the tube in and seal it with silicone."
+    elif math.isnan(made.channel):
+        return []
+    else:
+        first = "Close the open end with its fitting, and seal it with silicone."
+    return [first, "Inflate gently under water: no bubbles may rise from the bond or the tube."]
 
 
 def _walls(asked: Asked, made: Made) -> SheetTable:
     workshop = asked.workshop
-    rows = [
-        ("silicone above the cavity, along the pull", f"{made.wall_above * MM:.2f}", ""),
-        ("silicone below the cavity, along the pull", f"{made.wall_below * MM:.2f}", ""),
-        ("thinnest silicone", f"{made.thinnest * MM:.2f}", ""),
-        ("narrowest channel or cavity", f"{made.channel * MM:.2f}", f"{workshop.least_wall * MM:g} (printer's rib)"),
+    rows = [(f"silicone of the {cast.piece} beyond its core, along the pull", f"{cast.beyond * MM:.2f}", "")
+            for cast in made.casts if cast.beyond > 1e-6]  # fmt: skip
+    rows.append(("thinnest silicone", f"{made.thinnest * MM:.2f}", ""))
+    if not math.isnan(made.channel):
+        rows.append(
+            ("narrowest channel or cavity", f"{made.channel * MM:.2f}", f"{workshop.least_wall * MM:g} (printer's rib)")
+        )
+    rows += [
         ("floors and lids of the mould", f"{workshop.wall * MM:.2f}", f"{workshop.least_wall * MM:g}"),
         ("rims of the mould", f"{workshop.rim * MM:.2f}", f"{workshop.least_wall * MM:g}"),
         ("gap around a pin", f"{workshop.clearance * MM:.2f}", ""),
@@ -358,7 +426,8 @@ def _checked(body: MouldBody) -> Row:
     assert found is not None
     return (
         body.name, "yes" if body.facets.open_edges == 0 else "no", f"{found.wall * MM:.2f}", f"{found.gap * MM:.2f}",
-        f"{max(found.lean, 0.0) + 0.0:.2f}", f"{found.own_lean:.2f}", f"{found.chord * 1e6:.0f}",
+        f"{max(found.lean, 0.0) + 0.0:.2f}", "" if math.isnan(found.own_lean) else f"{found.own_lean:.2f}",
+        f"{found.chord * 1e6:.0f}",
     )  # fmt: skip
 
 
@@ -377,45 +446,72 @@ def _notes(asked: Asked) -> list[str]:
 # Pictures of a mould: each body from its inner side, and an exploded view with the casts.
 
 
-PRINTED, SILICONE = "#b4c3d4", "#e8b796"
+PRINTED, SILICONE, LOST = "#b4c3d4", "#e8b796", "#d8d2a8"
 SHARP = np.cos(np.radians(25.0))
 """Faces that meet at more than 25 degrees have their edge drawn."""
-APART = 0.22
-"""Gap between bodies in the exploded picture, in widths of the mould."""
-ORDER = ("lower cup", "lower half", "lower lid", "upper lid", "upper half", "upper cup")
-"""From below to above."""
+APART = 0.3
+"""Gap between bodies in the exploded picture, in sizes of the mould."""
 
 
 def body_picture(body: MouldBody) -> Figure:
     """Draw a body from its silicone side."""
-    up = np.array([0.0, 0.0, -body.opens])
-    towards = direction(-58.0, 38.0, np.array([0.0, 0.0, 1.0])) * (1.0, 1.0, -body.opens)
+    pull = np.array(body.pull)
+    up = np.array([0.0, 0.0, -pull[2] if pull[2] else 1.0])
+    side = direction(-58.0, 38.0, np.array([0.0, 0.0, 1.0]))
+    towards = side * (1.0, 1.0, up[2])
+    if across := pull[:2].any():
+        towards = side - 2.0 * pull * max(0.0, float(side @ pull)) - 0.4 * pull
     camera = ViewCamera.around([body.facets.points], towards, up, tallest=0.8)
     with studio(camera) as shoot:
         image = shoot(_layers(body.facets, np.zeros(3), PRINTED))
     size = " x ".join(number(length) for length in np.ptp(body.facets.points, axis=0))
-    return page(image, Caption(f"{body.name[0].upper()}{body.name[1:]}: {size} mm, its inner side"))
+    inner = ", its inner side" if across or pull[2] else ""
+    return page(image, Caption(f"{body.name[0].upper()}{body.name[1:]}: {size} mm{inner}"))
 
 
 def exploded_picture(made: Made) -> Figure:
-    """Draw the exploded view of all bodies and casts along the pull."""
-    found = {body.name: body for body in (*made.bodies, *made.casts)}
-    gap = APART * float(np.ptp(found["lower cup"].facets.points[:, 0]))
-    layers: list[Layer] = []
-    clouds, top = [], 0.0
-    for name in ORDER:
-        points = found[name].facets.points
-        shift = np.array([0.0, 0.0, top - points[:, 2].min()])
-        layers += _layers(found[name].facets, shift, SILICONE if name.endswith("half") else PRINTED)
-        clouds.append(points + shift)
-        top += float(np.ptp(points[:, 2])) + gap
-    up = np.array([0.0, 0.0, 1.0])
-    camera = ViewCamera.around(clouds, direction(-58.0, 24.0, up), up, width=1200, tallest=1.25)
+    """Draw the exploded view of all pieces side by side, each with its bodies apart along their pulls."""
+    images = [_exploded_piece(made, pour) for pour in made.recipe.pours]
+    tall = max(image.shape[0] for image in images)
+    text = "Exploded view of the mould: bodies apart along their pulls, with the casts"
+    return page(np.concatenate([_padded(image, tall) for image in images], axis=1), Caption(text))
+
+
+def _padded(image: Image, tall: int) -> Image:
+    """Return a picture with white above and below it."""
+    above = (tall - image.shape[0]) // 2
+    return np.pad(image, ((above, tall - image.shape[0] - above), (0, 0), (0, 0)), constant_values=255)
+
+
+def _exploded_piece(made: Made, pour: Pour) -> Image:
+    """Draw the mould of one piece as it stands when it is poured."""
+    cast = next(cast for cast in made.casts if cast.piece == pour.name)
+    bodies = [body for body in made.bodies if body.piece == pour.name]
+    places = shifts(bodies, cast)
+    standing = pour.lid and (pour.gate is not None or pour.sideways is not None)
+    up = np.array([0.0, 0.0, 1.0 if standing else -1.0])
+    layers, clouds = _layers(cast.facets, np.zeros(3), SILICONE), [cast.facets.points]
+    for body in bodies:
+        layers += _layers(body.facets, places[body.name], LOST if not any(body.pull) else PRINTED)
+        clouds.append(body.facets.points + places[body.name])
+    towards = direction(-58.0, 24.0, np.array([0.0, 0.0, 1.0])) * (1.0, 1.0, up[2])
+    camera = ViewCamera.around(clouds, towards, up, width=1200 if len(made.casts) == 1 else 800, tallest=1.25)
     with studio(camera) as shoot:
-        image = shoot(layers)
-    wide = np.full((image.shape[0], 200, 3), 255, dtype=np.uint8)
-    text = "Exploded view of the mould along the pull, with the casts"
-    return page(np.concatenate([wide, image, wide], axis=1), Caption(text))
+        return np.asarray(shoot(layers))
+
+
+def shifts(bodies: Sequence[MouldBody], cast: MouldBody) -> dict[str, Array]:
+    """Return by how much each body of a piece is moved along its pull, in mm, to stand clear of the others."""
+    size = float(np.linalg.norm(np.ptp(cast.facets.points, axis=0)))
+    found, stacked = {}, [cast.facets.points]
+    lost = [body for body in bodies if not any(body.pull)]
+    for body in [*reversed([body for body in bodies if any(body.pull)]), *lost]:
+        pull = np.array(body.pull) if any(body.pull) else np.array([0.0, 0.0, -1.0])
+        before = np.concatenate(stacked)
+        needed = float((before @ pull).max() - (body.facets.points @ pull).min())
+        found[body.name] = (max(0.0, needed) + APART * size * (0.5 if stacked else 1.0)) * pull
+        stacked.append(body.facets.points + found[body.name])
+    return found
 
 
 def _layers(facets: Facets, shift: Array, colour: str) -> list[Layer]:

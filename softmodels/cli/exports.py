@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -90,9 +91,10 @@ def mould_summary(asked: Asked, found: Made) -> list[str]:
     lines = []
     for body in found.bodies:
         assert body.checked is not None
+        gap = "" if math.isinf(body.checked.gap) else f", gap {body.checked.gap * 1e3:.3g} mm"
         lines.append(
-            f"{body.name}: watertight, no undercut, smallest wall {body.checked.wall * 1e3:.3g} mm, gap "
-            f"{body.checked.gap * 1e3:.3g} mm, STL within {body.checked.chord * 1e6:.3g} um"
+            f"{body.name}: watertight, {'dissolved' if not any(body.pull) else 'no undercut'}, smallest wall "
+            f"{body.checked.wall * 1e3:.3g} mm{gap}, STL within {body.checked.chord * 1e6:.3g} um"
         )
     lines.append(
         f"casts: {found.cast_volume * 1e6:.5g} ml in the mould; shrunk and bonded they are the device "
