@@ -601,7 +601,7 @@ class Cylinder(Sectioned, Halved):
         tube = Pour(name="tube", up=self.lift, level=0.0, sideways=(0.0, 1.0, 0.0), gate=self.height)
         return Recipe(
             pours=(tube,),
-            why="The outside opens in two halves; the rod that forms the cavity stands on the lid and leaves through the open end.",
+            why="The outside opens in two halves; the cavity's rod stands on the lid and leaves through the open end.",
         )  # fmt: skip
 
     def build_whole(self) -> None:

@@ -498,7 +498,7 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
         if self.sides == 2:
             chambers.append(Pour(name="lower chambers", up=down, level=half))
         base = Pour(name="base", up=down, level=-half, end=half, lid=False)
-        paper = f"Pour half of the base, lay the sheet of {shown(self.paper, 'm')} on it, wet it with silicone, and pour the rest."
+        paper = f"Pour half of the base, lay the sheet ({shown(self.paper, 'm')}) on it, wet it with silicone, pour the rest."
         return Recipe(
             pours=(*chambers, base),
             why="The chambers and the channel are open towards the base, which is a flat layer bonded to them.",

@@ -18,7 +18,7 @@ from geometries import Actuator
 from geometries.actuator import Pour, Recipe, Vector
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
-from softmodels.common.errors import MeshingError
+from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.schema import shown
 
 Solid = tuple[int, int]
@@ -98,6 +98,7 @@ class Tooling:
         bodies: In the order in which they leave.
         target: Shape to be cast, from the device's geometry.
         cores: Its cavities.
+        cavities: All of the device's, if they are closed.
         plugs: Silicone that makes room for the tubes.
         openings: What is cut out of the bodies and not filled by the piece: pour opening, vents, slack of pins.
         level, top: Heights where the piece begins and ends, mm.
@@ -110,6 +111,7 @@ class Tooling:
     bodies: list[ToolBody]
     target: list[Solid]
     cores: list[Solid]
+    cavities: list[Solid]
     plugs: list[Solid]
     openings: list[Solid]
     level: float
@@ -128,10 +130,12 @@ def recipe_of(device: Actuator, workshop: Workshop) -> Recipe:
     """Return how a device is cast, along the workshop's pull if it is an imported part.
 
     Raises:
-        GeometryError: It has no recipe, or its own and no use for a pull.
-        MouldError: No piece.
+        MouldError: It has no recipe, or its own and no use for a pull.
     """
-    recipe = device.cast_along(workshop.direction, workshop.level)
+    try:
+        recipe = device.cast_along(workshop.direction, workshop.level)
+    except GeometryError as error:
+        raise MouldError(str(error)) from None
     if workshop.core != "as needed":
         lost = workshop.core == "lost"
         pours = tuple(dataclasses.replace(pour, lost=lost and pour.lid) for pour in recipe.pours)
@@ -245,6 +249,7 @@ class _Maker:
         boxes = np.array([_box(shell) for shell in shells])
         outer = int(np.prod(np.ptp(boxes, axis=1), axis=1).argmax())
         self.envelope = shells[outer]
+        self.cavities = [shell for k, shell in enumerate(shells) if k != outer]
         self.level, self.top = self._heights(boxes, outer)
         low, high = boxes[outer]
         self.low, self.high = np.array([*low[:2], self.level]), np.array([*high[:2], self.top])
@@ -300,8 +305,8 @@ class _Maker:
             self._add("lid", lid, DOWN)
         self._divide(cup)
         low = self.low - (wall if self.pour.lid else 0.0) * UP
-        return Tooling(self.pour, self.frame, self.bodies, target, kept, self.plugs, self.openings, self.level, self.top,
-                       low, self.high + wall * UP, self.drafted)  # fmt: skip
+        return Tooling(self.pour, self.frame, self.bodies, target, kept, self.cavities, self.plugs, self.openings,
+                       self.level, self.top, low, self.high + wall * UP, self.drafted)  # fmt: skip
 
     def _add(self, kind: str, solids: list[Solid], pull: Array) -> None:
         name = f"{self.pour.name} {kind}"
@@ -650,7 +655,8 @@ def hole_places(
     apart = 0.5 * MM * (workshop.pour + workshop.vent) + MM * workshop.least_wall
     found = [pour]
     for _ in range(workshop.vents):
-        distance, _ = cKDTree(np.array(found)).query(free)
+        beside = found[1:] if heights[1] != heights[0] and len(found) > 1 else found
+        distance, _ = cKDTree(np.array(beside)).query(free)
         if not len(free) or distance.max() < apart:
             raise MouldError(
                 f"vents is {workshop.vents}; the bonding face has room for {len(found) - 1} beside the cores"

@@ -29,7 +29,7 @@ from softmodels.common.pages import Bullets, Fact, Page, Picture, Provenance, Ta
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import shown
 from softmodels.materials.silicones import HOUR, MINUTE
-from softmodels.pictures.offscreen import Image, Layer, ViewCamera, can_render, direction, lines, studio, surface
+from softmodels.pictures.offscreen import Layer, ViewCamera, can_render, direction, lines, studio, surface
 from softmodels.pictures.style import DPI, EDGE, Caption, number, page
 from softmodels.runs.grid import Cells
 
@@ -344,8 +344,8 @@ def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str) -> list[str]:
     steps = []
     if pour.lost:
         steps.append(
-            f"Print the {pour.name} core of PVA, or cast it of wax, and press its peg into the lid: it is wider than the opening "
-            "that it would leave by."
+            f"Print the {pour.name} core of PVA, or cast it of wax, and press its peg into the lid: it is wider than the "
+            "opening that it would leave by."
         )
     if pins:
         steps.append(f"Push the {pins[0]} through its hole up to the core and seal its gap with a little wax.")
@@ -362,8 +362,8 @@ def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str) -> list[str]:
             "silicone fills every vent; top up through the pour opening"
         )  # fmt: skip
         steps.append(
-            f"Fill the {pour.name} cup to a little above its rim. Lower the lid from one side, so that the air escapes ahead of "
-            f"it, and press it on until the rims meet; {out}. Bolt or clamp them, and let cure for {cure}."
+            f"Fill the {pour.name} cup to a little above its rim. Lower the lid from one side, so that the air escapes ahead "
+            f"of it, and press it on until the rims meet; {out}. Bolt or clamp them, and let cure for {cure}."
         )
     first = f"Pull the {pins[0]} out straight. " if pins else ""
     if pour.sideways is not None:
@@ -373,8 +373,8 @@ def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str) -> list[str]:
         )
     elif pour.lid:
         steps.append(
-            f"{first}Lift the lid straight off, along the pins, and bend the piece out of its cup. Silicone in the openings tears "
-            "off at its neck; push it out, and cut the sprues flush."
+            f"{first}Lift the lid straight off, along the pins, and bend the piece out of its cup. Silicone in the openings "
+            "tears off at its neck; push it out, and cut the sprues flush."
         )
     else:
         steps.append(f"{first}Bend the {pour.name} out.")
@@ -449,7 +449,7 @@ def _notes(asked: Asked) -> list[str]:
 PRINTED, SILICONE, LOST = "#b4c3d4", "#e8b796", "#d8d2a8"
 SHARP = np.cos(np.radians(25.0))
 """Faces that meet at more than 25 degrees have their edge drawn."""
-APART = 0.3
+APART = 0.15
 """Gap between bodies in the exploded picture, in sizes of the mould."""
 
 
@@ -463,41 +463,54 @@ def body_picture(body: MouldBody) -> Figure:
         towards = side - 2.0 * pull * max(0.0, float(side @ pull)) - 0.4 * pull
     camera = ViewCamera.around([body.facets.points], towards, up, tallest=0.8)
     with studio(camera) as shoot:
-        image = shoot(_layers(body.facets, np.zeros(3), PRINTED))
+        image = shoot(_layers(body.facets, PRINTED))
     size = " x ".join(number(length) for length in np.ptp(body.facets.points, axis=0))
     inner = ", its inner side" if across or pull[2] else ""
     return page(image, Caption(f"{body.name[0].upper()}{body.name[1:]}: {size} mm{inner}"))
 
 
 def exploded_picture(made: Made) -> Figure:
-    """Draw the exploded view of all pieces side by side, each with its bodies apart along their pulls."""
-    images = [_exploded_piece(made, pour) for pour in made.recipe.pours]
-    tall = max(image.shape[0] for image in images)
-    text = "Exploded view of the mould: bodies apart along their pulls, with the casts"
-    return page(np.concatenate([_padded(image, tall) for image in images], axis=1), Caption(text))
+    """Draw the exploded view of all pieces side by side, as they stand when poured, bodies apart along their pulls."""
+    up, towards = np.array([0.0, 0.0, 1.0]), direction(-58.0, 24.0, np.array([0.0, 0.0, 1.0]))
+    right = np.cross(up, towards) / np.linalg.norm(np.cross(up, towards))
+    layers: list[Layer] = []
+    clouds: list[Array] = []
+    edge = 0.0
+    for pour in made.recipe.pours:
+        group = _exploded(made, pour)
+        points = np.concatenate([facets.points for facets, _ in group])
+        along, gap = points @ right, 0.06 * float(np.ptp(points, axis=0).max())
+        shift = (edge - along.min()) * right - 0.5 * (points[:, 2].min() + points[:, 2].max()) * up
+        edge += float(np.ptp(along)) + gap
+        for facets, colour in group:
+            layers += _layers(moved(facets, np.eye(3), shift), colour)
+            clouds.append(facets.points + shift)
+    camera = ViewCamera.around(clouds, towards, up, tallest=1.1)
+    with studio(camera) as shoot:
+        image = shoot(layers)
+    return page(image, Caption("Exploded view of the mould: bodies apart along their pulls, with the casts"))
 
 
-def _padded(image: Image, tall: int) -> Image:
-    """Return a picture with white above and below it."""
-    above = (tall - image.shape[0]) // 2
-    return np.pad(image, ((above, tall - image.shape[0] - above), (0, 0), (0, 0)), constant_values=255)
-
-
-def _exploded_piece(made: Made, pour: Pour) -> Image:
-    """Draw the mould of one piece as it stands when it is poured."""
+def _exploded(made: Made, pour: Pour) -> list[tuple[Facets, str]]:
+    """Return the surfaces and colours of one piece's mould, its bodies apart."""
     cast = next(cast for cast in made.casts if cast.piece == pour.name)
     bodies = [body for body in made.bodies if body.piece == pour.name]
-    places = shifts(bodies, cast)
     standing = pour.lid and (pour.gate is not None or pour.sideways is not None)
-    up = np.array([0.0, 0.0, 1.0 if standing else -1.0])
-    layers, clouds = _layers(cast.facets, np.zeros(3), SILICONE), [cast.facets.points]
-    for body in bodies:
-        layers += _layers(body.facets, places[body.name], LOST if not any(body.pull) else PRINTED)
-        clouds.append(body.facets.points + places[body.name])
-    towards = direction(-58.0, 24.0, np.array([0.0, 0.0, 1.0])) * (1.0, 1.0, up[2])
-    camera = ViewCamera.around(clouds, towards, up, width=1200 if len(made.casts) == 1 else 800, tallest=1.25)
-    with studio(camera) as shoot:
-        return np.asarray(shoot(layers))
+    turn = np.eye(3) if standing else np.diag([1.0, -1.0, -1.0])
+    places = shifts(bodies, cast)
+    found = [(cast.facets, np.zeros(3), SILICONE)]
+    found += [(body.facets, places[body.name], PRINTED if any(body.pull) else LOST) for body in bodies]
+    return [(moved(facets, turn, turn @ shift), colour) for facets, shift, colour in found]
+
+
+def moved(facets: Facets, turn: Array, shift: Array) -> Facets:
+    """Return a surface turned about the origin and then shifted, in mm."""
+    return dataclasses.replace(
+        facets,
+        points=facets.points @ turn.T + shift,
+        normals=facets.normals @ turn.T,
+        centre=turn @ facets.centre + shift,
+    )
 
 
 def shifts(bodies: Sequence[MouldBody], cast: MouldBody) -> dict[str, Array]:
@@ -505,21 +518,21 @@ def shifts(bodies: Sequence[MouldBody], cast: MouldBody) -> dict[str, Array]:
     size = float(np.linalg.norm(np.ptp(cast.facets.points, axis=0)))
     found, stacked = {}, [cast.facets.points]
     lost = [body for body in bodies if not any(body.pull)]
-    for body in [*reversed([body for body in bodies if any(body.pull)]), *lost]:
+    for body in [*lost, *reversed([body for body in bodies if any(body.pull)])]:
         pull = np.array(body.pull) if any(body.pull) else np.array([0.0, 0.0, -1.0])
         before = np.concatenate(stacked)
         needed = float((before @ pull).max() - (body.facets.points @ pull).min())
-        found[body.name] = (max(0.0, needed) + APART * size * (0.5 if stacked else 1.0)) * pull
+        found[body.name] = (max(0.0, needed) + APART * size) * pull
         stacked.append(body.facets.points + found[body.name])
     return found
 
 
-def _layers(facets: Facets, shift: Array, colour: str) -> list[Layer]:
+def _layers(facets: Facets, colour: str) -> list[Layer]:
     """Return a body with its sharp edges; its shading is that of the exact surface."""
-    corners = (facets.corners + shift).reshape(-1, 3)
+    corners = facets.corners.reshape(-1, 3)
     cells = np.arange(len(corners)).reshape(-1, 3)
     solid = surface(corners, cells, facets.normals.reshape(-1, 3))
-    edge = lines(facets.points + shift, sharp_edges(facets))
+    edge = lines(facets.points, sharp_edges(facets))
     return [(solid, {"color": colour, "smooth_shading": True}), (edge, {"color": EDGE, "line_width": 1.5})]
 
 

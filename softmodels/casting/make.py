@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
-from geometries.actuator import Recipe
+from geometries.actuator import Pour, Recipe
 from geometries.meshing import apart
-from softmodels.casting.bodies import MM, Frame, Solid, Tooling, face_namer, left, recipe_of, scaled, tooling, turned
+from softmodels.casting.bodies import MM, Solid, Tooling, face_namer, left, recipe_of, scaled, tooling, turned
 from softmodels.casting.facets import Facets, facets_of
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 SLIP = math.sin(math.radians(0.1))
 """Sine of the allowed undercut: 0.1 degrees, 2 um on a wall of 1 mm."""
-FACING = -0.5
+FACING = -0.8
 """Cosine between the normals of two faces below which they are two sides of a wall instead of an edge."""
 MOST_RAYS = 20_000
 SAMPLES = 12
@@ -336,25 +336,29 @@ def _add() -> OpType:
     return OpType.Add
 
 
-def balance(made: Tooling, found: Surfaces) -> float:
+def _block_volumes(made: Tooling) -> tuple[float, float]:
+    """Return the volume of the block that is in no body, and that of bodies outside of the block, in mm3, by the CAD
+    kernel."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    solids, low, high = [body.solid for body in made.bodies], made.low, made.high
+    slack = occ.cut(occ.copy(made.openings), solids, removeTool=False)[0] if made.openings else []
+    box = (3, occ.addBox(*low, *(high - low)))
+    inside = sum(occ.getMass(*solid) for solid in occ.intersect(slack, [box], removeTool=False)[0]) if slack else 0.0
+    outer = [body.solid for body in made.bodies if not _is_inside(body.solid, low, high)]
+    beyond = sum(occ.getMass(*solid) for solid in occ.cut(occ.copy(outer), [box])[0]) if outer else 0.0
+    return inside + sum(occ.getMass(*solid) for solid in made.target), beyond
+
+
+def balance(drawn: _Drawn, found: Surfaces) -> float:
     """Return what the block has more than bodies, openings and the piece, as a share of the block.
 
     The bodies' volumes are integrals over their faces as meshed from the STEP files, the others are the CAD kernel's.
     """
-    import gmsh  # type: ignore[import-untyped]
-
-    occ = gmsh.model.occ
-    solids = [body.solid for body in made.bodies]
-    slack = occ.cut(occ.copy(made.openings), solids, removeTool=False)[0] if made.openings else []
-    low, high = made.low, made.high
-    box = (3, occ.addBox(*low, *(high - low)))
-    inside = sum(occ.getMass(*solid) for solid in occ.intersect(slack, [box], removeTool=False)[0]) if slack else 0.0
-    beyond = [body.solid for body in made.bodies if not _is_inside(body.solid, low, high)]
-    outside = sum(occ.getMass(*solid) for solid in occ.cut(occ.copy(beyond), [box])[0]) if beyond else 0.0
-    piece = sum(occ.getMass(*solid) for solid in made.target)
+    block = float(np.prod(found.made.high - found.made.low))
     bodies = sum(facets.volume for facets in found.bodies.values())
-    block = float(np.prod(high - low))
-    return (block - (bodies - outside) - inside - piece) / block
+    return (block - (bodies - drawn.beyond) - drawn.taken) / block
 
 
 def _is_inside(solid: Solid, low: Array, high: Array) -> bool:
@@ -456,89 +460,125 @@ def made(device: Actuator, workshop: Workshop, stopped: Callable[[], bool] = boo
         GeometryError, MeshingError: The device's whole cannot be made, or a body fails a check.
         MeshingStopped: ``stopped`` was true.
     """
-    return apart(_made, device, workshop, stopped=stopped)
+    return apart(_made, device, recipe_of(device, workshop), workshop, stopped=stopped)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Drawn:
+    """One piece's mould once its model is closed.
+
+    Attributes:
+        tools: Its bodies.
+        folder: A STEP of each body, of ``cast``, and of each core, cavity and plug by its number.
+        counts: How many cores, cavities and plugs there are.
+        differs: See `Made`.
+        taken: Volume of the block in mm3 that is in no body.
+        beyond: Volume of bodies in mm3 that is not in the block.
+        plug: Volume of the plugs, mm3.
+    """
+
+    tools: Tooling
+    folder: Path
+    counts: Mapping[str, int]
+    differs: float
+    taken: float
+    beyond: float
+    plug: float
+
+    def file(self, name: str) -> Path:
+        return self.folder / f"{name.replace(' ', '-')}.step"
+
+    def surfaces(self, kind: str, chord: float) -> list[Facets]:
+        """Return those of the cores, cavities or plugs, to a chord in mm."""
+        return [facets_of(self.file(f"{kind} {k}"), chord) for k in range(self.counts[kind])]
 
 
 @dataclasses.dataclass(frozen=True)
 class _Piece:
-    """One piece's mould once its model is closed; volumes in m3, lengths in m, of the device's own size."""
+    """One piece's mould, measured; lengths in m, of the device's own size."""
 
-    frame: Frame
     bodies: list[MouldBody]
     cast: MouldBody
-    differs: float
     balance: float
-    plug: float
     channel: float
-    plugs: list[Path]
 
 
-def _made(device: Actuator, workshop: Workshop) -> Made:
+def _made(device: Actuator, recipe: Recipe, workshop: Workshop) -> Made:
     with tempfile.TemporaryDirectory() as place:
-        recipe = recipe_of(device, workshop)
-        pieces = []
-        for k, _ in enumerate(recipe.pours):
+        drawn = []
+        for k, pour in enumerate(recipe.pours):  # all of them before any is measured, which takes most of the time
             folder = Path(place) / str(k)
             folder.mkdir()
-            pieces.append(_piece(device, recipe, k, workshop, folder))
+            drawn.append(_draw(device, recipe, pour, workshop, folder))
+        pieces = [_piece(device, one, k == 0, workshop) for k, one in enumerate(drawn)]
         shrunk = workshop.scale**-3 / MM**3
-        plug = sum(piece.plug for piece in pieces)
+        plug = sum(one.plug for one in drawn) * shrunk
         casts = tuple(piece.cast for piece in pieces)
         silicone = min(thicknesses(cast.facets)[0][0] for cast in casts)
-        channels = [piece.channel for piece in pieces if not math.isnan(piece.channel)]
+        channels = [piece.channel for piece in pieces if math.isfinite(piece.channel)]
         return Made(
-            recipe, tuple(body for piece in pieces for body in piece.bodies), casts, _bonded(pieces, Path(place)),
-            max(piece.differs for piece in pieces), max((piece.balance for piece in pieces), key=abs),
+            recipe, tuple(body for piece in pieces for body in piece.bodies), casts, _bonded(drawn, Path(place)),
+            max(one.differs for one in drawn), max((piece.balance for piece in pieces), key=abs),
             sum(cast.facets.volume for cast in casts) * shrunk + plug, plug, silicone / MM / workshop.scale,
             min(channels, default=math.nan),
         )  # fmt: skip
 
 
-def _piece(device: Actuator, recipe: Recipe, number: int, workshop: Workshop, folder: Path) -> _Piece:
-    """Make and check the mould of one piece."""
-    import gmsh
+def _draw(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop, folder: Path) -> _Drawn:
+    """Make the mould of one piece, compare its void with the piece, and write its STEP files.
+
+    Raises:
+        MeshingError: The mould leaves something else than the device.
+    """
+    import gmsh  # type: ignore[import-untyped]
 
     from geometries.meshing import private_model
 
     with private_model():
-        tools = tooling(device, recipe, recipe.pours[number], workshop)
+        tools = tooling(device, recipe, pour, workshop)
         void = left(tools)
         differs = _difference(void, tools.target, tools.size)
         if differs > SAME or len(void) != 1:
             raise MeshingError(
                 f"the cast differs from the device (volumes or moments by {differs:.2g}); change a length slightly"
             )
+        several = {"core": tools.cores, "cavity": tools.cavities, "plug": tools.plugs}
         named = {body.name: body.solid for body in tools.bodies} | {"cast": void[0]}
-        named |= {f"core {k}": core for k, core in enumerate(tools.cores)}
-        named |= {f"plug {k}": solid for k, solid in enumerate(tools.plugs)}
+        named |= {f"{kind} {k}": solid for kind, solids in several.items() for k, solid in enumerate(solids)}
         plug = sum(gmsh.model.occ.getMass(*solid) for solid in tools.plugs)
-        _write_steps(named, folder)
-        surfaces = Surfaces(
-            tools, {body.name: facets_of(_file(folder, body.name), MM * workshop.chord) for body in tools.bodies},
-            facets_of(_file(folder, "cast"), CAST_CHORD),
-        )  # fmt: skip
-        rest = balance(tools, surfaces)
+        found = _Drawn(tools, folder, {kind: len(solids) for kind, solids in several.items()}, differs,
+                       *_block_volumes(tools), plug)  # fmt: skip
+        _write_steps(named, found)
+    return found
+
+
+def _piece(device: Actuator, drawn: _Drawn, first: bool, workshop: Workshop) -> _Piece:
+    """Measure and check the mould of one piece; closed cavities only with the first one, as all pieces have the same."""
+    tools, chord = drawn.tools, MM * workshop.chord
+    named = {body.name: facets_of(drawn.file(body.name), chord) for body in tools.bodies}
+    surfaces = Surfaces(tools, named, facets_of(drawn.file("cast"), CAST_CHORD))
     where = face_namer(device, tools.frame)
-    leaning = {body.name: check_body(body.name, surfaces, workshop, where) for body in tools.bodies}
+    found = {name: check_body(name, surfaces, workshop, where) for name in named}
     overlap = overlaps(surfaces)
-    bodies = [
-        MouldBody(body.name, tools.pour.name, _file(folder, body.name).read_bytes(), surfaces.bodies[body.name],
-                  _triple(body.pull), dataclasses.replace(leaning[body.name], overlap=overlap[body.name] / MM))
-        for body in tools.bodies
-    ]  # fmt: skip
+    rest = balance(drawn, surfaces)
     if abs(rest) > SAME:
         raise MeshingError(
             f"bodies, openings and cast do not fill the mould ({rest:.2g} of it are left); change a length slightly"
         )
-    cores = [facets_of(_file(folder, f"core {k}"), MM * workshop.chord) for k in range(len(tools.cores))]
-    channel = min((check_core(core, tools.level, workshop, where) for core in cores), default=math.nan)
+    bodies = [
+        MouldBody(body.name, tools.pour.name, drawn.file(body.name).read_bytes(), named[body.name], _triple(body.pull),
+                  dataclasses.replace(found[body.name], overlap=overlap[body.name] / MM))
+        for body in tools.bodies
+    ]  # fmt: skip
+    cores = drawn.surfaces("core", chord)
+    closed = drawn.counts["cavity"] > 0
+    widths = [check_core(cavity, math.nan, workshop, where) for cavity in drawn.surfaces("cavity", chord) if first]
+    widths += [check_core(core, tools.level, workshop, where) for core in cores if not closed]
     highest = max((float(core.points[:, 2].max()) for core in cores), default=tools.level)
     beyond = (float(surfaces.cast.points[:, 2].max()) - highest) / MM / workshop.scale
-    cast = MouldBody(f"{tools.pour.name} cast", tools.pour.name, _file(folder, "cast").read_bytes(), surfaces.cast,
+    cast = MouldBody(f"{tools.pour.name} cast", tools.pour.name, drawn.file("cast").read_bytes(), surfaces.cast,
                      (0.0, 0.0, 0.0), None, beyond)  # fmt: skip
-    plugs = [_file(folder, f"plug {k}") for k in range(len(tools.plugs))]
-    shrunk = workshop.scale**-3 / MM**3
-    return _Piece(tools.frame, bodies, cast, differs, rest, plug * shrunk, channel / workshop.scale, plugs)
+    return _Piece(bodies, cast, rest, min(widths, default=math.nan) / workshop.scale)
 
 
 CAST_CHORD = 0.05
@@ -548,10 +588,6 @@ CAST_CHORD = 0.05
 def _triple(vector: Array) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in vector)
     return x, y, z
-
-
-def _file(folder: Path, name: str) -> Path:
-    return folder / f"{name.replace(' ', '-')}.step"
 
 
 def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
@@ -573,7 +609,7 @@ def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
     )
 
 
-def _bonded(pieces: Sequence[_Piece], folder: Path) -> bytes:
+def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
     """Return the STEP of the pieces merged, with the tube's hole filled, in the device's own size and place."""
     import gmsh
 
@@ -583,11 +619,9 @@ def _bonded(pieces: Sequence[_Piece], folder: Path) -> bytes:
     with private_model():
         parts: list[Solid] = []
         for piece in pieces:
-            step = folder / "piece.step"
-            step.write_bytes(piece.cast.step)
-            for source in (step, *piece.plugs):
-                solids = _imported(source)
-                turned(solids, piece.frame.turn.T)
+            for name in ("cast", *(f"plug {k}" for k in range(piece.counts["plug"]))):
+                solids = _imported(piece.file(name))
+                turned(solids, piece.tools.frame.turn.T)
                 parts += solids
         if len(parts) > 1:
             # Merging faces across the bond is optional, fails at times, and takes as long as the rest.
@@ -596,7 +630,7 @@ def _bonded(pieces: Sequence[_Piece], folder: Path) -> bytes:
             gmsh.option.setNumber("Geometry.OCCUnionUnify", 1)
         if len(parts) != 1:
             raise MeshingError("the CAD kernel cannot merge the pieces; change a length slightly")
-        scaled(1.0 / pieces[0].frame.scale)
+        scaled(1.0 / pieces[0].tools.frame.scale)
         _export(file)
     return file.read_bytes()
 
@@ -619,13 +653,13 @@ def _export(file: Path) -> None:
     gmsh.option.setString("Geometry.OCCTargetUnit", "")
 
 
-def _write_steps(named: Mapping[str, Solid], folder: Path) -> None:
+def _write_steps(named: Mapping[str, Solid], drawn: _Drawn) -> None:
     """Write each of some solids of the current Gmsh model into a file of its own."""
     import gmsh
 
     from geometries.meshing import private_model
 
-    occ, file = gmsh.model.occ, str(folder / "all.brep")
+    occ, file = gmsh.model.occ, str(drawn.folder / "all.brep")
     occ.synchronize()
     every = sorted(occ.getEntities(3), key=lambda solid: solid[1])  # as Gmsh writes them
     gmsh.write(file)
@@ -633,4 +667,4 @@ def _write_steps(named: Mapping[str, Solid], folder: Path) -> None:
         with private_model():
             solids = occ.importShapes(file, format="brep")
             occ.remove([one for one, known in zip(solids, every, strict=True) if known != solid], recursive=True)
-            _export(_file(folder, name))
+            _export(drawn.file(name))

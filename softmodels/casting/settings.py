@@ -12,7 +12,7 @@ import numpy as np
 import tomli_w
 
 from geometries import Actuator
-from geometries.registry import to_table as device_table
+from geometries.registry import ACTUATORS, to_table as device_table
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common.errors import FieldError, Spoken, known_are
@@ -322,7 +322,11 @@ def _read(file: Path) -> tuple[Case, dict[str, object]]:
     table = tables.pop("mould", {})
     if not isinstance(table, dict):
         raise MouldError(f"{file}: mould is {table!r}; it must be a table, starting with a line [mould]")
+    geometry = tables.get("geometry")
+    device = geometry.get("device") if isinstance(geometry, dict) else None
+    solid = isinstance(device, str) and device in ACTUATORS and ACTUATORS[device].ratios == ()
+    load = {"gravity": {"direction": "-z"}, "load": {"share": [1.0]}} if solid else {"load": {"pressure_cm": [1.0]}}
     try:
-        return Case.from_toml(tomli_w.dumps({"load": {"pressure_cm": [1.0]}, **tables}), file.parent), table
+        return Case.from_toml(tomli_w.dumps({**({} if "load" in tables else load), **tables}), file.parent), table
     except CaseError as error:
         raise CaseError(f"{file}: {error}") from None
