@@ -31,6 +31,8 @@ FLUSH = 1e-4
 """Distance in mm below which two faces are in one plane: boxes of the CAD kernel are a little larger than what is in them."""
 LEAST_SILICONE = 0.5e-3
 """Minimum silicone around a tube, m: thinner walls tear when the tube is pushed in."""
+JIG = 5.0
+"""Height of the bonding jig above and below the bond, mm."""
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
 HANDLE = 3.0
 """Thickness in mm of the head by which an inlet pin is pulled, and by how much its radius is larger than the pin's."""
@@ -104,6 +106,7 @@ class Tooling:
         level, top: Heights where the piece begins and ends, mm.
         low, high: Corners of the block that all bodies make together, mm; only the head of an inlet pin is outside.
         drafted: Pins and holes along the pull.
+        jig: A ring around the lid's plane, in which the piece is bonded to others.
     """
 
     pour: Pour
@@ -119,6 +122,7 @@ class Tooling:
     low: Array
     high: Array
     drafted: list[Hole]
+    jig: Solid
 
     @property
     def size(self) -> float:
@@ -290,6 +294,7 @@ class _Maker:
         box = _box(piece)
         self.low[:2], self.high[:2] = box[0, :2] - rim, box[1, :2] + rim
         around, cores, recesses = self._complement(piece)
+        jig = self._ring(around)
         floor = _block(np.array([*self.low[:2], self.top]), self.high + wall * UP)
         cup = _merged([around, floor, *recesses, *(inlet.core for inlet in self.inlets if inlet.part == "cup")])
         lid = [_block(self.low - wall * UP, np.array([*self.high[:2], self.level]))] if self.pour.lid else []
@@ -306,7 +311,7 @@ class _Maker:
         self._divide(cup)
         low = self.low - (wall if self.pour.lid else 0.0) * UP
         return Tooling(self.pour, self.frame, self.bodies, target, kept, self.cavities, self.plugs, self.openings,
-                       self.level, self.top, low, self.high + wall * UP, self.drafted)  # fmt: skip
+                       self.level, self.top, low, self.high + wall * UP, self.drafted, jig)  # fmt: skip
 
     def _add(self, kind: str, solids: list[Solid], pull: Array) -> None:
         name = f"{self.pour.name} {kind}"
@@ -335,6 +340,18 @@ class _Maker:
                     f"plane (--split) or direction (--pull)"
                 )
         return _one(around, f"the cup of the {self.pour.name}"), cores, recesses
+
+    def _ring(self, around: Solid) -> Solid:
+        """Return what is around the piece in the lid's plane, as a ring on both sides of it: a jig for the bond."""
+        import gmsh
+
+        faces = gmsh.model.getBoundary([around], oriented=False)
+        flat = [(2, face) for _, face in faces if _box((2, face))[:, 2].max() < self.level + FLUSH]
+        half = min(JIG, 0.5 * (self.top - self.level))
+        base = self.occ.copy(flat)
+        self.occ.translate(base, 0, 0, -half)
+        ring = [solid for solid in self.occ.extrude(base, 0, 0, 2.0 * half) if solid[0] == 3]
+        return _one(_merged(ring), "the jig")
 
     def _pierce(self, cup: list[Solid], lid: list[Solid], target: list[Solid]) -> tuple[list[Solid], list[Solid]]:
         """Cut the pour opening and the vents, the bolts' holes and the inlet pins' bores."""

@@ -12,7 +12,6 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from geometries import Actuator
 from geometries.actuator import Pour
@@ -20,8 +19,9 @@ from softmodels.case.case import Case
 from softmodels.casting.bodies import MM
 from softmodels.casting.facets import Facets
 from softmodels.casting.make import Made, MouldBody, made
+from softmodels.casting.pictures import DRAWING, EXPLODED, PLATES, STEPS, draw_all, drawing, plates_picture
+from softmodels.casting.plate import CLEARANCES, WIDTHS, Placed, arranged, plate_names, print_estimate, too_large
 from softmodels.casting.settings import Asked, asked_of
-from softmodels.common.arrays import Array
 from softmodels.common.files import image_uri, render, write_bytes, write_text
 from softmodels.common.folders import ResultFolder
 from softmodels.common.names import checked, place
@@ -29,15 +29,19 @@ from softmodels.common.pages import Bullets, Fact, Page, Picture, Provenance, Ta
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import shown
 from softmodels.materials.silicones import HOUR, MINUTE
-from softmodels.pictures.offscreen import Layer, ViewCamera, can_render, direction, lines, studio, surface
-from softmodels.pictures.style import DPI, EDGE, Caption, number, page
-from softmodels.runs.grid import Cells
+from softmodels.pictures.offscreen import can_render
 
 HEADER = b"softmodels, lengths in mm"
 
 
-def stl_bytes(facets: Facets) -> bytes:
-    """Return a binary STL of a surface: 84 bytes, then 50 for each triangle."""
+def stl_bytes(*surfaces: Facets) -> bytes:
+    """Return a binary STL of surfaces: 84 bytes, then 50 for each triangle."""
+    tables = b"".join(_triangles(facets) for facets in surfaces)
+    count = sum(len(facets.triangles) for facets in surfaces)
+    return HEADER.ljust(80) + np.array(count, dtype="<u4").tobytes() + tables
+
+
+def _triangles(facets: Facets) -> bytes:
     kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
     table = np.zeros(len(facets.triangles), dtype=kind)
     corners = facets.corners
@@ -45,7 +49,7 @@ def stl_bytes(facets: Facets) -> bytes:
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     table["normal"] = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
     table["corners"] = corners
-    return HEADER.ljust(80) + np.array(len(table), dtype="<u4").tobytes() + table.tobytes()
+    return table.tobytes()
 
 
 THREE_MF = {
@@ -89,10 +93,22 @@ def write_bodies(folder: Path, asked: Asked, made: Made) -> None:
     for body in (*made.bodies, *made.casts):
         write_bytes(folder / f"{body.stem}.step", body.step)
         write_bytes(folder / f"{body.stem}.stl", stl_bytes(body.facets))
-    write_bytes(folder / "mould.3mf", three_mf_bytes({body.name: body.facets for body in made.bodies}))
+    for body in made.extras:
+        write_bytes(folder / f"{body.stem}.step", body.step)
+        write_bytes(folder / f"{body.stem}.stl", stl_bytes(body.facets))
+    placed = printed(asked, made)
+    for plate, name in enumerate(plate_names(placed), 1):
+        on_it = {one.name: one.facets for one in placed if one.plate == plate}
+        write_bytes(folder / f"{name}.3mf", three_mf_bytes(on_it))
+        write_bytes(folder / f"{name}.stl", stl_bytes(*on_it.values()))
     write_bytes(folder / "device.step", made.device)
     write_text(folder / "mould.toml", asked.to_toml())
     write_text(folder / "checks.json", json.dumps(checks(asked, made), indent=1) + "\n")
+
+
+def printed(asked: Asked, made: Made) -> list[Placed]:
+    """Return all that is printed, on plates."""
+    return arranged([(body.name, body.facets) for body in (*made.bodies, *made.extras)], asked.workshop)
 
 
 def checks(asked: Asked, made: Made) -> dict[str, object]:
@@ -157,6 +173,13 @@ def mould(
     tube: float | str | None = None,
     chord: float | str | None = None,
     surplus: float | str | None = None,
+    inlet: str | None = None,
+    core: str | None = None,
+    bolt: float | str | None = None,
+    bed_width: float | str | None = None,
+    bed_depth: float | str | None = None,
+    layer: float | str | None = None,
+    layer_time: float | str | None = None,
     pull: str | None = None,
     split: str | None = None,
 ) -> Made:
@@ -166,8 +189,8 @@ def mould(
         device: A device, a case, or a case file.
         folder: Where STEP and STL of each body, the sheet and the pictures go: empty, not there, or an earlier mould's.
         silicone: Product that is cast, such as ``"ecoflex-00-30"``; the case's if not given.
-        wall, rim, draft, shrinkage, clearance, least_wall, least_gap, pin, pour, vent, vents, tube, chord, surplus, pull,
-            split: Fields of `softmodels.casting.settings.Workshop`: numbers in SI units (angles in degrees), or texts
+        wall, rim, draft, shrinkage, clearance, least_wall, least_gap, pin, pour, vent, vents, tube, inlet, core, bolt,
+            bed_width, bed_depth, layer, layer_time, chord, surplus, pull, split: Fields of `softmodels.casting.settings.Workshop`: numbers in SI units (angles in degrees), or texts
             with a unit, such as ``draft="2 deg"``; the case file's, or that class' own, if None.
 
     Returns:
@@ -181,7 +204,8 @@ def mould(
     asked = asked_of(
         device, silicone, wall=wall, rim=rim, draft=draft, shrinkage=shrinkage, clearance=clearance, least_wall=least_wall,
         least_gap=least_gap, pin=pin, pour=pour, vent=vent, vents=vents, tube=tube, chord=chord, surplus=surplus, pull=pull,
-        split=split,
+        split=split, inlet=inlet, core=core, bolt=bolt, bed_width=bed_width, bed_depth=bed_depth, layer=layer,
+        layer_time=layer_time,
     )  # fmt: skip
     if folder is None:
         return made(asked.device, asked.workshop)
@@ -226,6 +250,7 @@ class BenchSheet:
         title: Of the sheet.
         about: Sentences about device, silicone and parting plane.
         amounts: Volumes and masses of silicone.
+        prints: Resin and time that the printer takes.
         steps: Order of work, a sentence or two each.
         walls: Thicknesses of silicone and of the bodies.
         checks: What was checked before anything was written.
@@ -235,6 +260,7 @@ class BenchSheet:
     title: str
     about: Sequence[str]
     amounts: SheetTable
+    prints: SheetTable
     steps: Sequence[str]
     walls: SheetTable
     checks: SheetTable
@@ -244,7 +270,7 @@ class BenchSheet:
 def bench_sheet(asked: Asked, made: Made) -> BenchSheet:
     """Return the sheet of a mould."""
     return BenchSheet(
-        f"Mould of {asked.name}", _about(asked, made), _amounts(asked, made), _steps(asked, made),
+        f"Mould of {asked.name}", _about(asked, made), _amounts(asked, made), _prints(asked, made), _steps(asked, made),
         _walls(asked, made), _checks(asked, made), _notes(asked),
     )  # fmt: skip
 
@@ -308,6 +334,22 @@ def _amounts(asked: Asked, made: Made) -> SheetTable:
     return SheetTable("Silicone", head, rows)
 
 
+def _prints(asked: Asked, made: Made) -> SheetTable:
+    """Return the resin of all bodies, and the printer's time for each plate."""
+    workshop, placed = asked.workshop, printed(asked, made)
+    found = print_estimate(placed, workshop)
+    rows = [
+        ("resin", f"{found.resin * ML:.1f} ml, {1e3 * found.mass:.0f} g", "without supports and what the wash takes"),
+        *((f"plate {k}, {name}.stl", _time(time), f"layers of {shown(workshop.layer, 'm')}, {shown(workshop.layer_time, 's')} each")
+          for k, (name, time) in enumerate(zip(plate_names(placed), found.times, strict=True), 1)),
+    ]  # fmt: skip
+    rows += [
+        (name, "larger than the plate", "print it on a larger one, or in pieces")
+        for name in too_large(placed, workshop)
+    ]
+    return SheetTable("Printing", ("what", "estimate", "of"), rows)
+
+
 def _steps(asked: Asked, made: Made) -> list[str]:
     silicone = asked.casting
     pot = f"within {_time(silicone.pot_life)}" if silicone else f"within its pot life ({READ})"
@@ -318,8 +360,9 @@ def _steps(asked: Asked, made: Made) -> list[str]:
         else f"Weigh A and B in the ratio of the silicone ({READ})"
     )
     steps = [
-        f"Print or mill the {len(made.bodies)} bodies (lengths in mm; plate.stl has them laid flat), without supports. Freshly "
-        "printed resin inhibits platinum-cure silicone: bake or coat the prints.",
+        f"Print or mill the {len(made.bodies)} bodies (lengths in mm; the plates' files have them laid flat), without supports. "
+        "The coupon shows which clearance of pins, and which rib and slot the printer can do: from the corner that is cut off, "
+        f"clearances of {_list(CLEARANCES)} mm, widths of {_list(WIDTHS)} mm. Freshly printed resin inhibits platinum-cure silicone: bake or coat the prints.",
         "Test the fit without silicone. The pins allow only one orientation; the rims must close without a gap.",
         "Coat all bodies thinly with release agent.",
         f"{weigh}, mix, and draw the air out under vacuum; pour {pot}.",
@@ -333,6 +376,10 @@ def _steps(asked: Asked, made: Made) -> list[str]:
             f"Align the pieces edge to edge in the jig, put a light weight on them, and let cure for {cure}."
         )
     return [*steps, *_tube_steps(asked, made)]
+
+
+def _list(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
 
 
 def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str) -> list[str]:
@@ -443,150 +490,50 @@ def _notes(asked: Asked) -> list[str]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Pictures of a mould: each body from its inner side, and an exploded view with the casts.
-
-
-PRINTED, SILICONE, LOST = "#b4c3d4", "#e8b796", "#d8d2a8"
-SHARP = np.cos(np.radians(25.0))
-"""Faces that meet at more than 25 degrees have their edge drawn."""
-APART = 0.15
-"""Gap between bodies in the exploded picture, in sizes of the mould."""
-
-
-def body_picture(body: MouldBody) -> Figure:
-    """Draw a body from its silicone side."""
-    pull = np.array(body.pull)
-    up = np.array([0.0, 0.0, -pull[2] if pull[2] else 1.0])
-    side = direction(-58.0, 38.0, np.array([0.0, 0.0, 1.0]))
-    towards = side * (1.0, 1.0, up[2])
-    if across := pull[:2].any():
-        towards = side - 2.0 * pull * max(0.0, float(side @ pull)) - 0.4 * pull
-    camera = ViewCamera.around([body.facets.points], towards, up, tallest=0.8)
-    with studio(camera) as shoot:
-        image = shoot(_layers(body.facets, PRINTED))
-    size = " x ".join(number(length) for length in np.ptp(body.facets.points, axis=0))
-    inner = ", its inner side" if across or pull[2] else ""
-    return page(image, Caption(f"{body.name[0].upper()}{body.name[1:]}: {size} mm{inner}"))
-
-
-def exploded_picture(made: Made) -> Figure:
-    """Draw the exploded view of all pieces side by side, as they stand when poured, bodies apart along their pulls."""
-    up, towards = np.array([0.0, 0.0, 1.0]), direction(-58.0, 24.0, np.array([0.0, 0.0, 1.0]))
-    right = np.cross(up, towards) / np.linalg.norm(np.cross(up, towards))
-    layers: list[Layer] = []
-    clouds: list[Array] = []
-    edge = 0.0
-    for pour in made.recipe.pours:
-        group = _exploded(made, pour)
-        points = np.concatenate([facets.points for facets, _ in group])
-        along, gap = points @ right, 0.06 * float(np.ptp(points, axis=0).max())
-        shift = (edge - along.min()) * right - 0.5 * (points[:, 2].min() + points[:, 2].max()) * up
-        edge += float(np.ptp(along)) + gap
-        for facets, colour in group:
-            layers += _layers(moved(facets, np.eye(3), shift), colour)
-            clouds.append(facets.points + shift)
-    camera = ViewCamera.around(clouds, towards, up, tallest=1.1)
-    with studio(camera) as shoot:
-        image = shoot(layers)
-    return page(image, Caption("Exploded view of the mould: bodies apart along their pulls, with the casts"))
-
-
-def _exploded(made: Made, pour: Pour) -> list[tuple[Facets, str]]:
-    """Return the surfaces and colours of one piece's mould, its bodies apart."""
-    cast = next(cast for cast in made.casts if cast.piece == pour.name)
-    bodies = [body for body in made.bodies if body.piece == pour.name]
-    standing = pour.lid and (pour.gate is not None or pour.sideways is not None)
-    turn = np.eye(3) if standing else np.diag([1.0, -1.0, -1.0])
-    places = shifts(bodies, cast)
-    found = [(cast.facets, np.zeros(3), SILICONE)]
-    found += [(body.facets, places[body.name], PRINTED if any(body.pull) else LOST) for body in bodies]
-    return [(moved(facets, turn, turn @ shift), colour) for facets, shift, colour in found]
-
-
-def moved(facets: Facets, turn: Array, shift: Array) -> Facets:
-    """Return a surface turned about the origin and then shifted, in mm."""
-    return dataclasses.replace(
-        facets,
-        points=facets.points @ turn.T + shift,
-        normals=facets.normals @ turn.T,
-        centre=turn @ facets.centre + shift,
-    )
-
-
-def shifts(bodies: Sequence[MouldBody], cast: MouldBody) -> dict[str, Array]:
-    """Return by how much each body of a piece is moved along its pull, in mm, to stand clear of the others."""
-    size = float(np.linalg.norm(np.ptp(cast.facets.points, axis=0)))
-    found, stacked = {}, [cast.facets.points]
-    lost = [body for body in bodies if not any(body.pull)]
-    for body in [*lost, *reversed([body for body in bodies if any(body.pull)])]:
-        pull = np.array(body.pull) if any(body.pull) else np.array([0.0, 0.0, -1.0])
-        before = np.concatenate(stacked)
-        needed = float((before @ pull).max() - (body.facets.points @ pull).min())
-        found[body.name] = (max(0.0, needed) + APART * size) * pull
-        stacked.append(body.facets.points + found[body.name])
-    return found
-
-
-def _layers(facets: Facets, colour: str) -> list[Layer]:
-    """Return a body with its sharp edges; its shading is that of the exact surface."""
-    corners = facets.corners.reshape(-1, 3)
-    cells = np.arange(len(corners)).reshape(-1, 3)
-    solid = surface(corners, cells, facets.normals.reshape(-1, 3))
-    edge = lines(facets.points, sharp_edges(facets))
-    return [(solid, {"color": colour, "smooth_shading": True}), (edge, {"color": EDGE, "line_width": 1.5})]
-
-
-def sharp_edges(facets: Facets) -> Cells:
-    """Return the edges between faces that meet at an angle, as pairs of vertices, shape (k, 2)."""
-    sides: Sequence[tuple[int, int]] = ((0, 1), (1, 2), (2, 0))
-    pairs = np.concatenate([facets.triangles[:, side] for side in sides])
-    normals = np.concatenate([facets.normals[:, side].mean(axis=1) for side in sides])
-    face = np.tile(facets.face, 3)
-    order = np.lexsort(np.sort(pairs, axis=1).T)
-    one, other = order[::2], order[1::2]  # a closed surface: each edge is there twice
-    cosine = np.einsum("ij,ij->i", normals[one], normals[other])
-    return np.asarray(pairs[one][(face[one] != face[other]) & (cosine < SHARP)])
-
-
-EXPLODED = "exploded.png"
+# The sheet with its pictures.
 
 
 def write_sheet(folder: Path, asked: Asked, made: Made, pictures: bool = True) -> bool:
-    """Write ``sheet.md``, ``sheet.html`` and the pictures into a folder; return whether pictures were drawn.
+    """Write ``sheet.md``, ``sheet.html``, the drawings and the pictures into a folder; return whether pictures were
+    rendered.
 
     Args:
         folder: The folder.
         asked: What was asked for.
         made: The mould.
-        pictures: Whether to draw; without a way to render nothing is drawn.
+        pictures: Whether to render; without a way to nothing is rendered.
 
     Raises:
         OSError: There is no room.
     """
-    drawn = pictures and can_render()
-    files = [(EXPLODED, "Exploded view of the mould along the pull")] if drawn else []
-    if drawn:
-        _draw(folder, made)
-        files += [(f"{body.stem}.png", f"The {body.name}") for body in made.bodies]
+    rendered = pictures and can_render()
+    drawing(made).savefig(folder / DRAWING)
+    size = (MM * asked.workshop.bed_width, MM * asked.workshop.bed_depth)
+    plates_picture(printed(asked, made), size).savefig(folder / PLATES)
+    files = draw_all(folder, made) if rendered else []
+    files += [(PLATES, "The printer's plates from above"), (DRAWING, "Outer dimensions of the bodies")]
     sheet = bench_sheet(asked, made)
     # Markdown text is inserted unescaped.
     write_text(folder / "sheet.md", render("mould.md", "softmodels.pictures", pictures=files, sheet=sheet))
-    pictures_inside = [Picture(image_uri(folder / name), text) for name, text in files]
+    pictures_inside = {name: Picture(image_uri(folder / name), text) for name, text in files}
     write_text(folder / "sheet.html", sheet_page(sheet, pictures_inside, made))
-    return drawn
+    return rendered
 
 
-def sheet_page(sheet: BenchSheet, pictures: Sequence[Picture], made: Made) -> str:
-    """Return the sheet as a page; the first picture is the exploded view."""
-    of_casts = [Table(one.rows, one.head) for one in (sheet.amounts, sheet.walls, sheet.checks)]
+def sheet_page(sheet: BenchSheet, pictures: Mapping[str, Picture], made: Made) -> str:
+    """Return the sheet as a page, with pictures by the names of their files."""
+    first, steps, plates = ([pictures[name]] if name in pictures else [] for name in (EXPLODED, STEPS, PLATES))
+    others = [picture for name, picture in pictures.items() if name not in (EXPLODED, STEPS, PLATES)]
+    of_casts = [Table(one.rows, one.head) for one in (sheet.amounts, sheet.walls, sheet.checks, sheet.prints)]
     return Page(
         sheet.title, " ".join(sheet.about[:2]),
         [
-            ("", [Bullets(sheet.about[2:]), *pictures[:1]]),
+            ("", [Bullets(sheet.about[2:]), *first]),
             (sheet.amounts.heading, [of_casts[0]]),
-            ("Order of work", [Bullets(sheet.steps, ordered=True)]),
+            ("Order of work", [Bullets(sheet.steps, ordered=True), *steps]),
+            (sheet.prints.heading, [of_casts[3], *plates]),
             (sheet.walls.heading, [of_casts[1]]),
-            (sheet.checks.heading, [of_casts[2], *pictures[1:]]),
+            (sheet.checks.heading, [of_casts[2], *others]),
             ("Notes", [Bullets(sheet.notes)]),
         ],
         Provenance.now(),
@@ -596,9 +543,3 @@ def sheet_page(sheet: BenchSheet, pictures: Sequence[Picture], made: Made) -> st
 Fact("Silicone to mix", f"{sheet.amounts.rows[-1][2]} ml", sheet.amounts.head[2].partition(" (")[0]),
         ],
     ).html()  # fmt: skip
-
-
-def _draw(folder: Path, made: Made) -> None:
-    exploded_picture(made).savefig(folder / EXPLODED, dpi=DPI)
-    for body in made.bodies:
-        body_picture(body).savefig(folder / f"{body.stem}.png", dpi=DPI)

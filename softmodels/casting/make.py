@@ -17,6 +17,7 @@ from geometries.actuator import Pour, Recipe
 from geometries.meshing import apart
 from softmodels.casting.bodies import MM, Solid, Tooling, face_namer, left, recipe_of, scaled, tooling, turned
 from softmodels.casting.facets import Facets, facets_of
+from softmodels.casting.plate import coupon_solids
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
@@ -403,6 +404,7 @@ class Made(Shown):
     Attributes:
         recipe: How the device is cast.
         bodies: To print, piece by piece, in the order in which they leave.
+        extras: To print beside them: a jig where pieces are bonded, and a coupon that tests the printer's clearances.
         casts: What is cast in them, as large as the mould leaves it.
         device: STEP of what the pieces are once bonded, the tube's hole filled, shrunk, in the device's own place; mm.
         differs: How far casts and device differ in volume, centre and moments of inertia, as a share.
@@ -415,6 +417,7 @@ class Made(Shown):
 
     recipe: Recipe
     bodies: tuple[MouldBody, ...]
+    extras: tuple[MouldBody, ...]
     casts: tuple[MouldBody, ...]
     device: bytes
     differs: float
@@ -469,8 +472,8 @@ class _Drawn:
 
     Attributes:
         tools: Its bodies.
-        folder: A STEP of each body, of ``cast``, and of each core, cavity and plug by its number.
-        counts: How many cores, cavities and plugs there are.
+        folder: A STEP of each body, of ``cast``, and of each jig, core, cavity and plug by its number.
+        counts: How many jigs, cores, cavities and plugs there are.
         differs: See `Made`.
         taken: Volume of the block in mm3 that is in no body.
         beyond: Volume of bodies in mm3 that is not in the block.
@@ -489,7 +492,7 @@ class _Drawn:
         return self.folder / f"{name.replace(' ', '-')}.step"
 
     def surfaces(self, kind: str, chord: float) -> list[Facets]:
-        """Return those of the cores, cavities or plugs, to a chord in mm."""
+        """Return those of the jigs, cores, cavities or plugs, to a chord in mm."""
         return [facets_of(self.file(f"{kind} {k}"), chord) for k in range(self.counts[kind])]
 
 
@@ -517,11 +520,28 @@ def _made(device: Actuator, recipe: Recipe, workshop: Workshop) -> Made:
         silicone = min(thicknesses(cast.facets)[0][0] for cast in casts)
         channels = [piece.channel for piece in pieces if math.isfinite(piece.channel)]
         return Made(
-            recipe, tuple(body for piece in pieces for body in piece.bodies), casts, _bonded(drawn, Path(place)),
+            recipe, tuple(body for piece in pieces for body in piece.bodies), _extras(drawn, workshop), casts, _bonded(drawn, Path(place)),
             max(one.differs for one in drawn), max((piece.balance for piece in pieces), key=abs),
             sum(cast.facets.volume for cast in casts) * shrunk + plug, plug, silicone / MM / workshop.scale,
             min(channels, default=math.nan),
         )  # fmt: skip
+
+
+def _extras(drawn: Sequence[_Drawn], workshop: Workshop) -> tuple[MouldBody, ...]:
+    """Return the jig and the coupon."""
+    from geometries.meshing import private_model
+
+    chord, folder = MM * workshop.chord, drawn[0].folder
+    with private_model():
+        own = _Drawn(drawn[0].tools, folder, {}, 0.0, 0.0, 0.0, 0.0)
+        _write_steps(coupon_solids(workshop), own)
+    files = {"bonding jig": drawn[0].file("jig 0")} if drawn[0].counts["jig"] else {}
+    files |= {name: own.file(name) for name in ("coupon", "coupon pin")}
+    found = [MouldBody(name, "", file.read_bytes(), facets_of(file, chord), (0.0, 0.0, 0.0), None)
+             for name, file in files.items()]  # fmt: skip
+    if leaks := [body.name for body in found if body.facets.open_edges]:
+        raise MeshingError(f"the {leaks[0]} is not watertight; change a length slightly")
+    return tuple(found)
 
 
 def _draw(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop, folder: Path) -> _Drawn:
@@ -542,7 +562,14 @@ def _draw(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop, fold
             raise MeshingError(
                 f"the cast differs from the device (volumes or moments by {differs:.2g}); change a length slightly"
             )
-        several = {"core": tools.cores, "cavity": tools.cavities, "plug": tools.plugs}
+        if len(recipe.pours) == 1:
+            gmsh.model.occ.remove([tools.jig], recursive=True)
+        several = {
+            "jig": [tools.jig] if len(recipe.pours) > 1 and pour == recipe.pours[0] else [],
+            "core": tools.cores,
+            "cavity": tools.cavities,
+            "plug": tools.plugs,
+        }
         named = {body.name: body.solid for body in tools.bodies} | {"cast": void[0]}
         named |= {f"{kind} {k}": solid for kind, solids in several.items() for k, solid in enumerate(solids)}
         plug = sum(gmsh.model.occ.getMass(*solid) for solid in tools.plugs)

@@ -18,8 +18,10 @@ from softmodels.case.entries import CaseError
 from softmodels.common.errors import FieldError, Spoken, known_are
 from softmodels.common.names import checked
 from softmodels.common.schema import (
+    Quantity,
     angle_field,
     choice_field,
+    field_of,
     from_table,
     length_field,
     number_field,
@@ -83,6 +85,10 @@ class Workshop:
         "as needed", ("as needed", "rigid", "lost"), "cores that are pulled, or lost: dissolved or melted out"
     )
     bolt: float = length_field(0.0034, "diameter of the bolts' holes; 0 for clamps only", zero=True)
+    bed_width: float = length_field(0.192, "width of the printer's plate")
+    bed_depth: float = length_field(0.120, "depth of the printer's plate")
+    layer: float = length_field(0.00005, "thickness of a printed layer")
+    layer_time: float = field_of(Quantity("s"), "time that the printer takes for a layer", 8.0)
     chord: float = length_field(0.00002, "largest distance of the STL from the exact surface")
     surplus: float = number_field(0.15, "surplus of mixed silicone, for sprues and the mixing cup, 0.15 for 15 %")
     pull: str = text_field("", "direction in which the mould of an imported part opens, such as '0, 0, 1'")
