@@ -381,7 +381,7 @@ class _Maker:
         if workshop.bolt and pour.lid:
             tools += self._bolts()
         for inlet in self.inlets:
-            if inlet.part == "pin":
+            if inlet.bore is not None:
                 tools.append(inlet.bore)
                 self._add("inlet pin", [inlet.core], inlet.outwards)
         self.openings += tools
@@ -411,8 +411,18 @@ class _Maker:
             starts = [
                 np.array([*at, begin[2]]) for at in ((x, middle[1]), (X, middle[1]), (middle[0], y), (middle[0], Y))
             ]
+            starts = [self._clear(start, radius) for start in starts]
             along = (end - begin) * UP
         return [(3, int(self.occ.addCylinder(*start, *along, radius))) for start in starts]
+
+    def _clear(self, start: Array, radius: float) -> Array:
+        """Return the place of an upright bolt, moved along its rim if an inlet pin would cross it."""
+        for inlet in self.inlets:
+            across = np.cross(UP, inlet.outwards)
+            off, needed = float((start - inlet.begin) @ across), radius + inlet.radius + MM * self.workshop.least_wall
+            if inlet.bore is not None and abs(off) < needed and (start - inlet.begin) @ inlet.outwards > 0.0:
+                start = start + (needed + 1.0 - off) * across
+        return start
 
     def _carry(self, lid: list[Solid], cores: list[Solid]) -> list[Solid]:
         """Put cores on the lid."""
@@ -539,14 +549,14 @@ class _Maker:
         room = _one(_within([room], self.low - far, self.high + far), "the inlet")
         self.plugs += occ.intersect([room], [self.whole], removeObject=False, removeTool=False)[0]
         if part != "pin":
-            return Inlet(part, room, occ.copy([room])[0], None, -along)
+            return Inlet(part, room, occ.copy([room])[0], None, -along, begin, outer)
         reach = MM * workshop.rim
         pin = self._rod(begin - reach * along, begin, outer + 0.5 * self._cone_of * reach, outer)
         head = self._rod(begin - (reach + HANDLE) * along, begin - reach * along, outer + HANDLE, outer + HANDLE)
         gap = MM * workshop.clearance
         bore = self._rod(begin - reach * along, begin, outer + 0.5 * self._cone_of * reach + gap, outer + gap)
         core = _one(_merged([occ.copy([room])[0], pin, head]), "the inlet pin")
-        return Inlet(part, room, core, bore, -along)
+        return Inlet(part, room, core, bore, -along, begin, outer + 0.5 * self._cone_of * reach + gap)
 
     @property
     def _cone_of(self) -> float:
@@ -597,6 +607,8 @@ class Inlet:
         core: The body, or what is put on the lid or cup.
         bore: The hole for a pin in the cup.
         outwards: Unit vector out of the device.
+        begin: Where it leaves the device, mm.
+        radius: Of its bore where that is widest, mm.
     """
 
     part: str
@@ -604,6 +616,8 @@ class Inlet:
     core: Solid
     bore: Solid | None
     outwards: Array
+    begin: Array
+    radius: float
 
 
 def left(made: Tooling) -> list[Solid]:

@@ -190,8 +190,9 @@ def mould(
         folder: Where STEP and STL of each body, the sheet and the pictures go: empty, not there, or an earlier mould's.
         silicone: Product that is cast, such as ``"ecoflex-00-30"``; the case's if not given.
         wall, rim, draft, shrinkage, clearance, least_wall, least_gap, pin, pour, vent, vents, tube, inlet, core, bolt,
-            bed_width, bed_depth, layer, layer_time, chord, surplus, pull, split: Fields of `softmodels.casting.settings.Workshop`: numbers in SI units (angles in degrees), or texts
-            with a unit, such as ``draft="2 deg"``; the case file's, or that class' own, if None.
+            bed_width, bed_depth, layer, layer_time, chord, surplus, pull, split: Fields of
+            `softmodels.casting.settings.Workshop`: numbers in SI units (angles in degrees), or texts with a unit, such as
+            ``draft="2 deg"``; the case file's, or that class' own, if None.
 
     Returns:
         The bodies, what they cast, and what was checked.
@@ -340,7 +341,8 @@ def _prints(asked: Asked, made: Made) -> SheetTable:
     found = print_estimate(placed, workshop)
     rows = [
         ("resin", f"{found.resin * ML:.1f} ml, {1e3 * found.mass:.0f} g", "without supports and what the wash takes"),
-        *((f"plate {k}, {name}.stl", _time(time), f"layers of {shown(workshop.layer, 'm')}, {shown(workshop.layer_time, 's')} each")
+        *((f"plate {k}, {name}.stl", _time(time),
+           f"layers of {shown(workshop.layer, 'm')}, {shown(workshop.layer_time, 's')} each")
           for k, (name, time) in enumerate(zip(plate_names(placed), found.times, strict=True), 1)),
     ]  # fmt: skip
     rows += [
@@ -360,9 +362,10 @@ def _steps(asked: Asked, made: Made) -> list[str]:
         else f"Weigh A and B in the ratio of the silicone ({READ})"
     )
     steps = [
-        f"Print or mill the {len(made.bodies)} bodies (lengths in mm; the plates' files have them laid flat), without supports. "
-        "The coupon shows which clearance of pins, and which rib and slot the printer can do: from the corner that is cut off, "
-        f"clearances of {_list(CLEARANCES)} mm, widths of {_list(WIDTHS)} mm. Freshly printed resin inhibits platinum-cure silicone: bake or coat the prints.",
+        f"Print or mill the {len(made.bodies)} bodies (lengths in mm), as laid flat in the plates' files, without supports. "
+        "Freshly printed resin inhibits platinum-cure silicone: bake or coat the prints.",
+        "Try the coupon first: which sockets take its pin, and which ribs and slots are whole? From the corner cut off, "
+        f"clearances are {_list(CLEARANCES)} mm and widths {_list(WIDTHS)} mm.",
         "Test the fit without silicone. The pins allow only one orientation; the rims must close without a gap.",
         "Coat all bodies thinly with release agent.",
         f"{weigh}, mix, and draw the air out under vacuum; pour {pot}.",
@@ -456,8 +459,11 @@ def _walls(asked: Asked, made: Made) -> SheetTable:
     rows += [
         ("floors and lids of the mould", f"{workshop.wall * MM:.2f}", f"{workshop.least_wall * MM:g}"),
         ("rims of the mould", f"{workshop.rim * MM:.2f}", f"{workshop.least_wall * MM:g}"),
+        ("pins, diameter at their root", f"{workshop.pin * MM:.2f}", ""),
         ("gap around a pin", f"{workshop.clearance * MM:.2f}", ""),
     ]
+    if workshop.bolt:
+        rows.append(("holes for bolts, diameter", f"{workshop.bolt * MM:.2f}", ""))
     return SheetTable("Thicknesses", ("what", "mm", "at least, mm"), rows)
 
 
@@ -472,7 +478,8 @@ def _checked(body: MouldBody) -> Row:
     found = body.checked
     assert found is not None
     return (
-        body.name, "yes" if body.facets.open_edges == 0 else "no", f"{found.wall * MM:.2f}", f"{found.gap * MM:.2f}",
+        body.name, "yes" if body.facets.open_edges == 0 else "no", f"{found.wall * MM:.2f}",
+        f"{found.gap * MM:.2f}" if math.isfinite(found.gap) else "",
         f"{max(found.lean, 0.0) + 0.0:.2f}", "" if math.isnan(found.own_lean) else f"{found.own_lean:.2f}",
         f"{found.chord * 1e6:.0f}",
     )  # fmt: skip

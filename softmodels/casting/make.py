@@ -303,11 +303,8 @@ def overlaps(found: Surfaces) -> dict[str, float]:
     from manifold3d import Manifold
 
     made, solids = found.made, {name: manifold_of(facets) for name, facets in found.bodies.items()}
-    block = Manifold.cube(tuple(made.high - made.low)).translate(tuple(made.low))
-    free = Manifold.batch_boolean([block, *solids.values()], _subtract())
-    slab = Manifold.cube((*(made.high - made.low)[:2], made.top - made.level)).translate((*made.low[:2], made.level))
-    piece = max((free ^ slab).decompose(), key=lambda part: part.volume())
-    allowed = 2.0 * max(facets.chord for facets in found.bodies.values()) + 1e-6
+    piece = manifold_of(found.cast)
+    allowed = found.cast.chord + max(facets.chord for facets in found.bodies.values()) + 1e-6
     height, worst = float(made.high[2] - made.low[2]), {}
     for k, body in enumerate(made.bodies):
         others = [other for other in made.bodies[k + 1 :] if body.pull.any() or other.pull.any()]
@@ -323,12 +320,6 @@ def overlaps(found: Surfaces) -> dict[str, float]:
                 f"part or another body; choose another direction (--pull), or change the part"
             )
     return worst
-
-
-def _subtract() -> OpType:
-    from manifold3d import OpType
-
-    return OpType.Subtract
 
 
 def _add() -> OpType:
@@ -520,7 +511,8 @@ def _made(device: Actuator, recipe: Recipe, workshop: Workshop) -> Made:
         silicone = min(thicknesses(cast.facets)[0][0] for cast in casts)
         channels = [piece.channel for piece in pieces if math.isfinite(piece.channel)]
         return Made(
-            recipe, tuple(body for piece in pieces for body in piece.bodies), _extras(drawn, workshop), casts, _bonded(drawn, Path(place)),
+            recipe, tuple(body for piece in pieces for body in piece.bodies), _extras(drawn, workshop), casts,
+            _bonded(drawn, Path(place)),
             max(one.differs for one in drawn), max((piece.balance for piece in pieces), key=abs),
             sum(cast.facets.volume for cast in casts) * shrunk + plug, plug, silicone / MM / workshop.scale,
             min(channels, default=math.nan),

@@ -107,16 +107,29 @@ def _layers(facets: Facets, colour: str, opacity: float = 1.0) -> list[Layer]:
     ]
 
 
-def sharp_edges(facets: Facets) -> Cells:
-    """Return the edges between faces that meet at an angle, as pairs of vertices, shape (k, 2)."""
-    sides: Sequence[tuple[int, int]] = ((0, 1), (1, 2), (2, 0))
-    pairs = np.concatenate([facets.triangles[:, side] for side in sides])
-    normals = np.concatenate([facets.normals[:, side].mean(axis=1) for side in sides])
+def sharp_edges(facets: Facets, view: Array | None = None) -> Cells:
+    """Return the edges between faces that meet at an angle, as pairs of vertices, shape (k, 2); with a direction of view also
+    the outline of curved faces."""
+    pairs, one, other = _neighbours(facets)
+    normals = np.concatenate([facets.normals[:, side].mean(axis=1) for side in TRIANGLE_SIDES])
     face = np.tile(facets.face, 3)
-    order = np.lexsort(np.sort(pairs, axis=1).T)
-    one, other = order[::2], order[1::2]  # a closed surface: each edge is there twice
     cosine = np.einsum("ij,ij->i", normals[one], normals[other])
-    return np.asarray(pairs[one][(face[one] != face[other]) & (cosine < SHARP)])
+    drawn = (face[one] != face[other]) & (cosine < SHARP)
+    if view is not None:
+        a, b, c = np.moveaxis(facets.corners, 1, 0)
+        towards = np.tile(np.cross(b - a, c - a) @ view, 3)
+        drawn |= (towards[one] > 0.0) != (towards[other] > 0.0)
+    return np.asarray(pairs[one][drawn])
+
+
+TRIANGLE_SIDES: tuple[tuple[int, int], ...] = ((0, 1), (1, 2), (2, 0))
+
+
+def _neighbours(facets: Facets) -> tuple[Cells, Cells, Cells]:
+    """Return the edges of all triangles, shape (3 m, 2), and where among them the two of each edge are, shape (k,) each."""
+    pairs = np.concatenate([facets.triangles[:, side] for side in TRIANGLE_SIDES])
+    order = np.lexsort(np.sort(pairs, axis=1).T)
+    return pairs, order[::2], order[1::2]  # a closed surface: each edge is there twice
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -130,20 +143,19 @@ GHOST = 0.25
 
 
 def steps_picture(made: Made) -> Figure:
-    """Draw the steps of the work in numbered panels, a row for each piece, and one for the bond."""
-    rows = [_piece_steps(made, pour) for pour in made.recipe.pours]
+    """Draw the steps of the work in numbered panels: those of each piece, and the bond."""
+    panels = [panel for pour in made.recipe.pours for panel in _piece_steps(made, pour)]
     if len(made.casts) > 1:
-        rows.append([("Bond the pieces", _shot(_casts_apart(made)))])
-    figure = Figure((8.0, 2.7 * len(rows)), dpi=DPI, layout="constrained")
-    grid = figure.subplots(len(rows), 3, squeeze=False)
-    count = 0
-    for row, panels in zip(grid, rows, strict=True):
-        for axes in row:
-            axes.set_axis_off()
-        for axes, (text, image) in zip(row, panels, strict=False):
-            count += 1
+        panels.append(("Bond the pieces", _shot(_casts_apart(made))))
+    columns = min((3, 4), key=lambda count: (-len(panels) % count, count)) if len(panels) > 2 else 2
+    rows = -(-len(panels) // columns)
+    figure = Figure((8.0, 0.2 + 7.6 / columns * rows), dpi=DPI, layout="constrained")
+    for k, axes in enumerate(figure.subplots(rows, columns, squeeze=False).ravel()):
+        axes.set_axis_off()
+        if k < len(panels):
+            text, image = panels[k]
             axes.imshow(image)
-            axes.set_title(f"{count}. {text}", fontsize=10)
+            axes.set_title(f"{k + 1}. {text}", fontsize=9)
     return figure
 
 
@@ -198,8 +210,8 @@ def drawing(made: Made) -> Figure:
     bodies = [*made.bodies, *made.extras]
     figure = Figure((8.0, 2.9 * len(bodies)), layout="constrained")
     for row, body in zip(figure.subplots(len(bodies), 2, squeeze=False), bodies, strict=True):
-        edges = body.facets.points[sharp_edges(body.facets)]
         for axes, (a, b), text in zip(row, ((0, 1), (0, 2)), ("from above", "from the front"), strict=True):
+            edges = body.facets.points[sharp_edges(body.facets, np.eye(3)[3 - a - b])]
             _view(axes, edges[:, :, [a, b]], body.facets.points[:, [a, b]])
             axes.set_title(f"{body.name}, {text}", fontsize=9)
     return figure
@@ -240,8 +252,11 @@ def plates_picture(placed: Sequence[Placed], size: tuple[float, float]) -> Figur
             if one.plate == k:
                 axes.add_collection(LineCollection(list(one.facets.points[sharp_edges(one.facets)][:, :, :2]), colors=EDGE,
                                                    linewidths=0.4))  # fmt: skip
-                x, y, _ = one.facets.points.min(axis=0)
-                axes.text(x, y - 0.5, one.name, fontsize=6, va="top")
+                (x, y, _), (X, Y, _) = one.facets.points.min(axis=0), one.facets.points.max(axis=0)
+                if X - x < 1.2 * len(one.name):
+                    axes.text(0.5 * (x + X), Y + 1.0, one.name, fontsize=6, rotation=90, ha="center")
+                else:
+                    axes.text(x, y - 0.5, one.name, fontsize=6, va="top")
         axes.set(xlim=(-2, size[0] + 2), ylim=(-2, size[1] + 2), aspect="equal")
         axes.set_axis_off()
     return figure
