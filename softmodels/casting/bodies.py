@@ -725,7 +725,8 @@ def _places(segments: Array, line: tuple[int, float] | None = None) -> tuple[Arr
         places = np.unique(places, axis=0)
     (xa, ya), (xb, yb) = segments[:, 0].T, segments[:, 1].T
     inside = np.zeros(len(places), dtype=bool)
-    for k, (px, py) in enumerate(places):  # a ray along x crosses the edge an odd number of times
+    # A ray along x crosses the edge an odd number of times; beside the place, as an edge ends at its own height.
+    for k, (px, py) in enumerate(places + np.array([0.0, 1e-6 * step])):
         crossed = (ya > py) != (yb > py)
         inside[k] = (
             np.count_nonzero(xa[crossed] + (py - ya[crossed]) / (yb - ya)[crossed] * (xb - xa)[crossed] > px) % 2

@@ -41,7 +41,7 @@ SAMPLES = 12
 """Triangles of a face that tell whether it forms the piece."""
 SAME = 1e-6
 """Largest difference between the device and its cast, relative to the device's volume."""
-WAYS = (0.01, 0.1, 0.3, 0.6, 1.0)
+WAYS = (0.01, 0.1, 0.4, 1.0)
 """How far a body moves along its pull when collisions are looked for, in heights of the mould."""
 Name = Callable[[Array], str]
 """Names the face of the part at a place in the mould (mm): a clause."""
@@ -227,8 +227,8 @@ def _locator(facets: Facets) -> vtkStaticCellLocator:
 
     body, points, cells = vtkPolyData(), vtkPoints(), vtkCellArray()
     points.SetData(numpy_to_vtk(facets.points, deep=True))
-    padded = np.column_stack([np.full(len(facets.triangles), 3), facets.triangles]).astype(np.int64)
-    cells.SetCells(len(padded), numpy_to_vtkIdTypeArray(padded.ravel(), deep=True))
+    corners = numpy_to_vtkIdTypeArray(facets.triangles.astype(np.int64).ravel(), deep=True)
+    cells.SetData(numpy_to_vtkIdTypeArray(np.arange(0, 3 * len(facets.triangles) + 1, 3), deep=True), corners)
     body.SetPoints(points)
     body.SetPolys(cells)
     locator = vtkStaticCellLocator()
