@@ -29,7 +29,7 @@ from softmodels.casting.make import _made, common_thickness, manifold_of
 from softmodels.casting.plate import BETWEEN, arranged, laid_flat, print_estimate
 from softmodels.casting.settings import MouldError, Workshop
 
-COARSE = Workshop(chord=1.2e-4, vents=1, bolt=0.0, shrinkage=0.01)
+COARSE = Workshop(chord=2e-4, least_gap=8e-4, pour=0.002, vents=1, bolt=0.0, shrinkage=0.01)
 DEVICES = {
     PneuNet: (PneuNet(chambers=2, base=0.002, paper=0.0002), "chambers inlet pin, chambers lid, chambers cup, base tray"),
     Membrane: (Membrane(plate_radius=0.008, plate_thickness=0.002), "membrane floor, membrane frame"),
@@ -63,7 +63,7 @@ def test_a_device_is_cast_to_its_closed_form(kind, tmp_path):
     assert found.differs < 1e-6 and abs(found.balance) < 1e-6
     assert found.volume == pytest.approx(device.solid_volume, rel=2e-6)
     for body in found.bodies:
-        assert body.checked is not None and body.checked.overlap * 1e3 < 0.13 and body.checked.lean > -0.1
+        assert body.checked is not None and body.checked.overlap * 1e3 < 0.25 and body.checked.lean > -0.1
         assert manifold_of(body.facets).volume() == pytest.approx(body.facets.polyhedron_volume, rel=1e-9)
     with private_model():
         occ = gmsh.model.occ
