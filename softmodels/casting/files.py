@@ -210,9 +210,12 @@ def mould(
     )  # fmt: skip
     if folder is None:
         return made(asked.device, asked.workshop)
-    output = place("folder", folder, "a folder")
-    options = {"silicone": asked.silicone, "workshop": asked.workshop}
-    own = ResultFolder(output, output, "mould", options)
+    return _made_into(place("folder", folder, "a folder"), asked)
+
+
+def _made_into(output: Path, asked: Asked) -> Made:
+    """Make a mould and write it into a folder."""
+    own = ResultFolder(output, output, "mould", {"silicone": asked.silicone, "workshop": asked.workshop})
     try:
         found = made(asked.device, asked.workshop)
         with own.writing() as inside:

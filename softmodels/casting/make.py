@@ -15,7 +15,7 @@ import numpy.typing as npt
 from geometries import Actuator
 from geometries.actuator import Pour, Recipe
 from geometries.meshing import apart
-from softmodels.casting.bodies import MM, Solid, Tooling, face_namer, left, recipe_of, scaled, tooling, turned
+from softmodels.casting.bodies import FLUSH, MM, Solid, Tooling, face_namer, left, recipe_of, scaled, tooling, turned
 from softmodels.casting.facets import Facets, facets_of
 from softmodels.casting.plate import coupon_solids
 from softmodels.casting.settings import MouldError, Workshop
@@ -504,12 +504,17 @@ def _made(device: Actuator, recipe: Recipe, workshop: Workshop) -> Made:
             folder = Path(place) / str(k)
             folder.mkdir()
             drawn.append(_draw(device, recipe, pour, workshop, folder))
-        pieces = [_piece(device, one, k == 0, workshop) for k, one in enumerate(drawn)]
+        # Closed cavities are the same for all pieces: their points as the device lies.
+        cavities = drawn[0].surfaces("cavity", MM * workshop.chord)
+        where = face_namer(device, drawn[0].tools.frame)
+        channels = [check_core(cavity, math.nan, workshop, where) / workshop.scale for cavity in cavities]
+        inside = np.concatenate([np.zeros((0, 3)), *(cavity.points for cavity in cavities)]) @ drawn[0].tools.frame.turn
+        pieces = [_piece(device, one, inside, workshop) for one in drawn]
         shrunk = workshop.scale**-3 / MM**3
         plug = sum(one.plug for one in drawn) * shrunk
         casts = tuple(piece.cast for piece in pieces)
         silicone = min(thicknesses(cast.facets)[0][0] for cast in casts)
-        channels = [piece.channel for piece in pieces if math.isfinite(piece.channel)]
+        channels = [width for width in (*channels, *(piece.channel for piece in pieces)) if math.isfinite(width)]
         return Made(
             recipe, tuple(body for piece in pieces for body in piece.bodies), _extras(drawn, workshop), casts,
             _bonded(drawn, Path(place)),
@@ -571,8 +576,8 @@ def _draw(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop, fold
     return found
 
 
-def _piece(device: Actuator, drawn: _Drawn, first: bool, workshop: Workshop) -> _Piece:
-    """Measure and check the mould of one piece; closed cavities only with the first one, as all pieces have the same."""
+def _piece(device: Actuator, drawn: _Drawn, inside: Array, workshop: Workshop) -> _Piece:
+    """Measure and check the mould of one piece; ``inside`` are points of closed cavities, shape (n, 3), mm."""
     tools, chord = drawn.tools, MM * workshop.chord
     named = {body.name: facets_of(drawn.file(body.name), chord) for body in tools.bodies}
     surfaces = Surfaces(tools, named, facets_of(drawn.file("cast"), CAST_CHORD))
@@ -589,11 +594,10 @@ def _piece(device: Actuator, drawn: _Drawn, first: bool, workshop: Workshop) -> 
                   dataclasses.replace(found[body.name], overlap=overlap[body.name] / MM))
         for body in tools.bodies
     ]  # fmt: skip
-    cores = drawn.surfaces("core", chord)
-    closed = drawn.counts["cavity"] > 0
-    widths = [check_core(cavity, math.nan, workshop, where) for cavity in drawn.surfaces("cavity", chord) if first]
-    widths += [check_core(core, tools.level, workshop, where) for core in cores if not closed]
-    highest = max((float(core.points[:, 2].max()) for core in cores), default=tools.level)
+    cores = [] if len(inside) else drawn.surfaces("core", chord)
+    widths = [check_core(core, tools.level, workshop, where) for core in cores]
+    heights = np.concatenate([inside @ tools.frame.turn[2], *(core.points[:, 2] for core in cores)])
+    highest = float(heights[heights < tools.top + FLUSH].max(initial=tools.level))
     beyond = (float(surfaces.cast.points[:, 2].max()) - highest) / MM / workshop.scale
     cast = MouldBody(f"{tools.pour.name} cast", tools.pour.name, drawn.file("cast").read_bytes(), surfaces.cast,
                      (0.0, 0.0, 0.0), None, beyond)  # fmt: skip

@@ -22,7 +22,7 @@ from softmodels.runs.grid import Cells
 PRINTED, SILICONE, LOST = "#b4c3d4", "#e8b796", "#d8d2a8"
 SHARP = np.cos(np.radians(25.0))
 """Faces that meet at more than 25 degrees have their edge drawn."""
-APART = 0.15
+APART = 0.28
 """Gap between bodies in the exploded picture, in sizes of the mould."""
 
 

@@ -33,10 +33,10 @@ COARSE = Workshop(chord=2e-4, least_gap=8e-4, pour=0.002, vents=1, bolt=0.0, shr
 DEVICES = {
     PneuNet: (PneuNet(chambers=2, base=0.002, paper=0.0002), "chambers inlet pin, chambers lid, chambers cup, base tray"),
     Membrane: (Membrane(plate_radius=0.008, plate_thickness=0.002), "membrane floor, membrane frame"),
-    Balloon: (Balloon(radius=0.01), "upper lid, upper cup, lower lid, lower cup"),
+    Balloon: (Balloon(radius=0.006, neck_radius=0.002, fillet=0.0005), "upper lid, upper cup, lower lid, lower cup"),
     Bellows: (Bellows(convolutions=1), "wall core, wall lid, wall cup left, wall cup right, plate tray"),
     BendingBellows: (BendingBellows(folds=1, cap=0.003, root=0.004), "folds inlet pin, folds lid, folds cup, base tray"),
-    Cylinder: (Cylinder(length=0.02), "tube lid, tube cup left, tube cup right"),
+    Cylinder: (Cylinder(length=0.012), "tube lid, tube cup left, tube cup right"),
     SuctionCup: (SuctionCup(), "cup lid, cup cup"),
     Beam: (Beam(length=0.03), "beam tray"),
 }  # fmt: skip
