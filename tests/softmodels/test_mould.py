@@ -21,6 +21,7 @@ from tests.support import runs
 
 SLAB = SeminarActuator(channels=1, fillet=0.0, around=6.0, cell_size=0.008)
 BODIES = ("upper-cup", "upper-lid", "lower-cup", "lower-lid")
+EXTRAS = ("bonding-jig", "coupon", "coupon-pin")
 
 
 @pytest.fixture(scope="module")
@@ -67,12 +68,14 @@ def test_files_of_a_slab_leave_the_device(slab):
 def test_stl_is_watertight_and_agrees_with_step(slab):
     folder, _, _ = slab
     report = json.loads((folder / "checks.json").read_text())
-    with zipfile.ZipFile(folder / "mould.3mf") as package:
-        assert {"[Content_Types].xml", "_rels/.rels"} <= set(package.namelist())
-        model = ElementTree.fromstring(package.read("3D/3dmodel.model"))
-    space = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
-    objects = {one.get("name").replace(" ", "-"): one for one in model.iter(f"{space}object")}
-    assert model.get("unit") == "millimeter" and set(objects) == set(BODIES)
+    space, objects = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}", {}
+    for plate in sorted(folder.glob("plate-*.3mf")):
+        with zipfile.ZipFile(plate) as package:
+            assert {"[Content_Types].xml", "_rels/.rels"} <= set(package.namelist())
+            model = ElementTree.fromstring(package.read("3D/3dmodel.model"))
+        objects |= {one.get("name").replace(" ", "-"): one for one in model.iter(f"{space}object")}
+        assert model.get("unit") == "millimeter"
+    assert set(objects) == {*BODIES, *EXTRAS}
     for name in BODIES:
         corners = _stl(folder / f"{name}.stl")
         _, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
@@ -82,7 +85,12 @@ def test_stl_is_watertight_and_agrees_with_step(slab):
         volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
         points = np.array([[float(one.get(axis)) for axis in "xyz"] for one in objects[name].iter(f"{space}vertex")])
         faces = [[int(one.get(f"v{k}")) for k in (1, 2, 3)] for one in objects[name].iter(f"{space}triangle")]
-        assert points[faces] == pytest.approx(corners, abs=1e-4)
+        sides, laid = (np.linalg.norm(np.diff(one, axis=1), axis=2) for one in (corners, points[faces]))
+        assert laid == pytest.approx(sides, abs=1e-4)  # turned to lie flat
+        volumes = (np.einsum("ij,ij->", a, np.cross(b, c)) for a, b, c in (np.moveaxis(points[faces], 1, 0),))
+        assert next(volumes) / 6.0 == pytest.approx(volume, rel=1e-5) and points[:, 2].min() == pytest.approx(
+            0.0, abs=1e-6
+        )
         with private_model():
             import gmsh
 
@@ -274,12 +282,14 @@ def test_the_command_writes_bodies_pictures_and_a_sheet(tmp_path):
     assert "pot life 45 min" in sheet and "cure for 4 h" in sheet and "&#" not in sheet
     page = (folder / "sheet.html").read_text()
     assert "<h2>Order of work</h2>" in page and 'src="http' not in page
-    names = {f"{body}.{end}" for body in (*BODIES, "upper-cast", "lower-cast") for end in ("step", "stl")}
-    assert names | {"device.step", "mould.toml", "checks.json"} <= {path.name for path in folder.iterdir()}
+    names = {f"{body}.{end}" for body in (*BODIES, *EXTRAS, "upper-cast", "lower-cast") for end in ("step", "stl")}
+    assert names | {"device.step", "mould.toml", "checks.json", "plate-1.stl", "drawing.svg", "plates.svg"} <= {
+        path.name for path in folder.iterdir()
+    }
     if can_render():
-        for name in ("exploded", *BODIES):
+        for name in ("exploded", "steps", *BODIES):
             assert (folder / f"{name}.png").stat().st_size > 10_000
-        assert page.count("data:image/png") == 5
+        assert page.count("data:image/png") == 6 and page.count("data:image/svg+xml") == 2
     again = asked_of(folder / "mould.toml")
     assert again.device == sm.HollowDisk.variant("shadow") and again.workshop.vents == 2
     assert again.silicone == "ecoflex-00-30" and again.workshop.chord == pytest.approx(1e-4)
