@@ -155,6 +155,8 @@ class Workshop:
                 f"tube is {shown(self.tube, 'm')}; its core is thinner than the printer's "
                 f"{shown(self.least_wall, 'm')} (least_wall); 0 omits the inlet"
             )
+        if self.layer_time <= 0.0:
+            raise MouldError(f"layer_time is {shown(self.layer_time, 's')}; it must be larger than 0")
         if self.chord > 0.25 * self.least_gap:
             raise MouldError(
                 f"chord is {shown(self.chord, 'm')}; it must be at most a quarter of the printer's gap, "

@@ -35,10 +35,10 @@ def mould(
 ) -> None:
     """Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.
 
-    The device is cast in two halves, which are bonded in the parting plane: a cup forms the outside of each half, its lid
-    the bonded face, with the cavity's core on it. The parting plane is the floor of a disk's cavity, the plane of a slab's
-    channels, or for an imported part normal to --pull. Before any file is written, these are checked: bodies watertight, no
-    undercuts, no wall or gap too fine for the printer, STL within --chord of the exact surface, casts equal to the device.
+    A device is cast in one piece or in several that are bonded, as its recipe says: a cup forms the outside of a piece, a
+    lid carries the cavity's core. An imported part is parted across --pull. Before any file is written, these are checked:
+    bodies watertight, no undercuts, nothing in the way, no wall or gap too fine for the printer, STL within --chord of the
+    exact surface, casts equal to the device.
     The file needs no load; a table [mould] in it may hold the settings below.
 
     \b

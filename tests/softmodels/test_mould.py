@@ -206,6 +206,9 @@ def test_undercuts_are_refused_by_name(part_of):
         ({"wall": "3 kg"}, "wall"),
         ({"wall": True}, "must be a number"),
         ({"clearance": -0.001}, "0 or more"),
+        ({"layer_time": "0 s"}, "layer_time is 0 s; it must be larger than 0"),
+        ({"inlet": "hose"}, "tube, barb"),
+        ({"bolt": "7.5 mm"}, "leaves walls thinner than the printer"),
     ],
 )
 def test_what_no_workshop_can_make_is_a_sentence(settings, told):
