@@ -101,27 +101,69 @@ class Presented:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Interface of a device for moulds: the whole solid, the parting plane, and the tube's inlet.
+# Interface of a device for moulds: the whole solid, the pieces it is cast in, and the tube's inlet.
 
 
 Vector = tuple[float, float, float]
 
 
-@dataclasses.dataclass(frozen=True)
-class Parting:
-    """The plane in which a device is cast in two, to be bonded there.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Pour:
+    """A piece of a device that is cast in one go, and how its mould comes apart.
+
+    A lid closes the mould in a plane and carries the core; a cup beyond it forms everything else.
 
     Attributes:
-        pull: Unit vector across the plane, along which the mould opens.
-        height: Of the plane along the pull, in m.
-        inlet: From where outside of the device to where in its cavity a tube runs, in m; None if it has no place of its own.
-        why: Why here: a sentence.
+        name: Of the piece, such as ``"chambers"``.
+        up: Unit vector from the lid's plane into the piece.
+        level: Height of the lid's plane along ``up``, in m; None: in the middle of the cavities.
+        end: Height along ``up`` where the piece ends, in m; None: where the device does.
+        lid: Whether there is a lid; without one the cup is an open tray, scraped flat.
+        floor: Height along ``up`` at which the cup is cut into a floor and a frame around the piece, in m; None: in one.
+        sideways: Unit vector along which the cup opens in two halves; None: it leaves along ``up`` in one.
+        lost: Whether the core cannot be pulled and is dissolved or melted out.
+        gate: Height along ``up`` of the flat face with the pour opening, in m; None: in the lid's plane, through the lid.
+        vented: The same of the face with the vents; None: beside the pour opening.
+        squeezed: Whether its edge is too narrow for openings: the cup is filled, and the lid presses out what is too much.
     """
 
-    pull: Vector
-    height: float
-    inlet: tuple[Vector, Vector] | None
+    name: str
+    up: Vector
+    level: float | None
+    end: float | None = None
+    lid: bool = True
+    floor: float | None = None
+    sideways: Vector | None = None
+    lost: bool = False
+    gate: float | None = None
+    vented: float | None = None
+    squeezed: bool = False
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """How a device is cast: in one piece, or in several that are bonded.
+
+    Attributes:
+        pours: The pieces.
+        why: Why so: sentences.
+        inlets: From where outside of the device to where in its cavity each tube runs, in m.
+        steps: What is particular of this device: sentences for the bench, before its pieces are bonded.
+    """
+
+    pours: tuple[Pour, ...]
     why: str
+    inlets: tuple[tuple[Vector, Vector], ...] = ()
+    steps: tuple[str, ...] = ()
+
+
+def in_halves(up: Vector, level: float | None, why: str, *inlets: tuple[Vector, Vector]) -> Recipe:
+    """Return the recipe of a device cast in two halves that are bonded in a plane across ``up``; see `Pour`."""
+    x, y, z = up
+    down = (-x + 0.0, -y + 0.0, -z + 0.0)
+    lower = None if level is None else -level
+    pours = Pour(name="upper", up=up, level=level), Pour(name="lower", up=down, level=lower)
+    return Recipe(pours=pours, why=why, inlets=inlets)
 
 
 class Castable:
@@ -131,9 +173,28 @@ class Castable:
     """Physical groups of cells beside "solid" that can be of another material."""
 
     @property
-    def parting(self) -> Parting | None:
-        """Parting plane of its mould; None if the user has to choose it."""
-        return None
+    def recipe(self) -> Recipe:
+        """How it is cast.
+
+        Raises:
+            GeometryError: It names no recipe.
+        """
+        raise GeometryError(
+            f"a {type(self).__name__} names no casting recipe; give its class a property recipe, which returns the pieces to "
+            "cast, and a method build_whole, which draws it (docs/pages/howto/extending.md)"
+        )
+
+    def cast_along(self, pull: Vector | None, level: float | None) -> Recipe:
+        """Return the recipe for a pull and a height of the parting plane along it, in m, both None if not given.
+
+        Raises:
+            GeometryError: It has no recipe, or one of its own that takes neither.
+        """
+        if pull is not None or level is not None:
+            raise GeometryError(
+                f"pull and split apply only to imported parts; a {type(self).__name__} defines its own parting plane"
+            )
+        return self.recipe
 
     def build_whole(self) -> None:
         """Fill the current Gmsh model with the whole device in mm, one solid, its cavities shut; name and mesh nothing.

@@ -28,7 +28,7 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
-from geometries.actuator import Hold, Vector
+from geometries.actuator import Hold, Recipe, Vector, in_halves
 from geometries.registry import register_device
 from geometries.revolved import Panel, Place, Revolved, Side, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
@@ -379,6 +379,7 @@ class Balloon(Revolved):
     angle: float = wedge_field()
 
     stem: ClassVar = "balloon"
+    loose: ClassVar = ("rod",)
     unbonded: ClassVar = ()
     pressures: ClassVar = "0:20"
     stiffer: ClassVar = "a thicker wall (--wall), a smaller balloon (--radius)"
@@ -433,6 +434,16 @@ class Balloon(Revolved):
         outside = (Hold("neck", None),) if self.held == "outside" else ()
         rod = (Hold("rod_end", None),) if self.rod_radius else ()
         return (Hold("support", None), *outside, *rod, *self.axis_holds)
+
+    @property
+    def recipe(self) -> Recipe:
+        shells = in_halves(
+            self.lift, self.meridian.height,
+            "The halves meet at the equator, where each is as wide as it gets, so that neither holds its core.",
+        )  # fmt: skip
+        pours = tuple(dataclasses.replace(pour, squeezed=True) for pour in shells.pours)
+        rod = "Bond the rod to the pole of the upper half before the halves are bonded."
+        return dataclasses.replace(shells, pours=pours, steps=(rod,) if self.rod_radius else ())
 
     @property
     def anchors(self) -> Mapping[str, Place]:

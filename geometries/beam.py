@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import CutPlane, Hold, MirroredHalf, Vector
-from geometries.meshing import check_cell_count
+from geometries.actuator import CutPlane, Hold, MirroredHalf, Pour, Recipe, Vector
+from geometries.meshing import add_block, check_cell_count
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
 from softmodels.common.schema import choice_field, length_field, shown
@@ -143,6 +143,18 @@ class Beam(MirroredHalf):
         points = np.asarray(points, dtype=float)
         near = NEAR * self.length
         return (np.abs(points[:, 2] - 0.5 * self.thickness) < near) & (np.abs(points[:, 1]) < near)
+
+    @property
+    def recipe(self) -> Recipe:
+        beam = Pour(name="beam", up=(0.0, 0.0, -1.0), level=-0.5 * self.thickness, lid=False)
+        return Recipe(pours=(beam,), why="A solid bar is cast in an open tray and scraped flat.")
+
+    def build_whole(self) -> None:
+        import gmsh  # type: ignore[import-untyped]
+
+        half, width = 0.5 * self.thickness, 0.5 * self.width
+        add_block((0.0, -width, -half), (self.length, width, half))
+        gmsh.model.occ.synchronize()
 
     def build(self) -> None:
         import gmsh  # type: ignore[import-untyped]

@@ -31,7 +31,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, NamedTuple
 
-from geometries.actuator import HeldTip, Hold, Vector, tip_field
+from geometries.actuator import HeldTip, Hold, Pour, Recipe, Vector, tip_field
 from geometries.registry import register_device
 from geometries.revolved import Panel, Place, Revolved, Side, rectangle, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
@@ -280,6 +280,17 @@ class Bellows(HeldTip, Revolved):
     def bend(self) -> float:
         """Radius in m of roots and crests, in the middle of the wall."""
         return self.rounding or 0.25 * self.pitch
+
+    @property
+    def recipe(self) -> Recipe:
+        wall = Pour(name="wall", up=self.lift, level=self.cap, sideways=(0.0, 1.0, 0.0), lost=True, gate=self.height)
+        plate = Pour(name="plate", up=(0.0, 0.0, -1.0), level=-self.cap, lid=False)
+        return Recipe(
+            pours=(wall, plate),
+            why="The outside opens in two halves. The core is wider than the end it would leave by, so that it is dissolved or "
+            "melted out; then the lower plate is bonded on.",
+            inlets=(((0.0, 0.0, 0.0), (0.0, 0.0, self.cap)),),
+        )  # fmt: skip
 
     @property
     def holds(self) -> tuple[Hold, ...]:

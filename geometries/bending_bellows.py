@@ -24,7 +24,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Bending, HeldTip, MirroredHalf, Vector, part_field, tip_field
+from geometries.actuator import Bending, HeldTip, MirroredHalf, Pour, Recipe, Vector, part_field, tip_field
 from geometries.meshing import MM, Entity, add_block, bond, check_cell_count, face_block, one_solid, set_sizes
 from geometries.registry import register_device
 from softmodels.common.errors import GeometryError
@@ -430,6 +430,17 @@ class BendingBellows(Bending, MirroredHalf, HeldTip):
         """Report which points lie on the base's lower line in the mirror plane, from the clamp to the tip."""
         points, near = np.asarray(points, dtype=float), 1e-9 * self.length
         return (np.abs(points[:, 2] + 0.5 * self.base) < near) & (np.abs(points[:, 1]) < near)
+
+    @property
+    def recipe(self) -> Recipe:
+        half, middle = 0.5 * self.base, 0.5 * (self.base + self.radius)
+        folds = Pour(name="folds", up=(0.0, 0.0, 1.0), level=half)
+        base = Pour(name="base", up=(0.0, 0.0, -1.0), level=-half, end=half, lid=False)
+        return Recipe(
+            pours=(folds, base),
+            why="Wall and air are half round and widest at the base, which is a flat layer bonded to them.",
+            inlets=(((0.0, 0.0, middle), (self.root, 0.0, middle)),),
+        )
 
     def build_whole(self) -> None:
 

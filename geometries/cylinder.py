@@ -28,8 +28,8 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Halved, Hold, Sectioned, Vector, parameter, parameter_names
-from geometries.meshing import check_cell_count, place_of
+from geometries.actuator import Halved, Hold, Pour, Recipe, Sectioned, Vector, parameter, parameter_names
+from geometries.meshing import MM, check_cell_count, place_of
 from geometries.registry import register_device
 from geometries.revolved import Side, carried_along
 from softmodels.common.errors import GeometryError, MeshingError
@@ -267,6 +267,18 @@ def build_solid(device: Cylinder) -> None:
         _name(0, {role: found})
     size = _size(device)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, other: size(math.hypot(x, y), z))
+
+
+def build_full_turn(device: Cylinder) -> None:
+    """Fill the current Gmsh model with the whole tube (mm), one solid."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    (wall, cap), _ = _profile(device, lambda r, z: (MM * r, 0.0, MM * z))
+    ((_, face),) = occ.fuse([(2, wall)], [(2, cap)])[0]
+    occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, 2.0 * math.pi)
+    occ.remove([(2, face)], recursive=True)
+    occ.synchronize()
 
 
 def _profile(
@@ -583,6 +595,18 @@ class Cylinder(Sectioned, Halved):
 
     def along_profile(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(np.hypot(points[:, 0], points[:, 1]) + self.height - points[:, 2])
+
+    @property
+    def recipe(self) -> Recipe:
+        tube = Pour(name="tube", up=self.lift, level=0.0, sideways=(0.0, 1.0, 0.0), gate=self.height)
+        return Recipe(
+            pours=(tube,),
+            why="The outside opens in two halves; the cavity's rod stands on the lid and leaves through the open end.",
+        )  # fmt: skip
+
+    def build_whole(self) -> None:
+
+        build_full_turn(self)
 
     def build(self) -> None:
 

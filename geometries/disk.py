@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geometries.actuator import CutPlane, Hold, Parting, Vector, Wedged, parameter_names
+from geometries.actuator import CutPlane, Hold, Recipe, Vector, Wedged, in_halves, parameter_names
 from geometries.meshing import check_cell_count, name_group, place_of
 from geometries.registry import register_device
 from geometries.revolved import carried_along
@@ -893,12 +893,13 @@ class HollowDisk(Wedged):
     variable: ClassVar[tuple[str, ...]] = ("membrane",)
 
     @property
-    def parting(self) -> Parting:
+    def recipe(self) -> Recipe:
         # As low as the cavity's wall is upright, so that neither half holds its core.
         level = self.base + self.base_fillet
-        return Parting(
-            self.lift, level, ((0.0, 0.0, 0.0), (0.0, 0.0, self.base)),
+        return in_halves(
+            self.lift, level,
             "The bond is at the cavity's floor, far from the membrane's root, where the silicone is stretched most.",
+            ((0.0, 0.0, 0.0), (0.0, 0.0, self.base)),
         )  # fmt: skip
 
     def build_whole(self) -> None:

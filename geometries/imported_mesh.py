@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Vector, check_slice, joined
+from geometries.actuator import Recipe, Vector, check_slice, joined
 from geometries.imported import (
     AXES,
     FORMATS,
@@ -551,6 +551,11 @@ class ImportedMesh(ImportedPart):
     @property
     def reading(self) -> Reading:
         return _read(self, self.digest())[1]
+
+    def cast_along(self, pull: Vector | None, level: float | None) -> Recipe:
+        raise GeometryError(
+            f"file {self.file} holds a mesh, without the exact faces that a mould is cut along; use the part's STEP file"
+        )
 
     @property
     def regions(self) -> tuple[str, ...]:  # type: ignore[override]

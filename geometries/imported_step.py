@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from geometries.actuator import Vector, check_slice
+from geometries.actuator import Recipe, Vector, check_slice, in_halves
 from geometries.disk import TRIANGLE
 from geometries.imported import (
     AXES,
@@ -512,6 +512,11 @@ class ImportedActuator(ImportedPart):
     @property
     def mesh_order(self) -> int:
         return self.order
+
+    def cast_along(self, pull: Vector | None, level: float | None) -> Recipe:
+        if pull is None:
+            raise GeometryError("the mould of this part needs its opening direction, such as --pull '0, 0, 1'")
+        return in_halves(pull, level, f"The mould opens along {', '.join(f'{x:g}' for x in pull)}.")
 
     def build_whole(self) -> None:
         if self.planes:

@@ -23,7 +23,7 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
-from geometries.actuator import Hold, Vector
+from geometries.actuator import Hold, Pour, Recipe, Vector
 from geometries.registry import register_device
 from geometries.revolved import ROUNDING, Panel, Revolved, Side, graded, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
@@ -391,6 +391,18 @@ class Membrane(Revolved):
     def probes(self) -> Mapping[str, Vector]:
         edge = {"plate_edge": (self.plate_radius, 0.0, self.apex)} if self.plate_radius else {}
         return {"apex": (0.0, 0.0, self.apex), "ceiling": (0.0, 0.0, 0.0), **edge}
+
+    @property
+    def recipe(self) -> Recipe:
+        pour = Pour(name="membrane", up=self.lift, level=0.0, lid=False, floor=self.thickness - self.slope)
+        bonded = " and ".join(name for name, there in (("plate", self.plate_radius), ("rings", self.rings)) if there)
+        meshed = self.plate_thickness or self.ring_thickness
+        laid = f"Lay the {bonded} into the pockets of the floor before pouring, unless they are of the same silicone."
+        glued = f"Glue the {bonded} on the cured membrane."
+        return Recipe(
+            pours=(pour,), steps=(laid if meshed else glued,) if bonded else (),
+            why="It is cast face down in a frame on a flat floor and scraped flat; the floor comes off first.",
+        )  # fmt: skip
 
     @property
     def chamber_volume(self) -> float:

@@ -27,7 +27,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from geometries.actuator import Bending, HeldTip, MirroredHalf, Parting, part_field, tip_field
+from geometries.actuator import Bending, HeldTip, MirroredHalf, Pour, Recipe, part_field, tip_field
 from geometries.meshing import (
     Entity,
     Mirror,
@@ -490,13 +490,19 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
         return (np.abs(points[:, 2] - self.probes["tip"][2]) < near) & (np.abs(points[:, 1]) < near)
 
     @property
-    def parting(self) -> Parting | None:
+    def recipe(self) -> Recipe:
+        half, up, down = 0.5 * self.base, (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
+        middle = half + 0.5 * self.chamber_height
+        inlets = [((0.0, 0.0, z), (self.root, 0.0, z)) for z in (middle, -middle)[: self.sides]]
+        chambers = [Pour(name="chambers", up=up, level=half)]
         if self.sides == 2:
-            return None
-        middle = 0.5 * (self.base + self.channel_height)
-        return Parting(
-            self.lift, 0.5 * self.base, ((0.0, 0.0, middle), (self.root, 0.0, middle)),
-            "The chambers and the channel are open towards the base, which is a flat layer bonded below them.",
+            chambers.append(Pour(name="lower chambers", up=down, level=half))
+        base = Pour(name="base", up=down, level=-half, end=half, lid=False)
+        paper = f"Pour half of the base, lay the sheet ({shown(self.paper, 'm')}) on it, wet it with silicone, pour the rest."
+        return Recipe(
+            pours=(*chambers, base),
+            why="The chambers and the channel are open towards the base, which is a flat layer bonded to them.",
+            inlets=tuple(inlets), steps=(paper,) if self.paper else (),
         )  # fmt: skip
 
     def build_whole(self) -> None:

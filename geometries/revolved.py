@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 from abc import abstractmethod
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, ClassVar, Protocol, Self
 
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometries.actuator import CutPlane, Wedged, parameter, parameter_names
-from geometries.meshing import check_cell_count, name_group
+from geometries.meshing import MM, check_cell_count, name_group
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
 from softmodels.common.schema import angle_field, choice_field, number_field, shown
@@ -105,6 +106,14 @@ class Side:
     def key(self) -> frozenset[Place]:
         """Key by which two equal sides match: no two sides of a section join the same corners."""
         return frozenset((self.start, self.end))
+
+    @property
+    def quarters(self) -> list[Side]:
+        """It in pieces of a quarter of a turn at most."""
+        count = 1 if self.centre is None else math.ceil(abs(self.turn) / (0.5 * math.pi) - 1e-9)
+        inner = [(float(r), float(z)) for r, z in self.places(np.arange(1, count) / count)]
+        ends = itertools.pairwise([self.start, *inner, self.end])
+        return [dataclasses.replace(self, start=start, end=end) for start, end in ends]
 
     @property
     def reversed(self) -> Side:
@@ -281,7 +290,8 @@ class Drawing:
 
     Args:
         panels: The half section.
-        up: Unit vector of the height; the radius runs along x.
+        up: Vector of a metre of the height; the radius runs along x.
+        metre: Length of a metre of the radius, to draw circles as circles, whose turns the kernel knows; 0 for a mesh.
 
     Attributes:
         faces: Tags by region.
@@ -289,16 +299,16 @@ class Drawing:
         points: Tags by place.
     """
 
-    def __init__(self, panels: tuple[Panel, ...], up: tuple[float, float, float]):
+    def __init__(self, panels: Iterable[Panel], up: tuple[float, float, float], metre: float = 0.0):
         import gmsh  # type: ignore[import-untyped]
 
-        self.up, self.occ = up, gmsh.model.occ
+        self.up, self.metre, self.circles, self.occ = up, metre or 1.0, metre > 0.0, gmsh.model.occ
         self.points: dict[Place, int] = {}
         self.curves: dict[frozenset[Place], int] = {}
         self.sides: dict[frozenset[Place], Side] = {}
         self.faces: dict[str, list[int]] = defaultdict(list)
         for panel in panels:
-            loop = self.occ.addCurveLoop([self._curve(side) for side in panel.sides])
+            loop = self.occ.addCurveLoop([self.curve(side) for side in panel.sides])
             self.faces[panel.region].append(self.occ.addPlaneSurface([loop]))
 
     def corner(self, place: Place) -> int:
@@ -308,9 +318,9 @@ class Drawing:
 
     def _point(self, place: Place) -> int:
         r, z = place
-        return int(self.occ.addPoint(r + z * self.up[0], z * self.up[1], z * self.up[2]))
+        return int(self.occ.addPoint(self.metre * r + z * self.up[0], z * self.up[1], z * self.up[2]))
 
-    def _curve(self, side: Side) -> int:
+    def curve(self, side: Side) -> int:
         if side.key not in self.curves:
             self.sides[side.key] = side
             self.curves[side.key] = self._line(side) if side.centre is None else self._arc(side)
@@ -324,6 +334,11 @@ class Drawing:
     def _arc(self, side: Side) -> int:
         """Return a piece of an ellipse as what it is, a rational parabola: the kernel's own ellipses ask for their longer
         axis."""
+        if self.circles and side.centre is not None and side.axes[0] == side.axes[1]:
+            centre = self._point(side.centre)
+            arc = self.occ.addCircleArc(self.corner(side.start), centre, self.corner(side.end))
+            self.occ.remove([(0, centre)])
+            return int(arc)
         middle, weight = side.control
         helper = self._point(middle)
         points = [self.corner(side.start), helper, self.corner(side.end)]
@@ -352,6 +367,22 @@ def build_section(device: Revolved) -> None:
         name_group(1, tags, role)
     for role, place in device.anchors.items():
         name_group(0, [drawing.points[place]], role)
+
+
+def build_full_turn(device: Revolved) -> None:
+    """Fill the current Gmsh model (mm) with all of the device that is cast, one solid."""
+    import gmsh
+
+    panels = [panel for panel in device.panels if panel.region not in device.loose]
+    shared = Counter(side.key for panel in panels for side in panel.sides)
+    sides = {side.key: side for panel in panels for side in panel.sides if shared[side.key] == 1}
+    # A side between what is cast and what is not has no role; one on the axis may have another name inside.
+    edges = whole_edges([dataclasses.replace(side, role="") for side in sides.values()], ())
+    drawing, occ = Drawing((), (0.0, 0.0, MM), MM), gmsh.model.occ
+    face = occ.addPlaneSurface([occ.addCurveLoop([drawing.curve(piece) for edge in edges for piece in edge.quarters])])
+    occ.revolve([(2, face)], 0, 0, 0, 0, 0, 1, 2.0 * math.pi)
+    occ.remove([(2, face)], recursive=True)
+    occ.synchronize()
 
 
 def build_wedge(device: Revolved) -> None:
@@ -545,6 +576,9 @@ class Revolved(Wedged):
     axial: ClassVar = True
     mesh_order: ClassVar = 2
 
+    loose: ClassVar[tuple[str, ...]] = ()
+    """Regions that are not cast with the rest."""
+
     seen: ClassVar[tuple[str, ...]] = ("outer",)
     """Roles of the sides that a camera sees from the side, from the axis at the top outwards."""
 
@@ -664,6 +698,10 @@ class Revolved(Wedged):
                 )
         more = f" with {self.rows} cells through {shown(self.thinnest, 'm')}"
         check_cell_count(self.cell_size, self.expected_cells, MOST_CELLS, more)
+
+    def build_whole(self) -> None:
+
+        build_full_turn(self)
 
     def build(self) -> None:
 

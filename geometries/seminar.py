@@ -34,7 +34,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from geometries.actuator import HeldTip, MirroredHalf, Parting, Vector, part_field, tip_field
+from geometries.actuator import HeldTip, MirroredHalf, Recipe, Vector, in_halves, part_field, tip_field
 from geometries.meshing import Mirror, check_cell_count
 from geometries.registry import register_device
 from softmodels.common.arrays import Array
@@ -1725,10 +1725,11 @@ class SeminarActuator(MirroredHalf, HeldTip):
         return (np.abs(points[:, 2] - 0.5 * self.thickness) < near) & (np.abs(points[:, 1]) < near)
 
     @property
-    def parting(self) -> Parting:
-        return Parting(
-            self.lift, self.offset, ((0.0, 0.0, self.offset), (self.manifold_radius, 0.0, self.offset)),
+    def recipe(self) -> Recipe:
+        return in_halves(
+            self.lift, self.offset,
             "Every channel's section is round about this plane, so that each layer has open grooves that hold nothing back.",
+            ((0.0, 0.0, self.offset), (self.manifold_radius, 0.0, self.offset)),
         )  # fmt: skip
 
     def build_whole(self) -> None:

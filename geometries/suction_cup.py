@@ -27,7 +27,7 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
-from geometries.actuator import Hold, Vector
+from geometries.actuator import Hold, Pour, Recipe, Vector
 from geometries.registry import register_device
 from geometries.revolved import Panel, Revolved, Side, rectangle, section_field, through_field, wedge_field
 from softmodels.common.errors import GeometryError
@@ -155,6 +155,14 @@ class SuctionCup(Revolved):
     @property
     def clearances(self) -> dict[str, float]:
         return {"roof": self.roof, "lip": self.lip, "cavity": self.depth, "stem": self.stem_radius}
+
+    @property
+    def recipe(self) -> Recipe:
+        cup = Pour(name="cup", up=self.lift, level=0.0, gate=self.height, vented=self.depth + self.roof)
+        return Recipe(
+            pours=(cup,),
+            why="The lip lies on the lid, which is smooth, and it is poured through the stem: no mark is on the sealing face.",
+        )
 
     @property
     def probes(self) -> Mapping[str, Vector]:

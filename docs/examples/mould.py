@@ -14,11 +14,12 @@ mould = sm.mould(disk, silicone="ecoflex-00-30", chord="0.1 mm")
 bodies = {body.name: body.facets for body in (*mould.bodies, *mould.casts)}
 plotter = pv.Plotter(off_screen=True, window_size=(800, 800))
 top = 0.0
-for name in ("lower cup", "lower half", "lower lid", "upper lid", "upper half", "upper cup"):
+for name in ("lower cup", "lower cast", "lower lid", "upper lid", "upper cast", "upper cup"):
     facets = bodies[name]
+    points = facets.points * (1 if name.startswith("upper") else (1, -1, -1))  # a piece lies above its lid
     faces = np.insert(facets.triangles, 0, 3, axis=1)
-    points = facets.points + np.array([0, 0, top - facets.points[:, 2].min()])
-    plotter.add_mesh(pv.PolyData(points, faces), color="#e8b796" if name.endswith("half") else "#b4c3d4")
+    points = points + np.array([0, 0, top - points[:, 2].min()])
+    plotter.add_mesh(pv.PolyData(points, faces), color="#e8b796" if name.endswith("cast") else "#b4c3d4")
     top = points[:, 2].max() + 12
 plotter.camera_position = [(180, -260, 200), (0, 0, top / 2), (0, 0, 1)]
 plotter.screenshot("mould.png")

@@ -129,7 +129,7 @@ def _design(result: DesignResult) -> Drawing:
 
 
 def _mould(mould: Made) -> Drawing:
-    from softmodels.casting.files import exploded_picture
+    from softmodels.casting.pictures import exploded_picture
 
     return exploded_picture(mould) if can_render() else None
 

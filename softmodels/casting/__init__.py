@@ -3,5 +3,6 @@
 Begin with `make`.
 
 - `settings`: what a workshop sets. `bodies`: the parts of the mould in the CAD kernel. `facets`: their surfaces, measured.
-- `files`: STEP, STL, the sheet for the bench with its pictures, and the call `sm.mould`.
+- `plate`: bodies on the printer's plates, and a coupon. `pictures`: views, steps of the work, drawing.
+- `files`: STEP, STL, the sheet for the bench, and the call `sm.mould`.
 """

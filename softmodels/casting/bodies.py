@@ -1,4 +1,7 @@
-"""The device in the CAD kernel, in mm, rotated so that the mould opens along z, and split in two."""
+"""The bodies of a mould in the CAD kernel, in mm: for each piece that is cast a cup and a lid with its core.
+
+Every piece has a frame of its own, in which the lid's plane is level and the piece lies above it.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +12,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from geometries import Actuator
-from geometries.actuator import Parting
+from geometries.actuator import Pour, Recipe, Vector
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
-from softmodels.common.errors import MeshingError
+from softmodels.common.errors import GeometryError, MeshingError
 from softmodels.common.schema import shown
 
 Solid = tuple[int, int]
@@ -25,32 +27,26 @@ MM = 1e3
 """Lengths in the model over those in m."""
 NEAR = 1e-6
 """Tolerance relative to the part's size."""
+FLUSH = 1e-4
+"""Distance in mm below which two faces are in one plane: boxes of the CAD kernel are a little larger than what is in them."""
 LEAST_SILICONE = 0.5e-3
 """Minimum silicone around a tube, m: thinner walls tear when the tube is pushed in."""
-OTHER_SIDE = {"upper": -1.0, "lower": 1.0}
-"""Halves by name, with the direction of their mould's lid along z."""
+JIG = 5.0
+"""Height of the bonding jig above and below the bond, mm."""
+UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
+HANDLE = 3.0
+"""Thickness in mm of the head by which an inlet pin is pulled, and by how much its radius is larger than the pin's."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Parted:
-    """The device in the current Gmsh model, in the mould's scale.
+class Frame:
+    """Where a piece stands: the rotation and scale that bring the device there.
 
     Attributes:
-        envelope: The device with its cavities filled.
-        cores: Its cavities.
-        inlet: The solid that leaves room for the tube; none if there is no inlet.
-        level: Height of the parting plane, mm.
-        low, high: Corners of the envelope's box, mm.
-        turn: The rotation that turned it, shape (3, 3).
-        scale: Its size over the device's.
+        turn: Shape (3, 3).
+        scale: Size of what is cast over the device's.
     """
 
-    envelope: Solid
-    cores: list[Solid]
-    inlet: list[Solid]
-    level: float
-    low: Array
-    high: Array
     turn: Array
     scale: float
 
@@ -58,53 +54,108 @@ class Parted:
         """Return the place in the original device, in mm, of a place in the mould."""
         return np.asarray(self.turn.T @ np.asarray(place) / self.scale)
 
+    def placed(self, place: Vector) -> Array:
+        """Return the place in the mould, in mm, of a place in the device, in m."""
+        return np.asarray(MM * self.scale * (self.turn @ np.asarray(place)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Hole:
+    """An opening of a lid or a cup: a cone, wide outside, so that the sprue tears off at its neck; or the room of a pin.
+
+    Attributes:
+        place: (x, y) of its axis, mm.
+        neck, mouth: Its radii at the silicone and outside, mm.
+        heights: From where to where it runs, mm.
+    """
+
+    place: tuple[float, float]
+    neck: float
+    mouth: float
+    heights: tuple[float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class ToolBody:
+    """A body of a mould.
+
+    Attributes:
+        name: ``"upper cup"`` and so on.
+        solid: It, in the current Gmsh model.
+        pull: Unit vector along which it leaves; zero if it is dissolved.
+    """
+
+    name: str
+    solid: Solid
+    pull: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class Tooling:
+    """The mould of one piece, in the current Gmsh model.
+
+    Attributes:
+        pour: What is cast, and how.
+        frame: Where it stands.
+        bodies: In the order in which they leave.
+        target: Shape to be cast, from the device's geometry.
+        cores: Its cavities.
+        cavities: All of the device's, if they are closed.
+        plugs: Silicone that makes room for the tubes.
+        openings: What is cut out of the bodies and not filled by the piece: pour opening, vents, slack of pins.
+        level, top: Heights where the piece begins and ends, mm.
+        low, high: Corners of the block that all bodies make together, mm; only the head of an inlet pin is outside.
+        drafted: Pins and holes along the pull.
+        jig: A ring around the lid's plane, in which the piece is bonded to others.
+    """
+
+    pour: Pour
+    frame: Frame
+    bodies: list[ToolBody]
+    target: list[Solid]
+    cores: list[Solid]
+    cavities: list[Solid]
+    plugs: list[Solid]
+    openings: list[Solid]
+    level: float
+    top: float
+    low: Array
+    high: Array
+    drafted: list[Hole]
+    jig: Solid
+
     @property
     def size(self) -> float:
-        """Diagonal of the box, mm."""
+        """Diagonal of the block, mm."""
         return float(np.linalg.norm(self.high - self.low))
 
-    def half(self, name: str, solids: Sequence[Solid]) -> list[Solid]:
-        """Return the copies of what lies above or below the parting plane, of several solids."""
-        import gmsh  # type: ignore[import-untyped]
 
-        occ, far = gmsh.model.occ, 2.0 * self.size
-        x, y, _ = self.low - 0.5 * self.size
-        begin = self.level if name == "upper" else self.level - far
-        if not solids:
-            return []
-        space = occ.addBox(x, y, begin, far, far, far)
-        return list(occ.intersect(occ.copy(list(solids)), [(3, space)])[0])
+def recipe_of(device: Actuator, workshop: Workshop) -> Recipe:
+    """Return how a device is cast, along the workshop's pull if it is an imported part.
+
+    Raises:
+        MouldError: It has no recipe, or its own and no use for a pull.
+    """
+    try:
+        recipe = device.cast_along(workshop.direction, workshop.level)
+    except GeometryError as error:
+        raise MouldError(str(error)) from None
+    if workshop.core != "as needed":
+        lost = workshop.core == "lost"
+        pours = tuple(dataclasses.replace(pour, lost=lost and pour.lid) for pour in recipe.pours)
+        recipe = dataclasses.replace(recipe, pours=pours)
+    return recipe
 
 
-def placed(parting: Parting, workshop: Workshop) -> Array:
-    """Return the rotation, shape (3, 3), that rotates the pull into z by the smallest angle."""
-    pull, z = np.asarray(parting.pull), np.array([0.0, 0.0, 1.0])
-    axis, cosine = np.cross(pull, z), float(pull @ z)
+def rotation_up(up: Vector) -> Array:
+    """Return the rotation, shape (3, 3), that rotates a unit vector into z by the smallest angle."""
+    axis, cosine = np.cross(up, UP), float(up[2])
     if cosine > 1.0 - 1e-12:
         return np.eye(3)
     if cosine < -1.0 + 1e-12:
         return np.diag([1.0, -1.0, -1.0])
     cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
     return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))
-
-
-def parting_of(device: Actuator, workshop: Workshop) -> Parting | None:
-    """Return the parting plane of a device: by its class, else along the given pull, in the middle of the cavities
-    (None).
-
-    Raises:
-        MouldError: A pull that is missing, or asked of a device that has its own.
-    """
-    own = device.parting
-    if own is not None:
-        if workshop.direction is not None or workshop.level is not None:
-            raise MouldError(
-                f"pull and split apply only to imported parts; a {type(device).__name__} defines its own parting plane"
-            )
-        return own
-    if workshop.direction is None:
-        raise MouldError("the mould of this part needs its opening direction, such as --pull '0, 0, 1'")
-    return None
 
 
 def turned(solids: Sequence[Solid], turn: Array) -> None:
@@ -140,303 +191,445 @@ def scaled(factor: float) -> None:
     gmsh.model.occ.synchronize()
 
 
-def part(device: Actuator, workshop: Workshop) -> Parted:
-    """Fill the current Gmsh model with a device, ready for its mould.
-
-    Raises:
-        MouldError: A device that cannot be parted as asked.
-        GeometryError, MeshingError: Its whole cannot be made.
-    """
-    import gmsh
-
-    parting = parting_of(device, workshop)
-    device.build_whole()
-    solids = gmsh.model.getEntities(3)
-    if len(solids) != 1:
-        raise MouldError(f"the whole device consists of {len(solids)} solids; a mould needs a single one")
-    turn = placed(parting or Parting(workshop.direction or (0.0, 0.0, 1.0), 0.0, None, ""), workshop)
-    turned(solids, turn)
-    scaled(workshop.scale)
-    occ = gmsh.model.occ
-    occ.synchronize()
-    solids = occ.getEntities(3)
-    loops, _ = occ.getSurfaceLoops(solids[0][1])
-    shells = [(3, occ.addVolume([loop])) for loop in loops]
-    occ.synchronize()
-    boxes = [np.array(occ.getBoundingBox(*shell)).reshape(2, 3) for shell in shells]
-    order = np.argsort([-np.prod(np.ptp(box, axis=0)) for box in boxes])
-    envelope, cores = shells[order[0]], [shells[k] for k in order[1:]]
-    if not cores:
-        raise MouldError("the part has no closed cavity, so it needs no mould with a core")
-    low, high = boxes[order[0]]
-    level = _level(parting, workshop, boxes, order)
-    if not low[2] < level < high[2]:
-        raise MouldError(
-            f"split is {shown(level / MM / workshop.scale, 'm')}; along the pull the part extends from "
-            f"{shown(low[2] / MM / workshop.scale, 'm')} to {shown(high[2] / MM / workshop.scale, 'm')}"
-        )
-    inlet = _inlet(parting, workshop, envelope) if parting and parting.inlet and workshop.tube else []
-    return Parted(envelope, cores, inlet, level, low, high, turn, workshop.scale)
-
-
-def _level(parting: Parting | None, workshop: Workshop, boxes: list[Array], order: npt.NDArray[np.int64]) -> float:
-    if parting is not None:
-        return MM * workshop.scale * parting.height
-    if workshop.level is not None:
-        return MM * workshop.scale * workshop.level
-    heights = np.array([boxes[k][:, 2] for k in order[1:]])
-    return 0.5 * float(heights.min() + heights.max())
-
-
-def _inlet(parting: Parting, workshop: Workshop, envelope: Solid) -> list[Solid]:
-    """Return the core of the tube: straight in the parting plane, else tapered outwards by the draft.
-
-    Raises:
-        MouldError: The draft closes it.
-    """
-    import gmsh
-
-    assert parting.inlet is not None
-    begin, end = (MM * workshop.scale * np.asarray(place) for place in parting.inlet)
-    along = end - begin
-    length, radius = float(np.linalg.norm(along)), 0.5 * MM * workshop.tube
-    upright = abs(float(along @ np.asarray(parting.pull))) > 0.5 * length
-    around = (3, gmsh.model.occ.addCylinder(*begin, *along, radius + MM * LEAST_SILICONE))
-    inside = gmsh.model.occ.intersect(gmsh.model.occ.copy([around]), [envelope], removeTool=False)[0]
-    found = sum(gmsh.model.occ.getMass(*solid) for solid in inside)
-    if found < (1.0 - NEAR) * gmsh.model.occ.getMass(*around):
-        raise MouldError(
-            f"tube is {shown(workshop.tube, 'm')}; it would leave less than {shown(LEAST_SILICONE, 'm')} of "
-            f"silicone around it"
-        )
-    gmsh.model.occ.remove([around], recursive=True)
-    if not upright:
-        core = gmsh.model.occ.addCylinder(*begin, *along, radius)
-    else:
-        tip = radius - length * workshop.slope
-        if 2.0 * tip < MM * workshop.least_wall:
-            raise MouldError(
-                f"draft is {shown(workshop.draft, 'degree')}; over {shown(length / MM, 'm')} it closes the inlet: of its core "
-                f"of {shown(workshop.tube, 'm')} {shown(max(2.0 * tip, 0.0) / MM, 'm')} are left, but the printer's smallest "
-                f"rib is {shown(workshop.least_wall, 'm')}"
-            )
-        same = radius - tip < 1e-9
-        core = (
-            gmsh.model.occ.addCylinder(*begin, *along, radius)
-            if same
-            else gmsh.model.occ.addCone(*begin, *along, tip, radius)
-        )
-    return list(gmsh.model.occ.intersect([(3, core)], [envelope], removeTool=False)[0])
-
-
 # ----------------------------------------------------------------------------------------------------------------------
-# Place the pour opening and the vents on the bonding face, clear of every core.
+# From the device to a piece of it: between two planes, with its cavities and the room for its tubes.
 
 
-GRID = 120
-"""Number of candidate places along the longer side."""
-ALONG = 60
-"""Points on each curve of the face's edge."""
-
-
-def hole_places(cast: list[Solid], level: float, workshop: Workshop) -> tuple[Array, Array]:
-    """Return the places (x, y) in mm of the pour opening, shape (2,), and of the vents, shape (n, 2).
-
-    The pour opening is where most room is; the vents are as far from it and from each other as can be.
-
-    Args:
-        cast: The half that is cast, in the current Gmsh model.
-        level: Height of the parting plane, mm.
-        workshop: Sizes of the holes.
-
-    Raises:
-        MouldError: There is no room.
-    """
-    segments = _edge(cast, level)
-    places, room = _places(segments)
-    needed = 0.5 * MM * workshop.pour + MM * workshop.least_gap
-    best = float(room.max(initial=0.0))
-    if best < needed:
-        raise MouldError(
-            f"pour is {shown(workshop.pour, 'm')}; the bonding face has room for "
-            f"{shown(round(max(2.0 * (best / MM - workshop.least_gap), 0.0), 6), 'm')} beside the cores"
-        )
-    pour = places[room.argmax()]
-    free = places[room >= 0.5 * MM * workshop.vent + MM * workshop.least_gap]
-    apart = 0.5 * MM * (workshop.pour + workshop.vent) + MM * workshop.least_wall
-    vents: list[Array] = []
-    for _ in range(workshop.vents):
-        taken = np.array([pour, *vents])
-        distance, _ = cKDTree(taken).query(free)
-        if not len(free) or distance.max() < apart:
-            raise MouldError(f"vents is {workshop.vents}; the bonding face has room for {len(vents)} beside the cores")
-        vents.append(free[distance.argmax()])
-    return pour, np.array(vents)
-
-
-def _edge(cast: list[Solid], level: float) -> Array:
-    """Return the straight pieces (x, y) of the edge of the faces that lie in the parting plane, shape (n, 2, 2)."""
+def _box(solid: Solid) -> Array:
+    """Return the corners of a solid's box, shape (2, 3)."""
     import gmsh  # type: ignore[import-untyped]
 
-    near, pieces = 1e-4, []
-    for _, face in gmsh.model.getBoundary(cast, combined=True, oriented=False):
-        box = gmsh.model.occ.getBoundingBox(2, face)
-        if max(abs(box[2] - level), abs(box[5] - level)) > near:
-            continue
-        for _, curve in gmsh.model.getBoundary([(2, face)], combined=False, oriented=False):
-            low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
-            at = np.reshape(gmsh.model.getValue(1, curve, np.linspace(low, high, ALONG + 1)), (-1, 3))[:, :2]
-            pieces.append(np.stack([at[:-1], at[1:]], axis=1))
-    if not pieces:
-        raise MouldError("the parting plane leaves no face to bond; choose another (--split)")
-    return np.concatenate(pieces)
+    return np.array(gmsh.model.occ.getBoundingBox(*solid)).reshape(2, 3)
 
 
-def _places(segments: Array) -> tuple[Array, Array]:
-    """Return the places inside of an edge, shape (n, 2), and how far each is from it."""
-    low, high = segments.min(axis=(0, 1)), segments.max(axis=(0, 1))
-    step = float((high - low).max()) / GRID
-    x, y = np.meshgrid(*(np.arange(a + 0.5 * step, b, step) for a, b in zip(low, high, strict=True)), indexing="ij")
-    places = np.column_stack([x.ravel(), y.ravel()])
-    (xa, ya), (xb, yb) = segments[:, 0].T, segments[:, 1].T
-    inside = np.zeros(len(places), dtype=bool)
-    for k, (px, py) in enumerate(places):  # a ray along x crosses the edge an odd number of times
-        crossed = (ya > py) != (yb > py)
-        inside[k] = (
-            np.count_nonzero(xa[crossed] + (py - ya[crossed]) / (yb - ya)[crossed] * (xb - xa)[crossed] > px) % 2
-        )
-    places = places[inside]
-    fine = np.concatenate(
-        [segments[:, 0] + share * (segments[:, 1] - segments[:, 0]) for share in np.linspace(0, 1, 9)]
-    )
-    return places, cKDTree(fine).query(places)[0] if len(places) else np.zeros(0)
+def _block(low: Array, high: Array) -> Solid:
+    import gmsh
+
+    return (3, int(gmsh.model.occ.addBox(*low, *np.subtract(high, low))))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
-# The four bodies of a mould: per half of the device a cup for its outside, and a lid for the bonding
-# face with the cavity's core. Pins on the cup fit into sockets of the lid; pour opening and vents are in the lid,
-# so that their marks vanish in the bond.
+def _within(solids: Sequence[Solid], low: Array, high: Array) -> list[Solid]:
+    """Return copies of what lies in a box, of several solids."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    return list(occ.intersect(occ.copy(list(solids)), [_block(low, high)])[0]) if solids else []
 
 
-@dataclasses.dataclass(frozen=True)
-class Hole:
-    """An opening of a lid: a cone, wide outside, so that the sprue tears off at its neck.
+def _merged(solids: Sequence[Solid]) -> list[Solid]:
+    import gmsh
 
-    Attributes:
-        place: (x, y) of its axis, mm.
-        neck, mouth: Its radii at the silicone and outside, mm.
-    """
-
-    place: tuple[float, float]
-    neck: float
-    mouth: float
+    return list(gmsh.model.occ.fuse(list(solids[:1]), list(solids[1:]))[0]) if len(solids) > 1 else list(solids)
 
 
-@dataclasses.dataclass(frozen=True)
-class Tooling:
-    """The mould of one half, in the current Gmsh model.
-
-    Attributes:
-        half: ``"upper"`` or ``"lower"``.
-        cup, lid: The bodies.
-        target: Shape to be cast, from the device's geometry.
-        level: Height of the parting plane, mm.
-        pour: The pour opening.
-        vents: The vents.
-        pins: (x, y) of the pins, shape (3, 2), mm.
-        low, high: Corners of the box of cup and lid together, mm.
-    """
-
-    half: str
-    cup: Solid
-    lid: Solid
-    target: list[Solid]
-    level: float
-    pour: Hole
-    vents: list[Hole]
-    pins: Array
-    low: Array
-    high: Array
-
-
-def tooling(parted: Parted, half: str, workshop: Workshop) -> Tooling:
-    """Make the mould of one half.
+def tooling(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop) -> Tooling:
+    """Fill the current Gmsh model with the mould of one piece of a device.
 
     Raises:
         MouldError: It cannot be made so.
+        GeometryError, MeshingError: The device's whole cannot be made.
     """
-    import gmsh  # type: ignore[import-untyped]
-
-    occ, towards = gmsh.model.occ, OTHER_SIDE[half]
-    outside = _one(parted.half(half, [parted.envelope]), f"the {half} half of the part")
-    cores = parted.half(half, [*parted.cores, *parted.inlet])
-    if len(cores) > 1:
-        cores = list(occ.fuse(cores[:1], cores[1:])[0])
-    target = list(occ.cut([outside], cores, removeObject=False, removeTool=False)[0]) if cores else occ.copy([outside])
-    occ.synchronize()
-    wall, rim, level = MM * workshop.wall, MM * workshop.rim, parted.level
-    end = parted.high[2] + wall if half == "upper" else parted.low[2] - wall
-    x, y = parted.low[:2] - rim
-    wide, deep = np.ptp([parted.low, parted.high], axis=0)[:2] + 2.0 * rim
-    cup = occ.cut([(3, occ.addBox(x, y, level, wide, deep, end - level))], [outside])[0]
-    plate = (3, occ.addBox(x, y, level, wide, deep, towards * wall))
-    lid = occ.fuse([plate], cores)[0] if cores else [plate]
-    pour, vents = _holes(target, level, workshop)
-    pins = np.array(
-        [[x + 0.5 * rim, y + 0.5 * rim], [x + wide - 0.5 * rim, y + 0.5 * rim], [x + 0.5 * rim, y + deep - 0.5 * rim]]
-    )
-    cup, lid = _joined(cup, lid, pins, level, towards, workshop)
-    tools = [_cone(hole.place, level, towards * wall, hole.neck, hole.mouth) for hole in (pour, *vents)]
-    lid = occ.cut(lid, tools)[0]
-    occ.synchronize()
-    back = level + towards * wall
-    return Tooling(
-        half, _one(cup, f"the cup of the {half} half"), _lid(lid, parted, half), target, level, pour, vents, pins,
-        np.array([x, y, min(end, back)]), np.array([x + wide, y + deep, max(end, back)]),
-    )  # fmt: skip
+    return _Maker(device, recipe, pour, workshop).tooling()
 
 
-def left(parted: Parted, made: Tooling) -> list[Solid]:
-    """Return the cast: the free volume of the closed mould on the part's side of the parting plane. Cup and lid stay."""
+class _Maker:
+    """Makes the bodies of one piece's mould, step by step."""
+
+    def __init__(self, device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop):
+        import gmsh
+
+        self.pour, self.workshop, self.occ = pour, workshop, gmsh.model.occ
+        device.build_whole()
+        solids = gmsh.model.getEntities(3)
+        if len(solids) != 1:
+            raise MouldError(f"the whole device consists of {len(solids)} solids; a mould needs a single one")
+        self.frame = Frame(rotation_up(pour.up), workshop.scale)
+        turned(solids, self.frame.turn)
+        scaled(workshop.scale)
+        self.occ.synchronize()
+        (self.whole,) = self.occ.getEntities(3)
+        loops, _ = self.occ.getSurfaceLoops(self.whole[1])
+        shells = [(3, self.occ.addVolume([loop])) for loop in loops] if len(loops) > 1 else [self.whole]
+        boxes = np.array([_box(shell) for shell in shells])
+        outer = int(np.prod(np.ptp(boxes, axis=1), axis=1).argmax())
+        self.envelope = shells[outer]
+        self.cavities = [shell for k, shell in enumerate(shells) if k != outer]
+        self.level, self.top = self._heights(boxes, outer)
+        low, high = boxes[outer]
+        self.low, self.high = np.array([*low[:2], self.level]), np.array([*high[:2], self.top])
+        self.bodies: list[ToolBody] = []
+        self.openings: list[Solid] = []
+        self.plugs: list[Solid] = []
+        self.drafted: list[Hole] = []
+        self.inlets = [inlet for ends in recipe.inlets if workshop.tube and (inlet := self._inlet(ends))]
+
+    def _heights(self, boxes: Array, outer: int) -> tuple[float, float]:
+        """Return the heights between which the piece lies, mm."""
+        pour, metre = self.pour, MM * self.workshop.scale
+        low, high = boxes[outer, :, 2]
+        cavities = np.delete(boxes[:, :, 2], outer, axis=0)
+        if pour.level is None and not len(cavities):
+            raise MouldError("the part has no closed cavity, so it needs no mould with a core")
+        level = 0.5 * float(cavities.min() + cavities.max()) if pour.level is None else metre * pour.level
+        top = float(high) if pour.end is None else metre * pour.end
+        if not low - FLUSH < level < high - FLUSH:
+            asked = self.workshop.level
+            value = shown(level / metre if asked is None else asked, "m")
+            low, high = (low, high) if asked is None or level == metre * asked else (-high, -low)
+            raise MouldError(
+                f"split is {value}; along the pull the part extends from {shown(low / metre, 'm')} to "
+                f"{shown(high / metre, 'm')}"
+            )
+        return level, top
+
+    def tooling(self) -> Tooling:
+        """Make it; see `Tooling`."""
+        occ, workshop = self.occ, self.workshop
+        wall, rim = MM * workshop.wall, MM * workshop.rim
+        far = np.array([1.0, 1.0, 0.0]) * (self.high - self.low).max()
+        piece = _one(_within([self.whole], self.low - far, self.high + far), f"the piece {self.pour.name!r}")
+        cut = [inlet.room for inlet in self.inlets]
+        target = list(occ.cut([piece], cut, removeObject=False, removeTool=False)[0]) if cut else occ.copy([piece])
+        occ.synchronize()
+        box = _box(piece)
+        self.low[:2], self.high[:2] = box[0, :2] - rim, box[1, :2] + rim
+        around, cores, recesses = self._complement(piece)
+        jig = self._ring(around)
+        floor = _block(np.array([*self.low[:2], self.top]), self.high + wall * UP)
+        cup = _merged([around, floor, *recesses, *(inlet.core for inlet in self.inlets if inlet.part == "cup")])
+        lid = [_block(self.low - wall * UP, np.array([*self.high[:2], self.level]))] if self.pour.lid else []
+        cup, lid = self._pierce(cup, lid, target)
+        kept = occ.copy(cores) if cores else []
+        fused = [*cores, *(inlet.core for inlet in self.inlets if inlet.part == "lid")]
+        if self.pour.lost and cores:
+            lid = self._peg(cores, lid)
+        elif fused:
+            lid = self._carry(lid, fused)
+        if self.pour.lid:
+            cup, lid = self._join(cup, lid)
+            self._add("lid", lid, DOWN)
+        self._divide(cup)
+        low = self.low - (wall if self.pour.lid else 0.0) * UP
+        return Tooling(self.pour, self.frame, self.bodies, target, kept, self.cavities, self.plugs, self.openings,
+                       self.level, self.top, low, self.high + wall * UP, self.drafted, jig)  # fmt: skip
+
+    def _add(self, kind: str, solids: list[Solid], pull: Array) -> None:
+        name = f"{self.pour.name} {kind}"
+        self.occ.synchronize()
+        self.bodies.append(ToolBody(name, _one(solids, f"the {name}"), np.asarray(pull, dtype=float)))
+
+    def _complement(self, piece: Solid) -> tuple[Solid, list[Solid], list[Solid]]:
+        """Return what is between the planes beside a piece: around it, cores on the lid, and what belongs to the cup's
+        floor."""
+        parts = self.occ.cut([_block(self.low, self.high)], [piece], removeTool=False)[0]
+        self.occ.synchronize()
+        around, cores, recesses = [], [], []
+        for part in parts:
+            low, high = _box(part)
+            if (low[:2] < self.low[:2] + FLUSH).any():
+                around.append(part)
+            elif low[2] < self.level + FLUSH and self.pour.lid:
+                cores.append(part)
+            elif high[2] > self.top - FLUSH:
+                recesses.append(part)
+            else:
+                place = self.frame.drawn(np.array(self.occ.getCenterOfMass(*part))).round(3)
+                raise MouldError(
+                    f"the cavity around {', '.join(f'{value + 0.0:.4g}' for value in place)} mm is entirely in the "
+                    f"{self.pour.name} half and does not reach the parting plane, so its core would float; choose another "
+                    f"plane (--split) or direction (--pull)"
+                )
+        return _one(around, f"the cup of the {self.pour.name}"), cores, recesses
+
+    def _ring(self, around: Solid) -> Solid:
+        """Return what is around the piece in the lid's plane, as a ring on both sides of it: a jig for the bond."""
+        import gmsh
+
+        faces = gmsh.model.getBoundary([around], oriented=False)
+        flat = [(2, face) for _, face in faces if _box((2, face))[:, 2].max() < self.level + FLUSH]
+        half = min(JIG, 0.5 * (self.top - self.level))
+        base = self.occ.copy(flat)
+        self.occ.translate(base, 0, 0, -half)
+        ring = [solid for solid in self.occ.extrude(base, 0, 0, 2.0 * half) if solid[0] == 3]
+        return _one(_merged(ring), "the jig")
+
+    def _pierce(self, cup: list[Solid], lid: list[Solid], target: list[Solid]) -> tuple[list[Solid], list[Solid]]:
+        """Cut the pour opening and the vents, the bolts' holes and the inlet pins' bores."""
+        occ, workshop, pour = self.occ, self.workshop, self.pour
+        metre, wall = MM * workshop.scale, MM * workshop.wall
+        tools: list[Solid] = []
+        if not pour.squeezed and (pour.lid or pour.gate is not None):
+            gate = self.level if pour.gate is None else metre * pour.gate
+            vented = gate if pour.vented is None else metre * pour.vented
+            line = self._split if pour.sideways is not None else None
+            places = hole_places(target, (gate, vented), line, workshop)
+            outside = self.level - wall if pour.gate is None else self.top + wall
+            for place, start, width in zip(
+                places,
+                (gate, *[vented] * workshop.vents),
+                (workshop.pour, *[workshop.vent] * workshop.vents),
+                strict=True,
+            ):
+                neck = 0.5 * MM * width
+                mouth, heights = (
+                    neck + abs(outside - start) * workshop.slope,
+                    (min(start, outside), max(start, outside)),
+                )
+                hole = Hole((float(place[0]), float(place[1])), neck, mouth, heights)
+                tools.append(_cone(hole.place, start, outside - start, hole.neck, hole.mouth))
+                self.drafted.append(hole)
+        if workshop.bolt and pour.lid:
+            tools += self._bolts()
+        for inlet in self.inlets:
+            if inlet.bore is not None:
+                tools.append(inlet.bore)
+                self._add("inlet pin", [inlet.core], inlet.outwards)
+        self.openings += tools
+        if tools:
+            cup = occ.cut(cup, tools, removeTool=False)[0]
+            lid = occ.cut(lid, tools, removeTool=False)[0] if lid else []
+        return cup, lid
+
+    @property
+    def _split(self) -> tuple[int, float]:
+        """Axis across the plane in which the cup opens, and the plane's place on it, mm."""
+        sideways = self.frame.turn @ np.asarray(self.pour.sideways)
+        axis = int(np.abs(sideways).argmax())
+        return axis, 0.5 * float(self.low[axis] + self.high[axis])
+
+    def _bolts(self) -> list[Solid]:
+        """Return the bolts' shanks: upright in the middle of each rim; of a cup in two halves across both."""
+        middle, half, radius = 0.5 * (self.low + self.high), 0.5 * MM * self.workshop.rim, 0.5 * MM * self.workshop.bolt
+        begin, end = self.low - MM * self.workshop.wall * UP, self.high + MM * self.workshop.wall * UP
+        if self.pour.sideways is not None:
+            axis, _ = self._split
+            starts = [np.where(np.arange(3) == axis, begin, middle) for _ in range(2)]
+            starts[0][1 - axis], starts[1][1 - axis] = begin[1 - axis] + half, end[1 - axis] - half
+            along = np.where(np.arange(3) == axis, end - begin, 0.0)
+        else:
+            (x, y), (X, Y) = begin[:2] + half, end[:2] - half
+            starts = [
+                np.array([*at, begin[2]]) for at in ((x, middle[1]), (X, middle[1]), (middle[0], y), (middle[0], Y))
+            ]
+            starts = [self._clear(start, radius) for start in starts]
+            along = (end - begin) * UP
+        return [(3, int(self.occ.addCylinder(*start, *along, radius))) for start in starts]
+
+    def _clear(self, start: Array, radius: float) -> Array:
+        """Return the place of an upright bolt, moved along its rim if an inlet pin would cross it."""
+        for inlet in self.inlets:
+            across = np.cross(UP, inlet.outwards)
+            off, needed = float((start - inlet.begin) @ across), radius + inlet.radius + MM * self.workshop.least_wall
+            if inlet.bore is not None and abs(off) < needed and (start - inlet.begin) @ inlet.outwards > 0.0:
+                start = start + (needed + 1.0 - off) * across
+        return start
+
+    def _carry(self, lid: list[Solid], cores: list[Solid]) -> list[Solid]:
+        """Put cores on the lid."""
+        found = _merged([*lid, *cores])
+        if len(found) > 1:
+            loose = min(found, key=lambda solid: float(self.occ.getMass(*solid)))
+            place = self.frame.drawn(np.array(self.occ.getCenterOfMass(*loose))).round(3)
+            raise MouldError(
+                f"a core of the {self.pour.name} around {', '.join(f'{value + 0.0:.4g}' for value in place)} mm does not "
+                f"stand on the lid; choose another plane (--split)"
+            )
+        return found
+
+    def _peg(self, cores: list[Solid], lid: list[Solid]) -> list[Solid]:
+        """Give the lost core a peg that stands in the lid."""
+        workshop = self.workshop
+        places, room = _places(_edge(cores, self.level))
+        radius = min(0.6 * float(room.max()), 1.5 * MM * workshop.pin)
+        length, gap = MM * workshop.pin_length, MM * workshop.clearance
+        at = (float(places[room.argmax()][0]), float(places[room.argmax()][1]))
+        peg = _cone(at, self.level, -length, radius, radius - length * workshop.slope)
+        socket = _cone(at, self.level, -length - gap, radius + gap, radius - length * workshop.slope + gap)
+        self.openings.append(socket)
+        self._add("core", _merged([*cores, peg]), np.zeros(3))
+        return list(self.occ.cut(lid, [socket], removeTool=False)[0])
+
+    def _join(self, cup: list[Solid], lid: list[Solid]) -> tuple[list[Solid], list[Solid]]:
+        """Put the pins on the cup and sink their sockets into the lid."""
+        length = MM * self.workshop.pin_length
+        return self._pinned(cup, lid, self.level, length, length + MM * self.workshop.clearance)
+
+    def _pinned(
+        self, upper: list[Solid], lower: list[Solid], level: float, length: float, deep: float
+    ) -> tuple[list[Solid], list[Solid]]:
+        """Put pins down from one body, and sink their sockets into that below; in three corners, so that one way only
+        fits."""
+        workshop, half = self.workshop, 0.5 * MM * self.workshop.rim
+        gap, root = MM * workshop.clearance, 0.5 * MM * workshop.pin
+        (x, y), (X, Y) = self.low[:2] + half, self.high[:2] - half
+        tip, places = root - length * workshop.slope, ((x, y), (X, y), (x, Y))
+        upper = _merged([*upper, *(_cone(place, level, -length, root, tip) for place in places)])
+        end = root + gap - deep * workshop.slope
+        sockets = [_cone(place, level, -deep, root + gap, end) for place in places]
+        self.openings += sockets
+        self.drafted += [Hole(place, 0.0, root + 2.0 * gap, (level - deep, level)) for place in places]
+        return upper, list(self.occ.cut(lower, sockets, removeTool=False)[0])
+
+    def _divide(self, cup: list[Solid]) -> None:
+        """Add the cup in its parts."""
+        pour, far = self.pour, np.full(3, 2.0 * float((self.high - self.low).max()) + 100.0)
+        if pour.floor is not None:
+            height = MM * self.workshop.scale * pour.floor
+            frame = _within(cup, self.low - far, np.array([*self.high[:2], height]) + far * (1.0, 1.0, 0.0))
+            floor = _within(cup, np.array([*self.low[:2], height]) - far * (1.0, 1.0, 0.0), self.high + far)
+            self.occ.remove(cup, recursive=True)
+            deep = height - self.level  # the sockets go through the frame, which may be thin
+            floor, frame = self._pinned(floor, frame, height, min(MM * self.workshop.pin_length, 0.8 * deep), deep)
+            self._add("floor", floor, UP)
+            self._add("frame", frame, UP)
+        elif pour.sideways is not None:
+            axis, middle = self._split
+            one, other = (_within(cup, *self._side(far, axis, middle, way)) for way in (-1, 1))
+            self.occ.remove(cup, recursive=True)
+            one, other = self._doweled(one, other, axis, middle)
+            along = np.eye(3)[axis]
+            self._add("cup left", one, -along)
+            self._add("cup right", other, along)
+        else:
+            self._add("cup" if pour.lid else "tray", cup, UP)
+
+    def _side(self, far: Array, axis: int, middle: float, way: int) -> tuple[Array, Array]:
+        low, high = self.low - far, self.high + far
+        (high if way < 0 else low)[axis] = middle
+        return low, high
+
+    def _doweled(
+        self, one: list[Solid], other: list[Solid], axis: int, middle: float
+    ) -> tuple[list[Solid], list[Solid]]:
+        """Put dowels between the two halves of a cup, two at the bottom and one at the top."""
+        workshop, across = self.workshop, 1 - axis
+        gap, root, length = MM * workshop.clearance, 0.5 * MM * workshop.pin, MM * workshop.pin_length
+        tip, half = root - length * workshop.slope, 0.5 * MM * workshop.rim
+        low, high = self.level + half, self.top + MM * workshop.wall - half
+        dowels, sockets = [], []
+        for edge, height in ((0, low), (1, low), (0, high)):
+            at = np.zeros(3)
+            at[axis], at[across], at[2] = middle, (self.low[across] + half, self.high[across] - half)[edge], height
+            along = np.eye(3)[axis]
+            dowels.append((3, int(self.occ.addCone(*at, *(length * along), root, tip))))
+            sockets.append((3, int(self.occ.addCone(*at, *((length + gap) * along), root + gap, tip + gap))))
+        self.openings += sockets
+        return _merged([*one, *dowels]), list(self.occ.cut(other, sockets, removeTool=False)[0])
+
+    def _inlet(self, ends: tuple[Vector, Vector]) -> Inlet | None:
+        """Return the inlet if it runs through this piece."""
+        begin, end = (self.frame.placed(place) for place in ends)
+        along, middle = end - begin, 0.5 * (begin + end)
+        length = float(np.linalg.norm(along))
+        along /= length
+        upright = abs(along[2]) > 1.0 - 1e-9
+        in_plane = not upright and max(abs(begin[2] - self.level), abs(end[2] - self.level)) < FLUSH
+        if not in_plane and not self.level < middle[2] < self.top:
+            return None
+        part = "pin" if not upright and not in_plane else "lid" if self.pour.lid else "cup"
+        return self._make_inlet(part, begin, end, length)
+
+    def _make_inlet(self, part: str, begin: Array, end: Array, length: float) -> Inlet:
+        occ, workshop = self.occ, self.workshop
+        along, radius = (end - begin) / length, 0.5 * MM * workshop.inlet_width
+        upright = abs(along[2]) > 1.0 - 1e-9
+        self._check_silicone(begin, end - begin, radius)
+        outer = radius + (0.5 * LUER_TAPER * length if workshop.inlet == "luer" else 0.0)
+        inner = radius
+        if upright:
+            if workshop.inlet == "luer":
+                raise MouldError(
+                    "inlet is 'luer', a cone that is wide outside; this device's inlet is cast on the core, which leaves "
+                    "inwards: use inlet = tube or barb"
+                )
+            outer, inner = self._tapered(length, radius, part)
+        core = self._rod(begin, end, outer, inner)
+        room = _one(list(occ.intersect([core], [self.envelope], removeTool=False)[0]), "the inlet")
+        far = np.array([1.0, 1.0, 0.0]) * 2.0 * float((self.high - self.low).max())
+        room = _one(_within([room], self.low - far, self.high + far), "the inlet")
+        self.plugs += occ.intersect([room], [self.whole], removeObject=False, removeTool=False)[0]
+        if part != "pin":
+            return Inlet(part, room, occ.copy([room])[0], None, -along, begin, outer)
+        reach = MM * workshop.rim
+        pin = self._rod(begin - reach * along, begin, outer + 0.5 * self._cone_of * reach, outer)
+        head = self._rod(begin - (reach + HANDLE) * along, begin - reach * along, outer + HANDLE, outer + HANDLE)
+        gap = MM * workshop.clearance
+        bore = self._rod(begin - reach * along, begin, outer + 0.5 * self._cone_of * reach + gap, outer + gap)
+        core = _one(_merged([occ.copy([room])[0], pin, head]), "the inlet pin")
+        return Inlet(part, room, core, bore, -along, begin, outer + 0.5 * self._cone_of * reach + gap)
+
+    @property
+    def _cone_of(self) -> float:
+        return LUER_TAPER if self.workshop.inlet == "luer" else 0.0
+
+    def _rod(self, begin: Array, end: Array, first: float, last: float) -> Solid:
+        """Return a cylinder or a cone between two places, by its radii, mm."""
+        if abs(first - last) < 1e-9:
+            return (3, int(self.occ.addCylinder(*begin, *(end - begin), first)))
+        return (3, int(self.occ.addCone(*begin, *(end - begin), first, last)))
+
+    def _check_silicone(self, begin: Array, along: Array, radius: float) -> None:
+        occ, workshop = self.occ, self.workshop
+        around = (3, occ.addCylinder(*begin, *along, radius + MM * LEAST_SILICONE))
+        inside = occ.intersect(occ.copy([around]), [self.envelope], removeTool=False)[0]
+        found = sum(occ.getMass(*solid) for solid in inside)
+        if found < (1.0 - NEAR) * occ.getMass(*around):
+            raise MouldError(
+                f"tube is {shown(workshop.tube, 'm')}; it would leave less than {shown(LEAST_SILICONE, 'm')} of "
+                f"silicone around it"
+            )
+        occ.remove([*inside, around], recursive=True)
+
+    def _tapered(self, length: float, radius: float, part: str) -> tuple[float, float]:
+        """Return the radii of an upright inlet's core outside and inside: thinner away from the body that carries it."""
+        workshop = self.workshop
+        tip = radius - length * workshop.slope
+        if 2.0 * tip < MM * workshop.least_wall:
+            raise MouldError(
+                f"draft is {shown(workshop.draft, 'degree')}; over {shown(length / MM, 'm')} it closes the inlet: of its "
+                f"core of {shown(workshop.tube, 'm')} {shown(max(2.0 * tip, 0.0) / MM, 'm')} are left, but the printer's "
+                f"smallest rib is {shown(workshop.least_wall, 'm')}"
+            )
+        return (tip, radius) if part == "lid" else (radius, tip)
+
+
+LUER_TAPER = 0.06
+"""Change of diameter per length of a Luer cone (ISO 80369-7)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Inlet:
+    """The core of a tube.
+
+    Attributes:
+        part: What carries it: ``"lid"``, ``"cup"``, or itself as a ``"pin"``.
+        room: What it takes from the piece.
+        core: The body, or what is put on the lid or cup.
+        bore: The hole for a pin in the cup.
+        outwards: Unit vector out of the device.
+        begin: Where it leaves the device, mm.
+        radius: Of its bore where that is widest, mm.
+    """
+
+    part: str
+    room: Solid
+    core: Solid
+    bore: Solid | None
+    outwards: Array
+    begin: Array
+    radius: float
+
+
+def left(made: Tooling) -> list[Solid]:
+    """Return the cast: the free volume of the closed mould, without its openings. The bodies stay."""
     import gmsh
 
-    low, high = made.low.copy(), made.high.copy()
-    if made.half == "upper":
-        low[2] = parted.level
-    else:
-        high[2] = parted.level
-    box = (3, gmsh.model.occ.addBox(*low, *(high - low)))
-    return list(gmsh.model.occ.cut([box], [made.cup, made.lid], removeTool=False)[0])
-
-
-def _holes(target: list[Solid], level: float, workshop: Workshop) -> tuple[Hole, list[Hole]]:
-    pour, vents = hole_places(target, level, workshop)
-    widening = MM * workshop.wall * workshop.slope
-
-    def hole(place: Array, diameter: float) -> Hole:
-        neck = 0.5 * MM * diameter
-        return Hole((float(place[0]), float(place[1])), neck, neck + widening)
-
-    return hole(pour, workshop.pour), [hole(place, workshop.vent) for place in vents]
-
-
-def _joined(
-    cup: list[Solid], lid: list[Solid], pins: Array, level: float, towards: float, workshop: Workshop
-) -> tuple[list[Solid], list[Solid]]:
-    """Put the pins on the cup and sink their sockets into the lid."""
-    import gmsh
-
-    occ = gmsh.model.occ
-    length, gap = MM * workshop.pin_length, MM * workshop.clearance
-    root, tip = 0.5 * MM * workshop.pin, 0.5 * MM * workshop.tip(workshop.pin, workshop.pin_length)
-    cup = occ.fuse(cup, [_cone((x, y), level, towards * length, root, tip) for x, y in pins])[0]
-    deeper = gap * workshop.slope
-    sockets = [_cone((x, y), level, towards * (length + gap), root + gap, tip + gap - deeper) for x, y in pins]
-    return cup, occ.cut(lid, sockets)[0]
+    taken = [*(body.solid for body in made.bodies), *made.openings]
+    return list(gmsh.model.occ.cut([_block(made.low, made.high)], taken, removeTool=False)[0])
 
 
 def _cone(place: tuple[float, float], level: float, height: float, begin: float, end: float) -> Solid:
-    """Return a cone, or a cylinder, that stands on the parting plane; lengths in mm."""
+    """Return a cone, or a cylinder, that stands on a level plane; lengths in mm."""
     import gmsh
 
     if abs(begin - end) < 1e-9:
@@ -452,42 +645,120 @@ def _one(solids: list[Solid], what: str) -> Solid:
     return solids[0]
 
 
-def _lid(solids: list[Solid], parted: Parted, half: str) -> Solid:
+# ----------------------------------------------------------------------------------------------------------------------
+# Place the pour opening and the vents on flat faces of the piece, clear of every core.
+
+
+GRID = 120
+"""Number of candidate places along the longer side."""
+ALONG = 60
+"""Points on each curve of the face's edge."""
+
+
+def hole_places(
+    cast: list[Solid], heights: tuple[float, float], line: tuple[int, float] | None, workshop: Workshop
+) -> list[Array]:
+    """Return the places (x, y) in mm of the pour opening and then of the vents.
+
+    The pour opening is where most room is; the vents are as far from it and from each other as can be.
+
+    Args:
+        cast: The piece that is cast, in the current Gmsh model.
+        heights: Of the faces of pour opening and vents, mm.
+        line: Axis and place of a plane in which all of them are; None if they may be anywhere.
+        workshop: Sizes of the holes.
+
+    Raises:
+        MouldError: There is no room.
+    """
+    places, room = _places(_edge(cast, heights[0]), line)
+    needed = 0.5 * MM * workshop.pour + MM * workshop.least_gap
+    best = float(room.max(initial=0.0))
+    if best < needed:
+        raise MouldError(
+            f"pour is {shown(workshop.pour, 'm')}; the bonding face has room for "
+            f"{shown(round(max(2.0 * (best / MM - workshop.least_gap), 0.0), 6), 'm')} beside the cores"
+        )
+    pour = places[room.argmax()]
+    if heights[1] != heights[0]:
+        places, room = _places(_edge(cast, heights[1]), line)
+    free = places[room >= 0.5 * MM * workshop.vent + MM * workshop.least_gap]
+    apart = 0.5 * MM * (workshop.pour + workshop.vent) + MM * workshop.least_wall
+    found = [pour]
+    for _ in range(workshop.vents):
+        beside = found[1:] if heights[1] != heights[0] and len(found) > 1 else found
+        distance, _ = cKDTree(np.array(beside)).query(free)
+        if not len(free) or distance.max() < apart:
+            raise MouldError(
+                f"vents is {workshop.vents}; the bonding face has room for {len(found) - 1} beside the cores"
+            )
+        found.append(free[distance.argmax()])
+    return found
+
+
+def _edge(cast: list[Solid], level: float) -> Array:
+    """Return the straight pieces (x, y) of the edge of the faces that lie in the parting plane, shape (n, 2, 2)."""
     import gmsh
 
-    if len(solids) > 1:
-        loose = min(solids, key=lambda solid: gmsh.model.occ.getMass(*solid))
-        place = ", ".join(
-            f"{value + 0.0:.4g}" for value in parted.drawn(gmsh.model.occ.getCenterOfMass(*loose)).round(3)
+    near, pieces = 1e-4, []
+    for _, face in gmsh.model.getBoundary(cast, combined=True, oriented=False):
+        box = gmsh.model.occ.getBoundingBox(2, face)
+        if max(abs(box[2] - level), abs(box[5] - level)) > near:
+            continue
+        for _, curve in gmsh.model.getBoundary([(2, face)], combined=False, oriented=False):
+            low, high = (bound[0] for bound in gmsh.model.getParametrizationBounds(1, curve))
+            at = np.reshape(gmsh.model.getValue(1, curve, np.linspace(low, high, ALONG + 1)), (-1, 3))[:, :2]
+            pieces.append(np.stack([at[:-1], at[1:]], axis=1))
+    if not pieces:
+        raise MouldError("the parting plane leaves no face to bond; choose another (--split)")
+    return np.concatenate(pieces)
+
+
+def _places(segments: Array, line: tuple[int, float] | None = None) -> tuple[Array, Array]:
+    """Return the places inside of an edge, shape (n, 2), on a line if there is one, and how far each is from the edge."""
+    low, high = segments.min(axis=(0, 1)), segments.max(axis=(0, 1))
+    step = float((high - low).max()) / GRID
+    x, y = np.meshgrid(*(np.arange(a + 0.5 * step, b, step) for a, b in zip(low, high, strict=True)), indexing="ij")
+    places = np.column_stack([x.ravel(), y.ravel()])
+    if line is not None:
+        places[:, line[0]] = line[1]
+        places = np.unique(places, axis=0)
+    (xa, ya), (xb, yb) = segments[:, 0].T, segments[:, 1].T
+    inside = np.zeros(len(places), dtype=bool)
+    # A ray along x crosses the edge an odd number of times; beside the place, as an edge ends at its own height.
+    for k, (px, py) in enumerate(places + np.array([0.0, 1e-6 * step])):
+        crossed = (ya > py) != (yb > py)
+        inside[k] = (
+            np.count_nonzero(xa[crossed] + (py - ya[crossed]) / (yb - ya)[crossed] * (xb - xa)[crossed] > px) % 2
         )
-        raise MouldError(
-            f"the cavity around {place} mm is entirely in the {half} half and does not reach the parting plane, "
-            f"so its core would float; choose another plane (--split) or direction (--pull)"
-        )
-    return _one(solids, f"the lid of the {half} half")
+    places = places[inside]
+    fine = np.concatenate(
+        [segments[:, 0] + share * (segments[:, 1] - segments[:, 0]) for share in np.linspace(0, 1, 9)]
+    )
+    return places, cKDTree(fine).query(places)[0] if len(places) else np.zeros(0)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Names of the part's faces for messages: the name in the file, else kind and position.
 
 
-def face_namer(device: Actuator, parted: Parted) -> Callable[[Array], str]:
+def face_namer(device: Actuator, frame: Frame) -> Callable[[Array], str]:
     """Return a function from a place in the mould (mm) to the clause that names the part's face there.
 
     Args:
         device: The part.
-        parted: How it was turned and scaled.
+        frame: How it was turned and scaled.
     """
 
     def named(place: Array) -> str:
-        return _name(device, parted.drawn(place))
+        return _name(device, frame.drawn(place))
 
     return named
 
 
 def _name(device: Actuator, place: Array) -> str:
     """Return ``at`` the place, with the face nearest to it."""
-    import gmsh  # type: ignore[import-untyped]
+    import gmsh
 
     from geometries.imported import face_names, named_surfaces
     from geometries.meshing import private_model

@@ -5,21 +5,23 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import math
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from geometries import Actuator
+from geometries.actuator import Pour
 from softmodels.case.case import Case
 from softmodels.casting.bodies import MM
 from softmodels.casting.facets import Facets
 from softmodels.casting.make import Made, MouldBody, made
+from softmodels.casting.pictures import DRAWING, EXPLODED, PLATES, STEPS, draw_all, drawing, plates_picture
+from softmodels.casting.plate import CLEARANCES, WIDTHS, Placed, arranged, plate_names, print_estimate, too_large
 from softmodels.casting.settings import Asked, asked_of
-from softmodels.common.arrays import Array
 from softmodels.common.files import image_uri, render, write_bytes, write_text
 from softmodels.common.folders import ResultFolder
 from softmodels.common.names import checked, place
@@ -27,15 +29,19 @@ from softmodels.common.pages import Bullets, Fact, Page, Picture, Provenance, Ta
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import shown
 from softmodels.materials.silicones import HOUR, MINUTE
-from softmodels.pictures.offscreen import Layer, ViewCamera, can_render, direction, lines, studio, surface
-from softmodels.pictures.style import DPI, EDGE, Caption, number, page
-from softmodels.runs.grid import Cells
+from softmodels.pictures.offscreen import can_render
 
 HEADER = b"softmodels, lengths in mm"
 
 
-def stl_bytes(facets: Facets) -> bytes:
-    """Return a binary STL of a surface: 84 bytes, then 50 for each triangle."""
+def stl_bytes(*surfaces: Facets) -> bytes:
+    """Return a binary STL of surfaces: 84 bytes, then 50 for each triangle."""
+    tables = b"".join(_triangles(facets) for facets in surfaces)
+    count = sum(len(facets.triangles) for facets in surfaces)
+    return HEADER.ljust(80) + np.array(count, dtype="<u4").tobytes() + tables
+
+
+def _triangles(facets: Facets) -> bytes:
     kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
     table = np.zeros(len(facets.triangles), dtype=kind)
     corners = facets.corners
@@ -43,7 +49,7 @@ def stl_bytes(facets: Facets) -> bytes:
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     table["normal"] = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
     table["corners"] = corners
-    return HEADER.ljust(80) + np.array(len(table), dtype="<u4").tobytes() + table.tobytes()
+    return table.tobytes()
 
 
 THREE_MF = {
@@ -87,10 +93,22 @@ def write_bodies(folder: Path, asked: Asked, made: Made) -> None:
     for body in (*made.bodies, *made.casts):
         write_bytes(folder / f"{body.stem}.step", body.step)
         write_bytes(folder / f"{body.stem}.stl", stl_bytes(body.facets))
-    write_bytes(folder / "mould.3mf", three_mf_bytes({body.name: body.facets for body in made.bodies}))
+    for body in made.extras:
+        write_bytes(folder / f"{body.stem}.step", body.step)
+        write_bytes(folder / f"{body.stem}.stl", stl_bytes(body.facets))
+    placed = printed(asked, made)
+    for plate, name in enumerate(plate_names(placed), 1):
+        on_it = {one.name: one.facets for one in placed if one.plate == plate}
+        write_bytes(folder / f"{name}.3mf", three_mf_bytes(on_it))
+        write_bytes(folder / f"{name}.stl", stl_bytes(*on_it.values()))
     write_bytes(folder / "device.step", made.device)
     write_text(folder / "mould.toml", asked.to_toml())
     write_text(folder / "checks.json", json.dumps(checks(asked, made), indent=1) + "\n")
+
+
+def printed(asked: Asked, made: Made) -> list[Placed]:
+    """Return all that is printed, on plates."""
+    return arranged([(body.name, body.facets) for body in (*made.bodies, *made.extras)], asked.workshop)
 
 
 def checks(asked: Asked, made: Made) -> dict[str, object]:
@@ -100,23 +118,30 @@ def checks(asked: Asked, made: Made) -> dict[str, object]:
         "cast_volume_in_mould_mm3": made.cast_volume * 1e9,
         "inlet_volume_mm3": made.plug * 1e9,
         "device_less_cast_share": made.differs,
+        "block_less_bodies_openings_casts_share": made.balance,
         "smallest_silicone_wall_mm": made.thinnest * 1e3,
-        "smallest_channel_mm": made.channel * 1e3,
+        "smallest_channel_mm": _known(made.channel * 1e3),
         "shrinkage": asked.workshop.shrinkage,
         "stl_chord_allowed_mm": asked.workshop.chord * 1e3,
         "bodies": {body.name: _of_body(body) for body in made.bodies},
     }
 
 
-def _of_body(body: MouldBody) -> dict[str, float | int | bool]:
+def _known(value: float) -> float | None:
+    """Return a number that JSON can hold."""
+    return value if math.isfinite(value) else None
+
+
+def _of_body(body: MouldBody) -> dict[str, float | int | bool | None]:
     assert body.checked is not None
     return {
         "watertight": body.facets.open_edges == 0,
         "volume_mm3": body.facets.volume,
         "least_lean_of_part_deg": body.checked.lean + 0.0,
-        "least_draft_of_pins_and_holes_deg": body.checked.own_lean,
+        "least_draft_of_pins_and_holes_deg": _known(body.checked.own_lean),
         "smallest_wall_mm": body.checked.wall * 1e3,
-        "smallest_gap_mm": body.checked.gap * 1e3,
+        "smallest_gap_mm": _known(body.checked.gap * 1e3),
+        "overlap_on_the_way_out_mm": body.checked.overlap * 1e3,
         "stl_triangles": len(body.facets.triangles),
         "stl_chord_mm": body.checked.chord * 1e3,
         "stl_volume_over_step_less_1": body.checked.volume_gap,
@@ -148,6 +173,13 @@ def mould(
     tube: float | str | None = None,
     chord: float | str | None = None,
     surplus: float | str | None = None,
+    inlet: str | None = None,
+    core: str | None = None,
+    bolt: float | str | None = None,
+    bed_width: float | str | None = None,
+    bed_depth: float | str | None = None,
+    layer: float | str | None = None,
+    layer_time: float | str | None = None,
     pull: str | None = None,
     split: str | None = None,
 ) -> Made:
@@ -157,9 +189,10 @@ def mould(
         device: A device, a case, or a case file.
         folder: Where STEP and STL of each body, the sheet and the pictures go: empty, not there, or an earlier mould's.
         silicone: Product that is cast, such as ``"ecoflex-00-30"``; the case's if not given.
-        wall, rim, draft, shrinkage, clearance, least_wall, least_gap, pin, pour, vent, vents, tube, chord, surplus, pull,
-            split: Fields of `softmodels.casting.settings.Workshop`: numbers in SI units (angles in degrees), or texts
-            with a unit, such as ``draft="2 deg"``; the case file's, or that class' own, if None.
+        wall, rim, draft, shrinkage, clearance, least_wall, least_gap, pin, pour, vent, vents, tube, inlet, core, bolt,
+            bed_width, bed_depth, layer, layer_time, chord, surplus, pull, split: Fields of
+            `softmodels.casting.settings.Workshop`: numbers in SI units (angles in degrees), or texts with a unit, such as
+            ``draft="2 deg"``; the case file's, or that class' own, if None.
 
     Returns:
         The bodies, what they cast, and what was checked.
@@ -172,13 +205,17 @@ def mould(
     asked = asked_of(
         device, silicone, wall=wall, rim=rim, draft=draft, shrinkage=shrinkage, clearance=clearance, least_wall=least_wall,
         least_gap=least_gap, pin=pin, pour=pour, vent=vent, vents=vents, tube=tube, chord=chord, surplus=surplus, pull=pull,
-        split=split,
+        split=split, inlet=inlet, core=core, bolt=bolt, bed_width=bed_width, bed_depth=bed_depth, layer=layer,
+        layer_time=layer_time,
     )  # fmt: skip
     if folder is None:
         return made(asked.device, asked.workshop)
-    output = place("folder", folder, "a folder")
-    options = {"silicone": asked.silicone, "workshop": asked.workshop}
-    own = ResultFolder(output, output, "mould", options)
+    return _made_into(place("folder", folder, "a folder"), asked)
+
+
+def _made_into(output: Path, asked: Asked) -> Made:
+    """Make a mould and write it into a folder."""
+    own = ResultFolder(output, output, "mould", {"silicone": asked.silicone, "workshop": asked.workshop})
     try:
         found = made(asked.device, asked.workshop)
         with own.writing() as inside:
@@ -217,6 +254,7 @@ class BenchSheet:
         title: Of the sheet.
         about: Sentences about device, silicone and parting plane.
         amounts: Volumes and masses of silicone.
+        prints: Resin and time that the printer takes.
         steps: Order of work, a sentence or two each.
         walls: Thicknesses of silicone and of the bodies.
         checks: What was checked before anything was written.
@@ -226,6 +264,7 @@ class BenchSheet:
     title: str
     about: Sequence[str]
     amounts: SheetTable
+    prints: SheetTable
     steps: Sequence[str]
     walls: SheetTable
     checks: SheetTable
@@ -235,19 +274,20 @@ class BenchSheet:
 def bench_sheet(asked: Asked, made: Made) -> BenchSheet:
     """Return the sheet of a mould."""
     return BenchSheet(
-        f"Mould of {asked.name}", _about(asked, made), _amounts(asked, made), _steps(asked, made),
+        f"Mould of {asked.name}", _about(asked, made), _amounts(asked, made), _prints(asked, made), _steps(asked, made),
         _walls(asked, made), _checks(asked, made), _notes(asked),
     )  # fmt: skip
 
 
 def _about(asked: Asked, made: Made) -> list[str]:
     silicone, workshop = asked.casting, asked.workshop
-    parting = asked.device.parting
+    count = ("", "", "two", "three", "four")[min(len(made.casts), 4)]
+    pieces = ", ".join(f"the {pour.name}" for pour in made.recipe.pours)
+    how = f"It is cast in {count} pieces, {pieces}, which are bonded. " if count else "It is cast in one piece. "
     texts = [
         f"{type(asked.device).__name__}, {made.volume * ML:.4g} ml of silicone"
         + (f", {asked.silicone}." if asked.silicone else "; the silicone is not named."),
-        "It is cast in two halves, which are bonded at the parting plane. "
-        + (parting.why if parting else f"The mould opens along {workshop.pull.strip()}."),
+        how + made.recipe.why,
     ]
     if silicone:
         a, b = silicone.parts
@@ -270,10 +310,11 @@ def _time(seconds: float) -> str:
 
 
 def _amounts(asked: Asked, made: Made) -> SheetTable:
-    """Return the volumes and masses of each half and of both, with the surplus, and the amounts of A and B."""
+    """Return the volumes and masses of each piece and of all, with the surplus, and the amounts of A and B."""
     silicone, more = asked.casting, 1.0 + asked.workshop.surplus
     volumes = [(cast.name, cast.facets.volume / MM**3) for cast in made.casts]
-    volumes.append(("both", sum(volume for _, volume in volumes)))
+    if len(volumes) > 1:
+        volumes.append(("all", sum(volume for _, volume in volumes)))
     rows = []
     for name, volume in volumes:
         row = [name, f"{volume * ML:.2f}", f"{volume * more * ML:.1f}"]
@@ -297,8 +338,25 @@ def _amounts(asked: Asked, made: Made) -> SheetTable:
     return SheetTable("Silicone", head, rows)
 
 
+def _prints(asked: Asked, made: Made) -> SheetTable:
+    """Return the resin of all bodies, and the printer's time for each plate."""
+    workshop, placed = asked.workshop, printed(asked, made)
+    found = print_estimate(placed, workshop)
+    rows = [
+        ("resin", f"{found.resin * ML:.1f} ml, {1e3 * found.mass:.0f} g", "without supports and what the wash takes"),
+        *((f"plate {k}, {name}.stl", _time(time),
+           f"layers of {shown(workshop.layer, 'm')}, {shown(workshop.layer_time, 's')} each")
+          for k, (name, time) in enumerate(zip(plate_names(placed), found.times, strict=True), 1)),
+    ]  # fmt: skip
+    rows += [
+        (name, "larger than the plate", "print it on a larger one, or in pieces")
+        for name in too_large(placed, workshop)
+    ]
+    return SheetTable("Printing", ("what", "estimate", "of"), rows)
+
+
 def _steps(asked: Asked, made: Made) -> list[str]:
-    silicone, workshop = asked.casting, asked.workshop
+    silicone = asked.casting
     pot = f"within {_time(silicone.pot_life)}" if silicone else f"within its pot life ({READ})"
     cure = _time(silicone.cure_time) if silicone else f"its cure time ({READ})"
     weigh = (
@@ -307,42 +365,108 @@ def _steps(asked: Asked, made: Made) -> list[str]:
         else f"Weigh A and B in the ratio of the silicone ({READ})"
     )
     steps = [
-        "Print or mill the four bodies (lengths in mm): cups on their floors, lids on their backs with the core upwards, "
-        "without supports. Freshly printed resin inhibits platinum-cure silicone: bake or coat the prints.",
-        "Test the fit of lid and cup without silicone. The three pins allow only one orientation; the rims must close without "
-        "a gap.",
-        "Coat cup, lid and core thinly with release agent.",
+        f"Print or mill the {len(made.bodies)} bodies (lengths in mm), as laid flat in the plates' files, without supports. "
+        "Freshly printed resin inhibits platinum-cure silicone: bake or coat the prints.",
+        "Try the coupon first: which sockets take its pin, and which ribs and slots are whole? From the corner cut off, "
+        f"clearances are {_list(CLEARANCES)} mm and widths {_list(WIDTHS)} mm.",
+        "Test the fit without silicone. The pins allow only one orientation; the rims must close without a gap.",
+        "Coat all bodies thinly with release agent.",
         f"{weigh}, mix, and draw the air out under vacuum; pour {pot}.",
-        "Fill each cup to a little above its rim. Lower the lid from one side, so that the air escapes ahead of it, "
-        "and press it on until the rims meet and silicone fills every vent. Top up through the pour opening.",
-        f"Put weights on the lids, and let cure for {cure}.",
-        "Lift the lids straight off, along the pins. Silicone in the pour opening and vents tears off at its neck; push it "
-        "out.",
-        "Bend the halves out of their cups. Cut the sprues flush with the bonding face.",
-        "Spread a 0.1 mm film of the same silicone on the bonding faces, clear of the channels' edges. "
-        f"Align the halves edge to edge, put a light weight on them, and let cure for {cure}.",
     ]
-    if made.plug:
+    for pour in made.recipe.pours:
+        steps += _pour_steps(pour, [body.name for body in made.bodies if body.piece == pour.name], cure)
+    steps += made.recipe.steps
+    if len(made.recipe.pours) > 1:
         steps.append(
-            f"Push the tube ({shown(workshop.tube, 'm')} outside) into the inlet up to the cavity and seal it with silicone."
+            "Spread a 0.1 mm film of the same silicone on the bonding faces, clear of the channels' edges. "
+            f"Align the pieces edge to edge in the jig, put a light weight on them, and let cure for {cure}."
+        )
+    return [*steps, *_tube_steps(asked, made)]
+
+
+def _list(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
+
+
+def _pour_steps(pour: Pour, bodies: Sequence[str], cure: str) -> list[str]:
+    """Return how one piece is cast and demoulded."""
+    cup, pins = (
+        " and ".join(f"the {name}" for name in bodies if "cup" in name),
+        [name for name in bodies if "pin" in name],
+    )
+    steps = []
+    if pour.lost:
+        steps.append(
+            f"Print the {pour.name} core of PVA, or cast it of wax, and press its peg into the lid: it is wider than the "
+            "opening that it would leave by."
+        )
+    if pins:
+        steps.append(f"Push the {pins[0]} through its hole up to the core and seal its gap with a little wax.")
+    if not pour.lid:
+        tray = "frame on its floor" if pour.floor is not None else "tray"
+        steps.append(f"Fill the {pour.name} {tray}, scrape it flat with a straight edge, and let cure for {cure}.")
+    elif pour.sideways is not None or pour.gate is not None:
+        steps.append(
+            f"Put {cup} on the {pour.name} lid and bolt or clamp them. Pour through the wide opening in a thin stream until "
+            f"silicone fills every vent; tap the air out, top up, and let cure for {cure}."
         )
     else:
-        steps.append("Without an inlet: pierce the part with a needle, push the tube in and seal it with silicone.")
-    steps.append("Inflate gently under water: no bubbles may rise from the bond or the tube.")
+        out = "wipe off what is pressed out between the rims" if pour.squeezed else (
+            "silicone fills every vent; top up through the pour opening"
+        )  # fmt: skip
+        steps.append(
+            f"Fill the {pour.name} cup to a little above its rim. Lower the lid from one side, so that the air escapes ahead "
+            f"of it, and press it on until the rims meet; {out}. Bolt or clamp them, and let cure for {cure}."
+        )
+    first = f"Pull the {pins[0]} out straight. " if pins else ""
+    if pour.sideways is not None:
+        core = "slide the piece off its core" if not pour.lost else "dissolve the core in warm water, or melt it out"
+        steps.append(
+            f"{first}Part the halves of the cup sideways, lift the piece off the lid and {core}. Cut the sprues flush."
+        )
+    elif pour.lid:
+        steps.append(
+            f"{first}Lift the lid straight off, along the pins, and bend the piece out of its cup. Silicone in the openings "
+            "tears off at its neck; push it out, and cut the sprues flush."
+        )
+    else:
+        steps.append(f"{first}Bend the {pour.name} out.")
     return steps
+
+
+def _tube_steps(asked: Asked, made: Made) -> list[str]:
+    """Return how the tube is put in, and the test of the cavity; nothing without a closed one."""
+    workshop = asked.workshop
+    if made.plug:
+        fitting = {"tube": "tube", "barb": "barb", "luer": "male Luer slip"}[workshop.inlet]
+        wide = "" if workshop.inlet == "luer" else f" ({shown(workshop.tube, 'm')} outside)"
+        first = f"Push the {fitting}{wide} into the inlet up to the cavity and seal it with silicone."
+    elif len(made.casts) > 1:
+        first = "Without an inlet: pierce the part with a needle, push the tube in and seal it with silicone."
+    elif math.isnan(made.channel):
+        return []
+    else:
+        first = "Close the open end with its fitting, and seal it with silicone."
+    return [first, "Inflate gently under water: no bubbles may rise from the bond or the tube."]
 
 
 def _walls(asked: Asked, made: Made) -> SheetTable:
     workshop = asked.workshop
-    rows = [
-        ("silicone above the cavity, along the pull", f"{made.wall_above * MM:.2f}", ""),
-        ("silicone below the cavity, along the pull", f"{made.wall_below * MM:.2f}", ""),
-        ("thinnest silicone", f"{made.thinnest * MM:.2f}", ""),
-        ("narrowest channel or cavity", f"{made.channel * MM:.2f}", f"{workshop.least_wall * MM:g} (printer's rib)"),
+    rows = [(f"silicone of the {cast.piece} beyond its core, along the pull", f"{cast.beyond * MM:.2f}", "")
+            for cast in made.casts if cast.beyond > 1e-6]  # fmt: skip
+    rows.append(("thinnest silicone", f"{made.thinnest * MM:.2f}", ""))
+    if not math.isnan(made.channel):
+        rows.append(
+            ("narrowest channel or cavity", f"{made.channel * MM:.2f}", f"{workshop.least_wall * MM:g} (printer's rib)")
+        )
+    rows += [
         ("floors and lids of the mould", f"{workshop.wall * MM:.2f}", f"{workshop.least_wall * MM:g}"),
         ("rims of the mould", f"{workshop.rim * MM:.2f}", f"{workshop.least_wall * MM:g}"),
+        ("pins, diameter at their root", f"{workshop.pin * MM:.2f}", ""),
         ("gap around a pin", f"{workshop.clearance * MM:.2f}", ""),
     ]
+    if workshop.bolt:
+        rows.append(("holes for bolts, diameter", f"{workshop.bolt * MM:.2f}", ""))
     return SheetTable("Thicknesses", ("what", "mm", "at least, mm"), rows)
 
 
@@ -357,8 +481,10 @@ def _checked(body: MouldBody) -> Row:
     found = body.checked
     assert found is not None
     return (
-        body.name, "yes" if body.facets.open_edges == 0 else "no", f"{found.wall * MM:.2f}", f"{found.gap * MM:.2f}",
-        f"{max(found.lean, 0.0) + 0.0:.2f}", f"{found.own_lean:.2f}", f"{found.chord * 1e6:.0f}",
+        body.name, "yes" if body.facets.open_edges == 0 else "no", f"{found.wall * MM:.2f}",
+        f"{found.gap * MM:.2f}" if math.isfinite(found.gap) else "",
+        f"{max(found.lean, 0.0) + 0.0:.2f}", "" if math.isnan(found.own_lean) else f"{found.own_lean:.2f}",
+        f"{found.chord * 1e6:.0f}",
     )  # fmt: skip
 
 
@@ -374,110 +500,50 @@ def _notes(asked: Asked) -> list[str]:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Pictures of a mould: each body from its inner side, and an exploded view with the casts.
-
-
-PRINTED, SILICONE = "#b4c3d4", "#e8b796"
-SHARP = np.cos(np.radians(25.0))
-"""Faces that meet at more than 25 degrees have their edge drawn."""
-APART = 0.22
-"""Gap between bodies in the exploded picture, in widths of the mould."""
-ORDER = ("lower cup", "lower half", "lower lid", "upper lid", "upper half", "upper cup")
-"""From below to above."""
-
-
-def body_picture(body: MouldBody) -> Figure:
-    """Draw a body from its silicone side."""
-    up = np.array([0.0, 0.0, -body.opens])
-    towards = direction(-58.0, 38.0, np.array([0.0, 0.0, 1.0])) * (1.0, 1.0, -body.opens)
-    camera = ViewCamera.around([body.facets.points], towards, up, tallest=0.8)
-    with studio(camera) as shoot:
-        image = shoot(_layers(body.facets, np.zeros(3), PRINTED))
-    size = " x ".join(number(length) for length in np.ptp(body.facets.points, axis=0))
-    return page(image, Caption(f"{body.name[0].upper()}{body.name[1:]}: {size} mm, its inner side"))
-
-
-def exploded_picture(made: Made) -> Figure:
-    """Draw the exploded view of all bodies and casts along the pull."""
-    found = {body.name: body for body in (*made.bodies, *made.casts)}
-    gap = APART * float(np.ptp(found["lower cup"].facets.points[:, 0]))
-    layers: list[Layer] = []
-    clouds, top = [], 0.0
-    for name in ORDER:
-        points = found[name].facets.points
-        shift = np.array([0.0, 0.0, top - points[:, 2].min()])
-        layers += _layers(found[name].facets, shift, SILICONE if name.endswith("half") else PRINTED)
-        clouds.append(points + shift)
-        top += float(np.ptp(points[:, 2])) + gap
-    up = np.array([0.0, 0.0, 1.0])
-    camera = ViewCamera.around(clouds, direction(-58.0, 24.0, up), up, width=1200, tallest=1.25)
-    with studio(camera) as shoot:
-        image = shoot(layers)
-    wide = np.full((image.shape[0], 200, 3), 255, dtype=np.uint8)
-    text = "Exploded view of the mould along the pull, with the casts"
-    return page(np.concatenate([wide, image, wide], axis=1), Caption(text))
-
-
-def _layers(facets: Facets, shift: Array, colour: str) -> list[Layer]:
-    """Return a body with its sharp edges; its shading is that of the exact surface."""
-    corners = (facets.corners + shift).reshape(-1, 3)
-    cells = np.arange(len(corners)).reshape(-1, 3)
-    solid = surface(corners, cells, facets.normals.reshape(-1, 3))
-    edge = lines(facets.points + shift, sharp_edges(facets))
-    return [(solid, {"color": colour, "smooth_shading": True}), (edge, {"color": EDGE, "line_width": 1.5})]
-
-
-def sharp_edges(facets: Facets) -> Cells:
-    """Return the edges between faces that meet at an angle, as pairs of vertices, shape (k, 2)."""
-    sides: Sequence[tuple[int, int]] = ((0, 1), (1, 2), (2, 0))
-    pairs = np.concatenate([facets.triangles[:, side] for side in sides])
-    normals = np.concatenate([facets.normals[:, side].mean(axis=1) for side in sides])
-    face = np.tile(facets.face, 3)
-    order = np.lexsort(np.sort(pairs, axis=1).T)
-    one, other = order[::2], order[1::2]  # a closed surface: each edge is there twice
-    cosine = np.einsum("ij,ij->i", normals[one], normals[other])
-    return np.asarray(pairs[one][(face[one] != face[other]) & (cosine < SHARP)])
-
-
-EXPLODED = "exploded.png"
+# The sheet with its pictures.
 
 
 def write_sheet(folder: Path, asked: Asked, made: Made, pictures: bool = True) -> bool:
-    """Write ``sheet.md``, ``sheet.html`` and the pictures into a folder; return whether pictures were drawn.
+    """Write ``sheet.md``, ``sheet.html``, the drawings and the pictures into a folder; return whether pictures were
+    rendered.
 
     Args:
         folder: The folder.
         asked: What was asked for.
         made: The mould.
-        pictures: Whether to draw; without a way to render nothing is drawn.
+        pictures: Whether to render; without a way to nothing is rendered.
 
     Raises:
         OSError: There is no room.
     """
-    drawn = pictures and can_render()
-    files = [(EXPLODED, "Exploded view of the mould along the pull")] if drawn else []
-    if drawn:
-        _draw(folder, made)
-        files += [(f"{body.stem}.png", f"The {body.name}") for body in made.bodies]
+    rendered = pictures and can_render()
+    drawing(made).savefig(folder / DRAWING)
+    size = (MM * asked.workshop.bed_width, MM * asked.workshop.bed_depth)
+    plates_picture(printed(asked, made), size).savefig(folder / PLATES)
+    files = draw_all(folder, made) if rendered else []
+    files += [(PLATES, "The printer's plates from above"), (DRAWING, "Outer dimensions of the bodies")]
     sheet = bench_sheet(asked, made)
     # Markdown text is inserted unescaped.
     write_text(folder / "sheet.md", render("mould.md", "softmodels.pictures", pictures=files, sheet=sheet))
-    pictures_inside = [Picture(image_uri(folder / name), text) for name, text in files]
+    pictures_inside = {name: Picture(image_uri(folder / name), text) for name, text in files}
     write_text(folder / "sheet.html", sheet_page(sheet, pictures_inside, made))
-    return drawn
+    return rendered
 
 
-def sheet_page(sheet: BenchSheet, pictures: Sequence[Picture], made: Made) -> str:
-    """Return the sheet as a page; the first picture is the exploded view."""
-    of_casts = [Table(one.rows, one.head) for one in (sheet.amounts, sheet.walls, sheet.checks)]
+def sheet_page(sheet: BenchSheet, pictures: Mapping[str, Picture], made: Made) -> str:
+    """Return the sheet as a page, with pictures by the names of their files."""
+    first, steps, plates = ([pictures[name]] if name in pictures else [] for name in (EXPLODED, STEPS, PLATES))
+    others = [picture for name, picture in pictures.items() if name not in (EXPLODED, STEPS, PLATES)]
+    of_casts = [Table(one.rows, one.head) for one in (sheet.amounts, sheet.walls, sheet.checks, sheet.prints)]
     return Page(
         sheet.title, " ".join(sheet.about[:2]),
         [
-            ("", [Bullets(sheet.about[2:]), *pictures[:1]]),
+            ("", [Bullets(sheet.about[2:]), *first]),
             (sheet.amounts.heading, [of_casts[0]]),
-            ("Order of work", [Bullets(sheet.steps, ordered=True)]),
+            ("Order of work", [Bullets(sheet.steps, ordered=True), *steps]),
+            (sheet.prints.heading, [of_casts[3], *plates]),
             (sheet.walls.heading, [of_casts[1]]),
-            (sheet.checks.heading, [of_casts[2], *pictures[1:]]),
+            (sheet.checks.heading, [of_casts[2], *others]),
             ("Notes", [Bullets(sheet.notes)]),
         ],
         Provenance.now(),
@@ -487,9 +553,3 @@ def sheet_page(sheet: BenchSheet, pictures: Sequence[Picture], made: Made) -> st
 Fact("Silicone to mix", f"{sheet.amounts.rows[-1][2]} ml", sheet.amounts.head[2].partition(" (")[0]),
         ],
     ).html()  # fmt: skip
-
-
-def _draw(folder: Path, made: Made) -> None:
-    exploded_picture(made).savefig(folder / EXPLODED, dpi=DPI)
-    for body in made.bodies:
-        body_picture(body).savefig(folder / f"{body.stem}.png", dpi=DPI)

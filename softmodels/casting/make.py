@@ -7,33 +7,26 @@ import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
+from geometries.actuator import Pour, Recipe
 from geometries.meshing import apart
-from softmodels.casting.bodies import (
-    MM,
-    OTHER_SIDE,
-    Hole,
-    Parted,
-    Solid,
-    Tooling,
-    face_namer,
-    left,
-    part,
-    scaled,
-    tooling,
-    turned,
-)
+from softmodels.casting.bodies import FLUSH, MM, Solid, Tooling, face_namer, left, recipe_of, scaled, tooling, turned
 from softmodels.casting.facets import Facets, facets_of
+from softmodels.casting.plate import coupon_solids
 from softmodels.casting.settings import MouldError, Workshop
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import MeshingError
 from softmodels.common.schema import shown
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold, OpType
+    from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Checks of every body of a mould before anything is written.
@@ -41,11 +34,15 @@ from softmodels.common.schema import shown
 
 SLIP = math.sin(math.radians(0.1))
 """Sine of the allowed undercut: 0.1 degrees, 2 um on a wall of 1 mm."""
-FACING = -0.5
+FACING = -0.8
 """Cosine between the normals of two faces below which they are two sides of a wall instead of an edge."""
 MOST_RAYS = 20_000
+SAMPLES = 12
+"""Triangles of a face that tell whether it forms the piece."""
 SAME = 1e-6
 """Largest difference between the device and its cast, relative to the device's volume."""
+WAYS = (0.01, 0.1, 0.4, 1.0)
+"""How far a body moves along its pull when collisions are looked for, in heights of the mould."""
 Name = Callable[[Array], str]
 """Names the face of the part at a place in the mould (mm): a clause."""
 
@@ -56,11 +53,13 @@ class Checked:
 
     Attributes:
         lean: Least angle in degrees between the pull and the faces that form the part: 0 for an upright wall.
-        own_lean: The same of pins, sockets and holes.
+        own_lean: The same of pins, sockets and holes; NaN without any.
         wall: Smallest thickness of the body, m.
         gap: Smallest width of its grooves and holes, m.
         chord: Largest distance of the STL from the exact body, m.
         volume_gap: STL's volume over the exact one, less 1.
+        overlap: Thickness of what it has in common with other bodies, and with these and the cast on its way out, by the
+            triangles, m: the error of the STL at most.
     """
 
     lean: float
@@ -69,15 +68,30 @@ class Checked:
     gap: float
     chord: float
     volume_gap: float
+    overlap: float
 
 
-def check_body(name: str, facets: Facets, made: Tooling, workshop: Workshop, named: Name) -> Checked:
+@dataclasses.dataclass(frozen=True)
+class Surfaces:
+    """The triangles of one piece's mould.
+
+    Attributes:
+        made: The mould.
+        bodies: Surfaces by name, in the order in which they leave.
+        cast: That of the cast.
+    """
+
+    made: Tooling
+    bodies: Mapping[str, Facets]
+    cast: Facets
+
+
+def check_body(name: str, found: Surfaces, workshop: Workshop, named: Name) -> Checked:
     """Check a body against the workshop's limits.
 
     Args:
         name: ``"upper cup"`` and the like.
-        facets: Its surface.
-        made: The mould that it belongs to.
+        found: The mould that it belongs to.
         workshop: The limits.
         named: Names a face of the part.
 
@@ -85,9 +99,10 @@ def check_body(name: str, facets: Facets, made: Tooling, workshop: Workshop, nam
         MouldError: An undercut, a wall or a gap too fine for the printer.
         MeshingError: It is not watertight, or its STL strays.
     """
+    facets = found.bodies[name]
     if facets.open_edges:
         raise MeshingError(f"the {name} is not watertight ({facets.open_edges} open edges); change a length slightly")
-    lean, own = _leans(name, facets, made, workshop, named)
+    lean, own = _leans(name, found, workshop, named)
     wall, gap = thicknesses(facets)
     allowed = 2.0 * facets.chord
     for what, (value, place), limit, field in (
@@ -104,19 +119,25 @@ def check_body(name: str, facets: Facets, made: Tooling, workshop: Workshop, nam
         raise MeshingError(
             f"the STL of the {name} differs from its STEP by {differs:.2g} of the volume; use a smaller chord"
         )
+    angles = np.degrees(np.arcsin(np.clip([lean, own], -1.0, 1.0)))
     return Checked(
-        math.degrees(math.asin(min(1.0, max(-1.0, lean)))), math.degrees(math.asin(min(1.0, max(-1.0, own)))),
-        wall[0] / MM, gap[0] / MM, facets.chord / MM, differs,
+        float(angles[0]), float(angles[1]), wall[0] / MM, gap[0] / MM, facets.chord / MM, differs, math.nan,
     )  # fmt: skip
 
 
-def check_core(facets: Facets, workshop: Workshop, named: Name) -> float:
-    """Check the cavity's cores against the printer; return the smallest width in m.
+def check_core(facets: Facets, foot: float, workshop: Workshop, named: Name) -> float:
+    """Check a core of the cavity against the printer; return its smallest width in m.
+
+    Args:
+        facets: Its surface.
+        foot: Height in mm of the plane in which it stands on a lid: that face is inside of a body.
+        workshop: The limits.
+        named: Names a face of the part.
 
     Raises:
         MouldError: A channel too fine.
     """
-    (width, place), _ = thicknesses(facets)
+    (width, place), _ = thicknesses(facets, np.abs(facets.corners[:, :, 2] - foot).max(axis=1) < 1e-4)
     if width + 2.0 * facets.chord < MM * workshop.least_wall:
         raise MouldError(
             f"a channel is {shown(float(f'{width / MM:.3g}'), 'm')} wide {named(place)}; the printer's smallest rib is "
@@ -130,83 +151,110 @@ def _area(facets: Facets) -> float:
     return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
-def _leans(name: str, facets: Facets, made: Tooling, workshop: Workshop, named: Name) -> tuple[float, float]:
-    """Return the least sine of the lean of the part's faces and of the mould's own, each along the opening direction of its
-    body.
+def _leans(name: str, found: Surfaces, workshop: Workshop, named: Name) -> tuple[float, float]:
+    """Return the least sine of the lean of the part's faces along the body's pull, and of the pins and holes along theirs.
 
     Raises:
         MouldError: A face hangs over.
         MeshingError: A pin, a socket or a hole has less than the draft.
     """
-    lid = name.endswith("lid")
-    leaves = OTHER_SIDE[made.half] * (1.0 if lid else -1.0)
-    lean = -leaves * facets.normals[:, :, 2]
-    heights = facets.corners[:, :, 2]
-    back = made.high[2] if leaves > 0 else made.low[2]
-    outside = (np.abs(heights - back) < 1e-3).all(axis=1)
-    middles = facets.corners.mean(axis=1)
-    sides = np.isclose(middles[:, :2], made.low[:2], atol=1e-3) | np.isclose(middles[:, :2], made.high[:2], atol=1e-3)
-    beyond = OTHER_SIDE[made.half] * (middles[:, 2] - made.level) > 1e-4  # on the lid's side of the parting plane
-    holes = beyond & lid & _around(middles, [made.pour, *made.vents])
-    pins = beyond & _around(
-        middles,
-        [Hole((float(x), float(y)), 0.0, MM * (0.5 * workshop.pin + 2.0 * workshop.clearance)) for x, y in made.pins],
-    )
-    steep = np.abs(facets.normals[:, :, 2]).max(axis=1) < 0.9  # not the end of a pin
-    lean = np.where(holes[:, None], -lean, lean)
-    own = (holes | pins) & steep & ~outside
-    formed = ~own & ~outside & ~sides.any(axis=1) & ~beyond
-    least_own = float(lean[own].min(initial=1.0))
+    facets, made = found.bodies[name], found.made
+    pull = next(body.pull for body in made.bodies if body.name == name)
+    if not pull.any():
+        return 1.0, math.nan
+    lean = -facets.normals @ pull
+    own, formed = _owned(facets, made), _formed(facets, found.cast)
+    least_own = float(np.abs(facets.normals[own, :, 2]).min(initial=1.0)) if own.any() else math.nan
     if least_own < math.sin(math.radians(workshop.draft)) - 1e-4:
         raise MeshingError(
             f"the pins and holes of the {name} have too little draft; please report this with the parameters"
         )
-    values = lean[formed]
-    worst = float(values.min(initial=1.0))
+    formed &= ~own
+    worst = float(lean[formed].min(initial=1.0))
     if worst < -SLIP:
-        at = facets.corners[formed][np.unravel_index(values.argmin(), values.shape)[0]].mean(axis=0)
+        at = facets.corners[formed][np.unravel_index(lean[formed].argmin(), lean[formed].shape)[0]].mean(axis=0)
+        lost = ", let its core be lost (--core lost)" if name.endswith("lid") else ""
         raise MouldError(
             f"the {name} cannot be demoulded: it is undercut by {math.degrees(math.asin(min(1.0, -worst))):.3g} deg "
-            f"{named(at)}; choose another direction (--pull) or plane (--split), or change the part"
+            f"{named(at)}; choose another direction (--pull) or plane (--split){lost}, or change the part"
         )
     return worst, least_own
 
 
-def _around(places: Array, holes: Sequence[Hole]) -> npt.NDArray[np.bool_]:
-    inside = np.zeros(len(places), dtype=bool)
-    for hole in holes:
-        inside |= np.hypot(*(places[:, :2] - hole.place).T) < hole.mouth + 1e-3
-    return inside
+def _owned(facets: Facets, made: Tooling) -> npt.NDArray[np.bool_]:
+    """Return which triangles are on pins, sockets and holes along the pull, without their ends."""
+    steep = np.abs(facets.normals[:, :, 2]).max(axis=1) < 0.9
+    inside = np.zeros(len(steep), dtype=bool)
+    x, y, z = np.moveaxis(facets.corners, 2, 0)
+    for hole in made.drafted:
+        low, high = hole.heights
+        near = np.hypot(x - hole.place[0], y - hole.place[1]) < hole.mouth + 1e-3
+        inside |= (near & (z > low - 1e-3) & (z < high + 1e-3)).all(axis=1)
+    return inside & steep
 
 
-def thicknesses(facets: Facets) -> tuple[tuple[float, Array], tuple[float, Array]]:
-    """Return the smallest wall and smallest gap of a body in mm, each with its place, measured along the normal to the
-    other side."""
+def _formed(facets: Facets, formed_by: Facets) -> npt.NDArray[np.bool_]:
+    """Return which triangles are on faces that form the cast: most of each lies on it."""
+    locator = _locator(formed_by)
+    near = facets.chord + formed_by.chord + 1e-3
+    middles = facets.corners.mean(axis=1)
+    formed = np.zeros(len(middles), dtype=bool)
+    closest = [0.0] * 3
+    part, cell, off = cast(int, _mutable(0)), cast(int, _mutable(0)), _mutable(0.0)
+    for face in np.unique(facets.face):
+        own = np.flatnonzero(facets.face == face)
+        tried = own[np.linspace(0, len(own) - 1, min(len(own), SAMPLES)).astype(int)]
+        hits = 0
+        for k in tried:
+            locator.FindClosestPoint(list(middles[k]), closest, cell, part, off)
+            hits += float(off) < near**2
+        formed[own] = 2 * hits > len(tried)
+    return formed
+
+
+def _mutable(value: float) -> float:
+    """Return a number that VTK writes into, whatever its types say."""
+    from vtkmodules.vtkCommonCore import mutable
+
+    return cast(float, mutable(value))
+
+
+def _locator(facets: Facets) -> vtkStaticCellLocator:
+    """Return what finds the triangles of a surface."""
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-    from vtkmodules.vtkCommonCore import mutable, vtkPoints
+    from vtkmodules.vtkCommonCore import vtkPoints
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkStaticCellLocator
 
     body, points, cells = vtkPolyData(), vtkPoints(), vtkCellArray()
     points.SetData(numpy_to_vtk(facets.points, deep=True))
-    padded = np.column_stack([np.full(len(facets.triangles), 3), facets.triangles]).astype(np.int64)
-    cells.SetCells(len(padded), numpy_to_vtkIdTypeArray(padded.ravel(), deep=True))
+    corners = numpy_to_vtkIdTypeArray(facets.triangles.astype(np.int64).ravel(), deep=True)
+    cells.SetData(numpy_to_vtkIdTypeArray(np.arange(0, 3 * len(facets.triangles) + 1, 3), deep=True), corners)
     body.SetPoints(points)
     body.SetPolys(cells)
     locator = vtkStaticCellLocator()
     locator.SetDataSet(body)
     locator.BuildLocator()
+    return locator
+
+
+def thicknesses(
+    facets: Facets, without: npt.NDArray[np.bool_] | None = None
+) -> tuple[tuple[float, Array], tuple[float, Array]]:
+    """Return the smallest wall and smallest gap of a body in mm, each with its place, measured along the normal to the
+    other side; triangles of ``without``, a mask, are no sides."""
+    locator = _locator(facets)
     corners = facets.corners
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(flat, axis=1)
     good = areas > 1e-12
     flat[good] /= areas[good, None]
     far = float(np.linalg.norm(np.ptp(facets.points, axis=0)))
-    chosen = np.flatnonzero(good)
+    skipped = np.zeros(len(good), dtype=bool) if without is None else without
+    chosen = np.flatnonzero(good & ~skipped)
     if len(chosen) > MOST_RAYS:
         chosen = chosen[np.linspace(0, len(chosen) - 1, MOST_RAYS).astype(int)]
     hit, local = [0.0] * 3, [0.0] * 3
-    # VTK writes into these three, whatever its types say.
-    t, part, cell = cast(float, mutable(0.0)), cast(int, mutable(0)), cast(int, mutable(0))
+    t, part, cell = _mutable(0.0), cast(int, _mutable(0)), cast(int, _mutable(0))
     found = []
     for way in (-1.0, 1.0):
         best, place = math.inf, np.zeros(3)
@@ -217,15 +265,99 @@ def thicknesses(facets: Facets) -> tuple[tuple[float, Array], tuple[float, Array
                 list(begin + 1e-4 * step), list(begin + far * step), 0.0, t, hit, local, part, cell
             ):
                 continue
+            if skipped[int(cell)]:
+                continue
             if flat[k] @ flat[int(cell)] < FACING and (distance := float(np.linalg.norm(hit - begin))) < best:
                 best, place = distance, begin
         found.append((best, place))
     return found[0], found[1]
 
 
-HALVES = ("upper", "lower")
-CAST_CHORD = 0.05
-"""Chord error in mm of the casts, used only for their volume."""
+# ----------------------------------------------------------------------------------------------------------------------
+# Bodies against each other, by two routes: the CAD kernel's exact faces, and the triangles of the files.
+
+
+def manifold_of(facets: Facets) -> Manifold:
+    """Return the polyhedron of a surface."""
+    from manifold3d import Manifold, Mesh64
+
+    return Manifold(
+        Mesh64(np.array(facets.points), np.array(facets.triangles, dtype=np.uint64))
+    )  # it takes no frozen ones
+
+
+def common_thickness(one: Manifold, other: Manifold) -> float:
+    """Return the thickness in mm of the thickest piece that two polyhedra have in common: its volume over half its area."""
+    pieces = (one ^ other).decompose()
+    return max(
+        (2.0 * piece.volume() / piece.surface_area() for piece in pieces if piece.surface_area() > 0.0), default=0.0
+    )
+
+
+def overlaps(found: Surfaces) -> dict[str, float]:
+    """Return for each body how thick its overlap is with others in place, and with others and the cast on its way out, mm.
+
+    Raises:
+        MouldError, MeshingError: More than the triangles' distance from the exact faces.
+    """
+    from manifold3d import Manifold
+
+    made, solids = found.made, {name: manifold_of(facets) for name, facets in found.bodies.items()}
+    piece = manifold_of(found.cast)
+    allowed = found.cast.chord + max(facets.chord for facets in found.bodies.values()) + 1e-6
+    height, worst = float(made.high[2] - made.low[2]), {}
+    for k, body in enumerate(made.bodies):
+        others = [other for other in made.bodies[k + 1 :] if body.pull.any() or other.pull.any()]
+        kept = [other for other in made.bodies[:k] if not other.pull.any()]
+        rest = Manifold.batch_boolean([piece, *(solids[other.name] for other in (*others, *kept))], _add())
+        ways = (0.0, *(way * height for way in WAYS)) if body.pull.any() else (0.0,)
+        worst[body.name] = max(
+            common_thickness(solids[body.name].translate(tuple(way * body.pull)), rest) for way in ways
+        )
+        if worst[body.name] > allowed:
+            raise MouldError(
+                f"the {body.name} cannot be demoulded: on its way out it is {shown(worst[body.name] / MM, 'm')} deep in the "
+                f"part or another body; choose another direction (--pull), or change the part"
+            )
+    return worst
+
+
+def _add() -> OpType:
+    from manifold3d import OpType
+
+    return OpType.Add
+
+
+def _block_volumes(made: Tooling) -> tuple[float, float]:
+    """Return the volume of the block that is in no body, and that of bodies outside of the block, in mm3, by the CAD
+    kernel."""
+    import gmsh
+
+    occ = gmsh.model.occ
+    solids, low, high = [body.solid for body in made.bodies], made.low, made.high
+    slack = occ.cut(occ.copy(made.openings), solids, removeTool=False)[0] if made.openings else []
+    box = (3, occ.addBox(*low, *(high - low)))
+    inside = sum(occ.getMass(*solid) for solid in occ.intersect(slack, [box], removeTool=False)[0]) if slack else 0.0
+    outer = [body.solid for body in made.bodies if not _is_inside(body.solid, low, high)]
+    beyond = sum(occ.getMass(*solid) for solid in occ.cut(occ.copy(outer), [box])[0]) if outer else 0.0
+    return inside + sum(occ.getMass(*solid) for solid in made.target), beyond
+
+
+def balance(drawn: _Drawn, found: Surfaces) -> float:
+    """Return what the block has more than bodies, openings and the piece, as a share of the block.
+
+    The bodies' volumes are integrals over their faces as meshed from the STEP files, the others are the CAD kernel's.
+    """
+    block = float(np.prod(found.made.high - found.made.low))
+    bodies = sum(facets.volume for facets in found.bodies.values())
+    return (block - (bodies - drawn.beyond) - drawn.taken) / block
+
+
+def _is_inside(solid: Solid, low: Array, high: Array) -> bool:
+    import gmsh
+
+    box = np.array(gmsh.model.occ.getBoundingBox(*solid)).reshape(2, 3)
+    return bool((box[0] > low - 1e-3).all() and (box[1] < high + 1e-3).all())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -233,18 +365,22 @@ class MouldBody:
     """A body of a mould, or what is cast in it.
 
     Attributes:
-        name: ``"upper cup"``, ``"lower lid"``, ``"upper half"`` (cast) and so on.
+        name: ``"upper cup"``, ``"lower lid"``, ``"upper cast"`` and so on.
+        piece: Name of the piece that it belongs to.
         step: Its STEP file in mm.
         facets: Its surface in mm.
-        opens: Way along z that it leaves, 1 or -1; 0 of what is cast.
+        pull: Unit vector along which it leaves; zero of what is cast, and of what is dissolved.
         checked: What was found of it; None of what is cast.
+        beyond: Of what is cast: silicone between its core and the cup along z, m; NaN of bodies.
     """
 
     name: str
+    piece: str
     step: bytes
     facets: Facets
-    opens: float
+    pull: tuple[float, float, float]
     checked: Checked | None
+    beyond: float = math.nan
 
     @property
     def stem(self) -> str:
@@ -257,27 +393,28 @@ class Made(Shown):
     """The finished mould; lengths of bodies in mm, everything else in SI units.
 
     Attributes:
-        bodies: To print: cup and lid of each half.
+        recipe: How the device is cast.
+        bodies: To print, piece by piece, in the order in which they leave.
+        extras: To print beside them: a jig where pieces are bonded, and a coupon that tests the printer's clearances.
         casts: What is cast in them, as large as the mould leaves it.
-        device: STEP of what the two halves are once bonded, the tube's hole filled, shrunk, in the device's own place; mm.
+        device: STEP of what the pieces are once bonded, the tube's hole filled, shrunk, in the device's own place; mm.
         differs: How far casts and device differ in volume, centre and moments of inertia, as a share.
+        balance: What a piece's block has more than bodies, openings and cast, over its volume.
         volume: Of the device's solid, m3.
         plug: Volume that the tube takes from it, m3.
-        level: Height of the parting plane in the mould, mm.
-        wall_above, wall_below: Silicone between the cavities and the part's faces along the pull, m.
         thinnest: Smallest wall of silicone, m.
-        channel: Smallest width of the cavity, m.
+        channel: Smallest width of the cavity, m; NaN without one.
     """
 
+    recipe: Recipe
     bodies: tuple[MouldBody, ...]
+    extras: tuple[MouldBody, ...]
     casts: tuple[MouldBody, ...]
     device: bytes
     differs: float
+    balance: float
     volume: float
     plug: float
-    level: float
-    wall_above: float
-    wall_below: float
     thinnest: float
     channel: float
 
@@ -285,18 +422,22 @@ class Made(Shown):
         return f"of {len(self.bodies)} bodies to print, for {self.cast_volume * 1e6:.4g} ml of silicone"
 
     def _figures(self) -> Table:
+        pieces = f" in {len(self.casts)} parts, bonded" if len(self.casts) > 1 else ""
+        channel = [] if math.isnan(self.channel) else [
+            ("narrowest part of the cavity", f"{self.channel * 1e3:.3g} mm")
+        ]  # fmt: skip
         return [
             ("to print", ", ".join(body.name for body in self.bodies)),
-            ("silicone", f"{self.cast_volume * 1e6:.4g} ml in {len(self.casts)} parts, bonded"),
+            ("silicone", f"{self.cast_volume * 1e6:.4g} ml{pieces}"),
             ("device", f"{self.volume * 1e6:.4g} ml"),
             ("thinnest wall", f"{self.thinnest * 1e3:.3g} mm"),
-            ("narrowest part of the cavity", f"{self.channel * 1e3:.3g} mm"),
+            *channel,
             ("casts against the device", f"{self.differs:.1e} (volume, centre, moments of inertia)"),
         ]
 
     @property
     def cast_volume(self) -> float:
-        """Volume of both halves after demoulding, m3."""
+        """Volume of all casts after demoulding, m3."""
         return sum(body.facets.volume for body in self.casts) / MM**3
 
 
@@ -313,81 +454,163 @@ def made(device: Actuator, workshop: Workshop, stopped: Callable[[], bool] = boo
         GeometryError, MeshingError: The device's whole cannot be made, or a body fails a check.
         MeshingStopped: ``stopped`` was true.
     """
-    return apart(_made, device, workshop, stopped=stopped)
-
-
-def _made(device: Actuator, workshop: Workshop) -> Made:
-    from geometries.meshing import private_model
-
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
-        with private_model():
-            model = _modelled(device, workshop, folder)
-        named = face_namer(device, model.parted)
-        bodies = []
-        for half in HALVES:
-            for kind, way in (("cup", -1.0), ("lid", 1.0)):
-                name, file = f"{half} {kind}", folder / f"{half}-{kind}.step"
-                facets = facets_of(file, MM * workshop.chord)
-                checked = check_body(name, facets, model.toolings[half], workshop, named)
-                bodies.append(MouldBody(name, file.read_bytes(), facets, way * OTHER_SIDE[half], checked))
-        cores = [facets_of(file, MM * workshop.chord) for file in sorted(folder.glob("core-*.step"))]
-        channel = min(check_core(core, workshop, named) for core in cores)
-        casts = []
-        for half in HALVES:
-            file = folder / f"{half}-half.step"
-            casts.append(MouldBody(f"{half} half", file.read_bytes(), facets_of(file, CAST_CHORD), 0.0, None))
-        silicone = min(thicknesses(cast.facets)[0][0] for cast in casts)
-        shrunk = workshop.scale**-3 / MM**3
-        inside = np.concatenate([core.points[:, 2] for core in cores])
-        top, bottom = casts[0].facets.points[:, 2].max(), casts[1].facets.points[:, 2].min()
-        above, below = (gap / MM / workshop.scale for gap in (top - inside.max(), inside.min() - bottom))
-        return Made(
-            tuple(bodies), tuple(casts), (folder / "device.step").read_bytes(), model.differs,
-            sum(cast.facets.volume for cast in casts) * shrunk + model.plug * shrunk, model.plug * shrunk,
-            model.parted.level, float(above), float(below), silicone / MM / workshop.scale, channel / workshop.scale,
-        )  # fmt: skip
+    return apart(_made, device, recipe_of(device, workshop), workshop, stopped=stopped)
 
 
 @dataclasses.dataclass(frozen=True)
-class _Model:
-    """Data to keep after the CAD model is closed; lengths in mm."""
+class _Drawn:
+    """One piece's mould once its model is closed.
 
-    parted: Parted
-    toolings: Mapping[str, Tooling]
+    Attributes:
+        tools: Its bodies.
+        folder: A STEP of each body, of ``cast``, and of each jig, core, cavity and plug by its number.
+        counts: How many jigs, cores, cavities and plugs there are.
+        differs: See `Made`.
+        taken: Volume of the block in mm3 that is in no body.
+        beyond: Volume of bodies in mm3 that is not in the block.
+        plug: Volume of the plugs, mm3.
+    """
+
+    tools: Tooling
+    folder: Path
+    counts: Mapping[str, int]
     differs: float
+    taken: float
+    beyond: float
     plug: float
 
+    def file(self, name: str) -> Path:
+        return self.folder / f"{name.replace(' ', '-')}.step"
 
-def _modelled(device: Actuator, workshop: Workshop, folder: Path) -> _Model:
-    """Make bodies and casts in the current Gmsh model, compare them with the device, and write a STEP of each.
+    def surfaces(self, kind: str, chord: float) -> list[Facets]:
+        """Return those of the jigs, cores, cavities or plugs, to a chord in mm."""
+        return [facets_of(self.file(f"{kind} {k}"), chord) for k in range(self.counts[kind])]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Piece:
+    """One piece's mould, measured; lengths in m, of the device's own size."""
+
+    bodies: list[MouldBody]
+    cast: MouldBody
+    balance: float
+    channel: float
+
+
+def _made(device: Actuator, recipe: Recipe, workshop: Workshop) -> Made:
+    with tempfile.TemporaryDirectory() as place:
+        drawn = []
+        for k, pour in enumerate(recipe.pours):  # all of them before any is measured, which takes most of the time
+            folder = Path(place) / str(k)
+            folder.mkdir()
+            drawn.append(_draw(device, recipe, pour, workshop, folder))
+        # Closed cavities are the same for all pieces: their points as the device lies.
+        cavities = drawn[0].surfaces("cavity", MM * workshop.chord)
+        where = face_namer(device, drawn[0].tools.frame)
+        channels = [check_core(cavity, math.nan, workshop, where) / workshop.scale for cavity in cavities]
+        inside = np.concatenate([np.zeros((0, 3)), *(cavity.points for cavity in cavities)]) @ drawn[0].tools.frame.turn
+        pieces = [_piece(device, one, inside, workshop) for one in drawn]
+        shrunk = workshop.scale**-3 / MM**3
+        plug = sum(one.plug for one in drawn) * shrunk
+        casts = tuple(piece.cast for piece in pieces)
+        silicone = min(thicknesses(cast.facets)[0][0] for cast in casts)
+        channels = [width for width in (*channels, *(piece.channel for piece in pieces)) if math.isfinite(width)]
+        return Made(
+            recipe, tuple(body for piece in pieces for body in piece.bodies), _extras(drawn, workshop), casts,
+            _bonded(drawn, Path(place)),
+            max(one.differs for one in drawn), max((piece.balance for piece in pieces), key=abs),
+            sum(cast.facets.volume for cast in casts) * shrunk + plug, plug, silicone / MM / workshop.scale,
+            min(channels, default=math.nan),
+        )  # fmt: skip
+
+
+def _extras(drawn: Sequence[_Drawn], workshop: Workshop) -> tuple[MouldBody, ...]:
+    """Return the jig and the coupon."""
+    from geometries.meshing import private_model
+
+    chord, folder = MM * workshop.chord, drawn[0].folder
+    with private_model():
+        own = _Drawn(drawn[0].tools, folder, {}, 0.0, 0.0, 0.0, 0.0)
+        _write_steps(coupon_solids(workshop), own)
+    files = {"bonding jig": drawn[0].file("jig 0")} if drawn[0].counts["jig"] else {}
+    files |= {name: own.file(name) for name in ("coupon", "coupon pin")}
+    found = [MouldBody(name, "", file.read_bytes(), facets_of(file, chord), (0.0, 0.0, 0.0), None)
+             for name, file in files.items()]  # fmt: skip
+    if leaks := [body.name for body in found if body.facets.open_edges]:
+        raise MeshingError(f"the {leaks[0]} is not watertight; change a length slightly")
+    return tuple(found)
+
+
+def _draw(device: Actuator, recipe: Recipe, pour: Pour, workshop: Workshop, folder: Path) -> _Drawn:
+    """Make the mould of one piece, compare its void with the piece, and write its STEP files.
 
     Raises:
         MeshingError: The mould leaves something else than the device.
     """
     import gmsh  # type: ignore[import-untyped]
 
-    occ = gmsh.model.occ
-    parted = part(device, workshop)
-    toolings = {half: tooling(parted, half, workshop) for half in HALVES}
-    voids = {half: left(parted, tools) for half, tools in toolings.items()}
-    differs = max(_difference(voids[half], tools.target, parted.size) for half, tools in toolings.items())
-    if differs > SAME or any(len(solids) != 1 for solids in voids.values()):
-        raise MeshingError(
-            f"the cast differs from the device (volumes or moments by {differs:.2g}); change a length slightly"
-        )
-    plug = list(occ.cut(occ.copy(parted.inlet), parted.cores, removeTool=False)[0]) if parted.inlet else []
-    found = _Model(parted, toolings, differs, sum(occ.getMass(*solid) for solid in plug))
-    named = {
-        f"{half}-{kind}": solid
-        for half, tools in toolings.items()
-        for kind, solid in (("cup", tools.cup), ("lid", tools.lid))
-    }
-    named |= {f"{half}-half": solids[0] for half, solids in voids.items()}
-    named |= {f"core-{k}": core for k, core in enumerate(parted.cores)}
-    named["device"] = _bonded([solids[0] for solids in voids.values()], plug)
-    _write_steps(named, folder, parted)
+    from geometries.meshing import private_model
+
+    with private_model():
+        tools = tooling(device, recipe, pour, workshop)
+        void = left(tools)
+        differs = _difference(void, tools.target, tools.size)
+        if differs > SAME or len(void) != 1:
+            raise MeshingError(
+                f"the cast differs from the device (volumes or moments by {differs:.2g}); change a length slightly"
+            )
+        if len(recipe.pours) == 1:
+            gmsh.model.occ.remove([tools.jig], recursive=True)
+        several = {
+            "jig": [tools.jig] if len(recipe.pours) > 1 and pour == recipe.pours[0] else [],
+            "core": tools.cores,
+            "cavity": tools.cavities,
+            "plug": tools.plugs,
+        }
+        named = {body.name: body.solid for body in tools.bodies} | {"cast": void[0]}
+        named |= {f"{kind} {k}": solid for kind, solids in several.items() for k, solid in enumerate(solids)}
+        plug = sum(gmsh.model.occ.getMass(*solid) for solid in tools.plugs)
+        found = _Drawn(tools, folder, {kind: len(solids) for kind, solids in several.items()}, differs,
+                       *_block_volumes(tools), plug)  # fmt: skip
+        _write_steps(named, found)
     return found
+
+
+def _piece(device: Actuator, drawn: _Drawn, inside: Array, workshop: Workshop) -> _Piece:
+    """Measure and check the mould of one piece; ``inside`` are points of closed cavities, shape (n, 3), mm."""
+    tools, chord = drawn.tools, MM * workshop.chord
+    named = {body.name: facets_of(drawn.file(body.name), chord) for body in tools.bodies}
+    surfaces = Surfaces(tools, named, facets_of(drawn.file("cast"), CAST_CHORD))
+    where = face_namer(device, tools.frame)
+    found = {name: check_body(name, surfaces, workshop, where) for name in named}
+    overlap = overlaps(surfaces)
+    rest = balance(drawn, surfaces)
+    if abs(rest) > SAME:
+        raise MeshingError(
+            f"bodies, openings and cast do not fill the mould ({rest:.2g} of it are left); change a length slightly"
+        )
+    bodies = [
+        MouldBody(body.name, tools.pour.name, drawn.file(body.name).read_bytes(), named[body.name], _triple(body.pull),
+                  dataclasses.replace(found[body.name], overlap=overlap[body.name] / MM))
+        for body in tools.bodies
+    ]  # fmt: skip
+    cores = [] if len(inside) else drawn.surfaces("core", chord)
+    widths = [check_core(core, tools.level, workshop, where) for core in cores]
+    heights = np.concatenate([inside @ tools.frame.turn[2], *(core.points[:, 2] for core in cores)])
+    highest = float(heights[heights < tools.top + FLUSH].max(initial=tools.level))
+    beyond = (float(surfaces.cast.points[:, 2].max()) - highest) / MM / workshop.scale
+    cast = MouldBody(f"{tools.pour.name} cast", tools.pour.name, drawn.file("cast").read_bytes(), surfaces.cast,
+                     (0.0, 0.0, 0.0), None, beyond)  # fmt: skip
+    return _Piece(bodies, cast, rest, min(widths, default=math.nan) / workshop.scale)
+
+
+CAST_CHORD = 0.05
+"""Chord error in mm of the casts."""
+
+
+def _triple(vector: Array) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in vector)
+    return x, y, z
 
 
 def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
@@ -409,39 +632,62 @@ def _difference(one: list[Solid], other: list[Solid], size: float) -> float:
     )
 
 
-def _bonded(halves: list[Solid], plug: list[Solid]) -> Solid:
-    """Return the halves merged, with the tube's hole filled."""
-    import gmsh
-
-    parts = [*halves, *plug]
-    # Merging faces across the bond is optional, fails at times, and takes as long as the rest.
-    gmsh.option.setNumber("Geometry.OCCUnionUnify", 0)
-    solids = gmsh.model.occ.fuse(parts[:1], parts[1:], removeObject=False, removeTool=False)[0]
-    gmsh.option.setNumber("Geometry.OCCUnionUnify", 1)
-    if len(solids) != 1:
-        raise MeshingError("the CAD kernel cannot merge the two halves; change a length slightly")
-    return (3, int(solids[0][1]))
-
-
-def _write_steps(named: Mapping[str, Solid], folder: Path, parted: Parted) -> None:
-    """Write each of some solids of the current Gmsh model into a file of its own; ``device`` back in its own size and place."""
+def _bonded(pieces: Sequence[_Drawn], folder: Path) -> bytes:
+    """Return the STEP of the pieces merged, with the tube's hole filled, in the device's own size and place."""
     import gmsh
 
     from geometries.meshing import private_model
 
-    occ, file = gmsh.model.occ, str(folder / "all.brep")
-    occ.remove([solid for solid in occ.getEntities(3) if solid not in named.values()], recursive=True)
+    occ, file = gmsh.model.occ, folder / "device.step"
+    with private_model():
+        parts: list[Solid] = []
+        for piece in pieces:
+            for name in ("cast", *(f"plug {k}" for k in range(piece.counts["plug"]))):
+                solids = _imported(piece.file(name))
+                turned(solids, piece.tools.frame.turn.T)
+                parts += solids
+        if len(parts) > 1:
+            # Merging faces across the bond is optional, fails at times, and takes as long as the rest.
+            gmsh.option.setNumber("Geometry.OCCUnionUnify", 0)
+            parts = list(occ.fuse(parts[:1], parts[1:])[0])
+            gmsh.option.setNumber("Geometry.OCCUnionUnify", 1)
+        if len(parts) != 1:
+            raise MeshingError("the CAD kernel cannot merge the pieces; change a length slightly")
+        scaled(1.0 / pieces[0].tools.frame.scale)
+        _export(file)
+    return file.read_bytes()
+
+
+def _imported(file: Path) -> list[Solid]:
+    import gmsh
+
+    gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+    solids = list(gmsh.model.occ.importShapes(str(file)))
+    gmsh.option.setString("Geometry.OCCTargetUnit", "")
+    return solids
+
+
+def _export(file: Path) -> None:
+    import gmsh
+
+    gmsh.model.occ.synchronize()
+    gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+    gmsh.write(str(file))
+    gmsh.option.setString("Geometry.OCCTargetUnit", "")
+
+
+def _write_steps(named: Mapping[str, Solid], drawn: _Drawn) -> None:
+    """Write each of some solids of the current Gmsh model into a file of its own."""
+    import gmsh
+
+    from geometries.meshing import private_model
+
+    occ, file = gmsh.model.occ, str(drawn.folder / "all.brep")
     occ.synchronize()
-    order = sorted(named, key=lambda name: named[name][1])  # as Gmsh writes them
+    every = sorted(occ.getEntities(3), key=lambda solid: solid[1])  # as Gmsh writes them
     gmsh.write(file)
-    for k, name in enumerate(order):
+    for name, solid in named.items():
         with private_model():
             solids = occ.importShapes(file, format="brep")
-            occ.remove([solid for j, solid in enumerate(solids) if j != k], recursive=True)
-            if name == "device":
-                turned([solids[k]], parted.turn.T)
-                scaled(1.0 / parted.scale)
-            occ.synchronize()
-            gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-            gmsh.write(str(folder / f"{name}.step"))
-            gmsh.option.setString("Geometry.OCCTargetUnit", "")
+            occ.remove([one for one, known in zip(solids, every, strict=True) if known != solid], recursive=True)
+            _export(drawn.file(name))

@@ -12,14 +12,16 @@ import numpy as np
 import tomli_w
 
 from geometries import Actuator
-from geometries.registry import to_table as device_table
+from geometries.registry import ACTUATORS, to_table as device_table
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
 from softmodels.common.errors import FieldError, Spoken, known_are
 from softmodels.common.names import checked
 from softmodels.common.schema import (
+    Quantity,
     angle_field,
     choice_field,
+    field_of,
     from_table,
     length_field,
     number_field,
@@ -38,6 +40,10 @@ MOST_SHRINKAGE = 0.05
 """Largest accepted shrinkage: addition-cure silicones shrink by less than 0.01, condensation-cure by up to 0.02."""
 PIN_LENGTH = 0.6
 """Length of a pin relative to the wall of its socket."""
+GRIP = 0.8
+"""Diameter of the hole for a barb over the barb's."""
+LUER = 0.00397
+"""Diameter of a male Luer slip at its tip, m (ISO 80369-7: 3.925 to 4.027 mm)."""
 FINEST_CHORD = 2e-6
 """Smallest accepted chord error in m, finer than any printer."""
 
@@ -62,13 +68,27 @@ class Workshop:
         0.0, "linear shrinkage of the silicone during cure, 0.001 for 0.1 %; the mould is enlarged by it"
     )
     clearance: float = length_field(0.00015, "gap between a pin and its socket", zero=True)
-    least_wall: float = length_field(0.0008, "smallest wall or rib of the printer")
+    least_wall: float = length_field(0.0005, "smallest wall or rib of the printer")
     least_gap: float = length_field(0.0005, "smallest gap or hole of the printer")
     pin: float = length_field(0.004, "diameter of the alignment pins at their root")
-    pour: float = length_field(0.003, "diameter of the pour opening where it meets the silicone")
+    pour: float = length_field(0.0025, "diameter of the pour opening where it meets the silicone")
     vent: float = length_field(0.001, "diameter of the vents where they meet the silicone")
     vents: int = choice_field(3, tuple(range(1, 13)), "number of vents of each half")
-    tube: float = length_field(0.002, "outer diameter of the tube into the cavity; 0 for no inlet", zero=True)
+    tube: float = length_field(
+        0.002, "outer diameter of the tube into the cavity, or of the barb; 0 for no inlet", zero=True
+    )
+    inlet: str = choice_field(
+        "tube", ("tube", "barb", "luer"),
+        "hole for the tube itself, 0.8 of it to grip a barb, or the cone of a male Luer slip (ISO 80369-7)",
+    )  # fmt: skip
+    core: str = choice_field(
+        "as needed", ("as needed", "rigid", "lost"), "cores that are pulled, or lost: dissolved or melted out"
+    )
+    bolt: float = length_field(0.0034, "diameter of the bolts' holes; 0 for clamps only", zero=True)
+    bed_width: float = length_field(0.192, "width of the printer's plate")
+    bed_depth: float = length_field(0.120, "depth of the printer's plate")
+    layer: float = length_field(0.00005, "thickness of a printed layer")
+    layer_time: float = field_of(Quantity("s"), "time that the printer takes for a layer", 8.0)
     chord: float = length_field(0.00002, "largest distance of the STL from the exact surface")
     surplus: float = number_field(0.15, "surplus of mixed silicone, for sprues and the mixing cup, 0.15 for 15 %")
     pull: str = text_field("", "direction in which the mould of an imported part opens, such as '0, 0, 1'")
@@ -107,6 +127,11 @@ class Workshop:
                 f"rim is {shown(self.rim, 'm')}; a pin of {shown(self.pin, 'm')} with walls of {shown(self.least_wall, 'm')} "
                 f"on both sides needs {shown(self.pin + 2.0 * (self.clearance + self.least_wall), 'm')}"
             )
+        if self.bolt and self.rim < self.bolt + 2.0 * self.least_wall:
+            raise MouldError(
+                f"bolt is {shown(self.bolt, 'm')}; in a rim of {shown(self.rim, 'm')} it leaves walls thinner than the "
+                f"printer's {shown(self.least_wall, 'm')} (least_wall); 0 omits the holes"
+            )
         if self.tip(self.pin, self.pin_length) < self.least_wall:
             raise MouldError(
                 f"draft is {shown(self.draft, 'degree')}; it leaves a pin of {shown(self.pin, 'm')} a tip of "
@@ -125,11 +150,13 @@ class Workshop:
             raise MouldError(
                 f"pour is {shown(self.pour, 'm')} and vent {shown(self.vent, 'm')}; the pour opening must be wider"
             )
-        if self.tube and self.tube < self.least_wall:
+        if self.tube and self.inlet_width < self.least_wall:
             raise MouldError(
                 f"tube is {shown(self.tube, 'm')}; its core is thinner than the printer's "
                 f"{shown(self.least_wall, 'm')} (least_wall); 0 omits the inlet"
             )
+        if self.layer_time <= 0.0:
+            raise MouldError(f"layer_time is {shown(self.layer_time, 's')}; it must be larger than 0")
         if self.chord > 0.25 * self.least_gap:
             raise MouldError(
                 f"chord is {shown(self.chord, 'm')}; it must be at most a quarter of the printer's gap, "
@@ -140,6 +167,11 @@ class Workshop:
     def pin_length(self) -> float:
         """Height of a pin, m."""
         return PIN_LENGTH * self.wall
+
+    @property
+    def inlet_width(self) -> float:
+        """Diameter of the inlet's core in m, at the cavity."""
+        return {"tube": self.tube, "barb": GRIP * self.tube, "luer": LUER}[self.inlet]
 
     @property
     def slope(self) -> float:
@@ -298,7 +330,11 @@ def _read(file: Path) -> tuple[Case, dict[str, object]]:
     table = tables.pop("mould", {})
     if not isinstance(table, dict):
         raise MouldError(f"{file}: mould is {table!r}; it must be a table, starting with a line [mould]")
+    geometry = tables.get("geometry")
+    device = geometry.get("device") if isinstance(geometry, dict) else None
+    solid = isinstance(device, str) and device in ACTUATORS and ACTUATORS[device].ratios == ()
+    load = {"gravity": {"direction": "-z"}, "load": {"share": [1.0]}} if solid else {"load": {"pressure_cm": [1.0]}}
     try:
-        return Case.from_toml(tomli_w.dumps({"load": {"pressure_cm": [1.0]}, **tables}), file.parent), table
+        return Case.from_toml(tomli_w.dumps({**({} if "load" in tables else load), **tables}), file.parent), table
     except CaseError as error:
         raise CaseError(f"{file}: {error}") from None

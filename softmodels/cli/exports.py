@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,10 +35,10 @@ def mould(
 ) -> None:
     """Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.
 
-    The device is cast in two halves, which are bonded in the parting plane: a cup forms the outside of each half, its lid
-    the bonded face, with the cavity's core on it. The parting plane is the floor of a disk's cavity, the plane of a slab's
-    channels, or for an imported part normal to --pull. Before any file is written, these are checked: bodies watertight, no
-    undercuts, no wall or gap too fine for the printer, STL within --chord of the exact surface, casts equal to the device.
+    A device is cast in one piece or in several that are bonded, as its recipe says: a cup forms the outside of a piece, a
+    lid carries the cavity's core. An imported part is parted across --pull. Before any file is written, these are checked:
+    bodies watertight, no undercuts, nothing in the way, no wall or gap too fine for the printer, STL within --chord of the
+    exact surface, casts equal to the device.
     The file needs no load; a table [mould] in it may hold the settings below.
 
     \b
@@ -90,9 +91,10 @@ def mould_summary(asked: Asked, found: Made) -> list[str]:
     lines = []
     for body in found.bodies:
         assert body.checked is not None
+        gap = "" if math.isinf(body.checked.gap) else f", gap {body.checked.gap * 1e3:.3g} mm"
         lines.append(
-            f"{body.name}: watertight, no undercut, smallest wall {body.checked.wall * 1e3:.3g} mm, gap "
-            f"{body.checked.gap * 1e3:.3g} mm, STL within {body.checked.chord * 1e6:.3g} um"
+            f"{body.name}: watertight, {'dissolved' if not any(body.pull) else 'no undercut'}, smallest wall "
+            f"{body.checked.wall * 1e3:.3g} mm{gap}, STL within {body.checked.chord * 1e6:.3g} um"
         )
     lines.append(
         f"casts: {found.cast_volume * 1e6:.5g} ml in the mould; shrunk and bonded they are the device "

@@ -275,5 +275,5 @@ def data_uri(data: bytes, kind: str) -> str:
 
 
 def image_uri(file: Path) -> str:
-    """Return the same of a picture's file, PNG, GIF or WebP."""
-    return data_uri(read_file(file), f"image/{file.suffix[1:]}")
+    """Return the same of a picture's file, PNG, GIF, WebP or SVG."""
+    return data_uri(read_file(file), f"image/{file.suffix[1:].replace('svg', 'svg+xml')}")

@@ -1,0 +1,157 @@
+"""Every device has a mould: what its bodies leave, that they come off, and how they lie on the printer's plate."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+from geometries import (
+    ACTUATORS,
+    Balloon,
+    Beam,
+    Bellows,
+    BendingBellows,
+    Cylinder,
+    GeometryError,
+    HollowDisk,
+    ImportedMesh,
+    Membrane,
+    PneuNet,
+    SuctionCup,
+)
+from geometries.actuator import Castable
+from geometries.meshing import private_model
+from softmodels.casting.bodies import recipe_of, tooling
+from softmodels.casting.make import _made, common_thickness, manifold_of
+from softmodels.casting.plate import BETWEEN, arranged, laid_flat, print_estimate
+from softmodels.casting.settings import MouldError, Workshop
+
+COARSE = Workshop(chord=2e-4, least_gap=8e-4, pour=0.002, vents=1, bolt=0.0, shrinkage=0.01)
+DEVICES = {
+    PneuNet: (PneuNet(chambers=2, base=0.002, paper=0.0002), "chambers inlet pin, chambers lid, chambers cup, base tray"),
+    Membrane: (Membrane(plate_radius=0.008, plate_thickness=0.002), "membrane floor, membrane frame"),
+    Balloon: (Balloon(radius=0.006, neck_radius=0.002, fillet=0.0005), "upper lid, upper cup, lower lid, lower cup"),
+    Bellows: (Bellows(convolutions=1), "wall core, wall lid, wall cup left, wall cup right, plate tray"),
+    BendingBellows: (BendingBellows(folds=1, cap=0.003, root=0.004), "folds inlet pin, folds lid, folds cup, base tray"),
+    Cylinder: (Cylinder(length=0.012), "tube lid, tube cup left, tube cup right"),
+    SuctionCup: (SuctionCup(), "cup lid, cup cup"),
+    Beam: (Beam(length=0.03), "beam tray"),
+}  # fmt: skip
+"""A small one of each class, and the bodies of its mould in the order in which they leave."""
+ELSEWHERE = {"HollowDisk", "SeminarActuator", "ImportedActuator", "ImportedMesh"}
+"""Devices whose moulds `test_mould` makes, and what has none."""
+
+
+def test_every_device_is_here():
+    """A device of a test or of a user may be registered beside the library's own."""
+    own = {name for name, device in ACTUATORS.items() if device.__module__.startswith("geometries.")}
+    assert own == {device.__name__ for device in DEVICES} | ELSEWHERE
+
+
+@pytest.mark.parametrize("kind", DEVICES, ids=lambda kind: kind.__name__)
+def test_a_device_is_cast_to_its_closed_form(kind, tmp_path):
+    """The files' bodies, taken from their block in a new model, against the device's volume; no body meets another or the
+    cast as it leaves, by the CAD kernel and by the triangles."""
+    import gmsh
+
+    device, bodies = DEVICES[kind]
+    found = _made(device, recipe_of(device, COARSE), COARSE)
+    assert ", ".join(body.name for body in found.bodies) == bodies
+    assert found.differs < 1e-6 and abs(found.balance) < 1e-6
+    assert found.volume == pytest.approx(device.solid_volume, rel=2e-6)
+    for body in found.bodies:
+        assert body.checked is not None and body.checked.overlap * 1e3 < 0.25 and body.checked.lean > -0.1
+        assert manifold_of(body.facets).volume() == pytest.approx(body.facets.polyhedron_volume, rel=1e-9)
+    with private_model():
+        occ = gmsh.model.occ
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+
+        def read(body):
+            (tmp_path / "body.step").write_bytes(body.step)
+            return occ.importShapes(str(tmp_path / "body.step"))
+
+        (whole,) = read(dataclasses.replace(found.casts[0], step=found.device))
+        assert occ.getMass(*whole) == pytest.approx(1e9 * device.solid_volume, rel=2e-6)
+        first, *later = [body for body in found.bodies if body.piece == found.casts[0].piece and any(body.pull)]
+        rest = [*read(found.casts[0]), *itertools.chain.from_iterable(map(read, later))]
+        (leaving,) = read(first)
+        for way in np.diff((0.0, 0.3, 4.0)):
+            occ.translate([leaving], *(way * np.array(first.pull)))
+            common = occ.intersect([leaving], rest, removeObject=False, removeTool=False)[0]
+            assert sum(occ.getMass(*solid) for solid in common) < 1e-6
+        gmsh.option.setString("Geometry.OCCTargetUnit", "")
+
+
+def test_a_core_that_cannot_leave_is_refused():
+    with pytest.raises(MouldError, match=r"wall lid cannot be demoulded: it is undercut by .* let its core be lost"):
+        workshop = dataclasses.replace(COARSE, core="rigid")
+        _made(DEVICES[Bellows][0], recipe_of(DEVICES[Bellows][0], workshop), workshop)
+
+
+def test_inlets_fit_their_fittings():
+    """The hole of a barb grips it; a Luer's is a cone of 6 %, wider outside than at the chamber."""
+    import gmsh
+
+    device, holes = PneuNet(chambers=1, root=0.004), {}
+    for inlet in ("tube", "barb", "luer"):
+        workshop = dataclasses.replace(COARSE, inlet=inlet, shrinkage=0.0)
+        recipe = recipe_of(device, workshop)
+        with private_model():
+            (plug,) = tooling(device, recipe, recipe.pours[0], workshop).plugs
+            holes[inlet] = 1e-9 * gmsh.model.occ.getMass(*plug)
+    assert holes["tube"] == pytest.approx(np.pi * 0.001**2 * 0.004, rel=1e-6)
+    assert holes["barb"] == pytest.approx(0.64 * holes["tube"], rel=1e-6)
+    tip, end = 0.5 * 0.00397, 0.5 * (0.00397 + 0.06 * 0.004)
+    assert holes["luer"] == pytest.approx(np.pi / 3 * 0.004 * (tip**2 + tip * end + end**2), rel=1e-6)
+    with pytest.raises(MouldError, match="inlet is 'luer', a cone that is wide outside"):
+        disk = HollowDisk.variant("shadow")
+        with private_model():
+            tooling(disk, disk.recipe, disk.recipe.pours[1], workshop)
+
+
+def test_bodies_lie_flat_and_apart_on_plates_of_their_size():
+    device = DEVICES[Beam][0]
+    found = _made(device, recipe_of(device, COARSE), COARSE)
+    bodies = [(f"{body.name} {k}", body.facets) for k in range(4) for body in (*found.bodies, *found.extras)]
+    workshop = dataclasses.replace(COARSE, bed_width=0.11, bed_depth=0.07, layer=1e-4, layer_time=10.0)
+    placed = arranged(bodies, workshop)
+    assert sorted(one.name for one in placed) == sorted(name for name, _ in bodies) and placed[-1].plate > 1
+    boxes = [(one.plate, one.facets.points.min(axis=0), one.facets.points.max(axis=0)) for one in placed]
+    for plate, low, high in boxes:
+        assert low[2] == 0.0 and (low[:2] >= BETWEEN).all() and (high[:2] <= (110.0 - BETWEEN, 70.0 - BETWEEN)).all()
+        for other, lower, upper in boxes:
+            same = plate == other and (low == lower).all()
+            assert same or plate != other or ((high[:2] < lower[:2]) | (upper[:2] < low[:2])).any()
+    for one in placed:
+        before = next(facets for name, facets in bodies if name == one.name)
+        assert one.facets.polyhedron_volume == pytest.approx(before.polyhedron_volume, rel=1e-9)
+    tray = laid_flat(found.bodies[0].facets)
+    assert np.ptp(tray.points[:, 2]) == pytest.approx(min(np.ptp(tray.points, axis=0)))  # not on its edge
+    times = print_estimate(placed, workshop).times
+    assert len(times) == placed[-1].plate and times[0] == pytest.approx(
+        10.0 * max(h[2] for p, _, h in boxes if p == 1) / 0.1, abs=10.0
+    )
+
+
+def test_what_two_polyhedra_have_in_common_has_its_thickness():
+    from manifold3d import Manifold
+
+    one, other = Manifold.cube((10.0, 10.0, 10.0)), Manifold.cube((10.0, 10.0, 10.0)).translate((0.0, 0.0, 9.0))
+    assert common_thickness(one, other) == pytest.approx(2 * 100.0 / 240.0)
+    assert common_thickness(one, other.translate((0.0, 0.0, 1.0))) == 0.0
+
+
+def test_what_has_no_recipe_says_what_to_add():
+    class Kite(Castable):
+        pass
+
+    with pytest.raises(
+        GeometryError, match=r"a Kite names no casting recipe; give its class a property recipe.*extending\.md"
+    ):
+        Kite().cast_along(None, None)
+    with pytest.raises(GeometryError, match="pull and split apply only to imported parts"):
+        Kite().cast_along((0.0, 0.0, 1.0), None)
+    assert ImportedMesh.cast_along is not Castable.cast_along
