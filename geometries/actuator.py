@@ -61,6 +61,14 @@ class Designable:
             f"the mesh of {type(self).__name__} cannot follow its parameters: it defines no motion of its faces"
         )
 
+    carries_interfaces: ClassVar[bool] = False
+    """Whether `carried` also takes points where regions meet inside the solid."""
+
+    @property
+    def ratio_parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that decide `Actuator.ratios` and not the shape, among those of `parameter_names`."""
+        return ()
+
     @property
     def clearances(self) -> Mapping[str, float]:
         """Return every dimension in m with a minimum, geometric or of the workshop, by description.

@@ -473,6 +473,12 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
     def solid_volume(self) -> float:
         return planned_solid_volume(self)
 
+    carries_interfaces: ClassVar = True
+
+    @property
+    def ratio_parameters(self) -> tuple[str, ...]:
+        return ("opposite",) if self.sides == 2 else ()
+
     @property
     def movable(self) -> tuple[str, ...]:
         return tuple(name for name in (*walls(self), *(("paper",) if self.paper else ())))

@@ -17,7 +17,6 @@ from geometries.actuator import Vector
 from softmodels.common.errors import known_are
 from softmodels.common.schema import Words, field_of
 from softmodels.mechanics.component import (
-    INSIDE,
     ComponentError,
     bases,
     direction,
@@ -74,7 +73,7 @@ class Clamp(HoldingPart):
         self.holds(actuator)
 
     def undesigned(self, actuator: Actuator) -> str:
-        return INSIDE if set(self.roles) & set(actuator.regions) else ""
+        return ""
 
     def holds(self, actuator: Actuator) -> list[Hold]:
         """Return what it holds on a device.

@@ -803,6 +803,9 @@ class ShapeTerm(EnergyTerm):
     def _check_rest(self, body: Body) -> None:
         check_rest(self.shape, body)
 
+    def follow_mesh(self) -> None:
+        self.nodes.follow_mesh()
+
     def move_to(self, at: npt.ArrayLike) -> None:
         """Move the shape to a position in m, such as an indenter from state to state."""
         place = np.asarray(at, dtype=float) / self.body.actuator.size
@@ -1222,6 +1225,10 @@ class RigidShape(ContactPart):
     def remembers(self) -> bool:
         return self.friction > 0.0
 
+    def undesigned(self, actuator: Actuator) -> str:
+        why = "whose forces depend on the path that leads to a state, so that no gradient is exact; set friction = 0"
+        return f"with friction, {why}" if self.friction else ""
+
     @property
     def onset(self) -> float:
         """Depth over which the contact sets in, in sizes of the device."""
@@ -1367,7 +1374,7 @@ class Obstacle(ContactPart):
         self.place(actuator)
 
     def undesigned(self, actuator: Actuator) -> str:
-        return "a rigid plane to rest on, and gradients do not know contact"
+        return ""
 
     @property
     def in_model(self) -> str:

@@ -19,7 +19,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -45,7 +45,7 @@ from softmodels.materials.strain import Expression, HomogeneousStrain
 from softmodels.mechanics.body import Body, cell_measure
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.component import (
-    INSIDE,
+    Component,
     ComponentError,
     EnergyComponent,
     EnergyTerm,
@@ -222,13 +222,13 @@ class Helix:
 
         self._axis: fem.Constant = fem.Constant(mesh, np.zeros(3))
         self._slopes: fem.Constant = fem.Constant(mesh, np.zeros(2))
-        self.take(axis, angle)
+        for constant, value in self.numbers(axis, angle):
+            constant.value = value
 
-    def take(self, axis: Sequence[float], angle: float) -> None:
-        """Set another axis and angle, without recompiling."""
-        unit = np.asarray(axis, dtype=float)
-        self._axis.value[:] = unit / np.linalg.norm(unit)
-        self._slopes.value[:] = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    def numbers(self, axis: Sequence[float], angle: float) -> list[tuple[fem.Constant, Array]]:
+        """Return its constants and their values for an axis and an angle, which may be complex."""
+        unit, turn = np.asarray(axis, dtype=float), np.asarray(angle) * (math.pi / 180.0)
+        return [(self._axis, unit / np.linalg.norm(unit)), (self._slopes, np.array([np.cos(turn), np.sin(turn)]))]
 
     def field(self, body: Body, normal: Expr | None, hand: float = 1.0) -> Expr:
         """Return the direction at every undeformed point, three components; not of unit length where a face cuts through it.
@@ -602,7 +602,16 @@ class Fibres(EnergyComponent):
                 )
 
     def undesigned(self, actuator: Actuator) -> str:
-        return INSIDE if self.modulus and self.on else ""
+        return ""
+
+    @property
+    def inside(self) -> tuple[str, ...]:
+        return tuple(names_in(self.on)) if self.modulus else ()
+
+    @property
+    def variable(self) -> Mapping[str, str]:
+        stiffness = {"modulus": "Pa"} if self.modulus else {"stiffness": "N/m"}
+        return {"angle": "degree", **stiffness, **({"exponent": ""} if self.law == "exponential" else {})}
 
     @property
     def looked_up(self) -> tuple[object, ...]:
@@ -656,11 +665,10 @@ class FibreTerm(StrainTerm):
         where = (faces if self.in_face else regions)(setting.body, names_in(part.on))
         super().__init__(setting, where, self._changes, self._energy)
 
-    def take(self, part: Fibres) -> None:
-        """Set another angle, axis, stiffness, modulus and exponent, without recompiling."""
-        self._helix.take(part.axis, part.angle)
-        self._k.value = (part.stiffness or part.modulus) / self._unit
-        self._b.value = part.exponent
+    def numbers(self, part: Component) -> list[tuple[fem.Constant, Array]]:
+        assert isinstance(part, Fibres)
+        stiffness = np.asarray((part.stiffness or part.modulus) / self._unit)
+        return [*self._helix.numbers(part.axis, part.angle), (self._k, stiffness), (self._b, np.asarray(part.exponent))]
 
     @property
     def stiffness(self) -> float:
@@ -790,6 +798,11 @@ class Fabric(EnergyComponent):
     def undesigned(self, actuator: Actuator) -> str:
         return ""
 
+    @property
+    def variable(self) -> Mapping[str, str]:
+        shear = {"shear": "N/m"} if self.shear else {}
+        return {"along": "N/m", "across": "N/m", **shear, "angle": "degree"}
+
     def check_on(self, actuator: Actuator) -> None:
         names = names_in(self.on)
         if not names:
@@ -822,13 +835,12 @@ class FabricTerm(StrainTerm):
         self.take(part)
         super().__init__(setting, faces(setting.body, names_in(part.on)), self._changes, self._energy)
 
-    def take(self, part: Fabric) -> None:
-        """Set other stiffnesses, angle and axis, without recompiling."""
-        self._helix.take(part.axis, part.angle)
+    def numbers(self, part: Component) -> list[tuple[fem.Constant, Array]]:
+        assert isinstance(part, Fabric)
         coupled = part.poisson * part.across
         share = 1.0 - coupled * part.poisson / part.along
-        self._k.value[:] = part.along / share, part.across / share, coupled / share, part.shear
-        self._k.value[:] /= self._size
+        stiffnesses = np.array([part.along / share, part.across / share, coupled / share, part.shear])
+        return [*self._helix.numbers(part.axis, part.angle), (self._k, stiffnesses / self._size)]
 
     @property
     def stiffness(self) -> float:

@@ -6,13 +6,14 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from geometries import Actuator
 from geometries.actuator import Vector
+from softmodels.common.arrays import Array
 from softmodels.common.schema import Open, Quantity, Words, field_of
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import density_of
@@ -32,12 +33,16 @@ from softmodels.mechanics.dead_loads import (
     HeavyPart,
     Loaded,
     LoadPart,
+    MeasuredConstant,
     RequestedValue,
     Weighed,
     check_finite,
     mean_place,
 )
 from softmodels.mechanics.regions import RegionPart
+
+if TYPE_CHECKING:
+    from dolfinx import fem
 
 STANDARD_GRAVITY = 9.81
 HEAVIEST = 25e3
@@ -79,6 +84,16 @@ class FaceLoad(DirectedLoad):
     @property
     def kept(self) -> bool:
         return self.amount != 0.0
+
+    def undesigned(self, actuator: Actuator) -> str:
+        return "" if self.kept else "which has no amount"
+
+    @property
+    def variable(self) -> Mapping[str, str]:
+        return {"amount": "N" if self.arm == 2 else "N*m"}
+
+    def magnitude_of(self, masses: complex) -> complex:
+        return self.amount
 
     def check(self) -> None:
         super().check()
@@ -144,6 +159,16 @@ class Gravity(DirectedLoad):
         """Acceleration in m/s2, shape (3,), in device coordinates."""
         return self.magnitude * np.asarray(self.vector)
 
+    def undesigned(self, actuator: Actuator) -> str:
+        return ""
+
+    @property
+    def variable(self) -> Mapping[str, str]:
+        return {"magnitude": "m/s^2"}
+
+    def magnitude_of(self, masses: complex) -> complex:
+        return masses * self.magnitude
+
     def idle(self, components: Sequence[Component]) -> bool:
         weighing = [part for part in components if part.weighs]
         if self.density != 0.0 or any(part.own_density for part in components if isinstance(part, RegionPart)):
@@ -163,8 +188,9 @@ class Gravity(DirectedLoad):
             raise ComponentError(
                 f"{self.where}: gravity acts on no mass; give the silicone's density, or add a mass to a face"
             )
-        forms = [on.constant(one.amount / whole) * form for one in masses for form in one.forms]
-        return Weighed(forms, whole * self.magnitude)
+        shares = tuple((on.constant(one.amount / whole), one) for one in masses)
+        forms = [share * form for share, one in shares for form in one.forms]
+        return Weighed(forms, whole * self.magnitude, shares=shares)
 
 
 @register_component
@@ -196,7 +222,14 @@ class Mass(HeavyPart):
 
     def masses(self, on: DistributedLoad, along: npt.NDArray[np.float64]) -> list[Weighed]:
         with _on_face(self):
-            return [Weighed([on.mean(along, self.face)], self.amount)]
+            return [Weighed([on.mean(along, self.face)], self.amount, self.key)]
+
+    def undesigned(self, actuator: Actuator) -> str:
+        return ""
+
+    @property
+    def variable(self) -> Mapping[str, str]:
+        return {"amount": "kg"}
 
 
 @register_component
@@ -347,10 +380,27 @@ class Moment(FaceLoad):
             axis = np.asarray(self.vector)
             centre = mean_place(on, self.face)
             # Beyond a cut plane lies the mirror image: the whole face's centre lies in the plane, square to the axis.
-            arm = ufl.cross(on.constant(axis), on.places - on.constant(centre))
-            size = on.integral(ufl.dot(arm, arm), self.face)
-            form = ufl.dot(on.constant(1 / size) * arm, on.test) * on.body.hoop * on.measure(self.face)
+            middle = on.constant(centre)
+            arm = ufl.cross(on.constant(axis), on.places - middle)
+            size = on.constant(1 / on.integral(ufl.dot(arm, arm), self.face))
+            form = ufl.dot(size * arm, on.test) * on.body.hoop * on.measure(self.face)
+            self._measure(on, middle, size, axis)
             return Weighed([form], self.amount)
+
+    def _measure(self, on: DistributedLoad, centre: fem.Constant, size: fem.Constant, axis: Array) -> None:
+        """Let the centre and the sum of squares follow a mesh that moves."""
+        import ufl
+
+        far = ufl.cross(on.constant(axis), on.places)
+        integrands = [on.constant(1.0), *(on.places[i] for i in range(3)), ufl.dot(far, far)]
+        integrals = [integrand * on.body.hoop * on.measure(self.face) for integrand in integrands]
+
+        def inverse(found: Array) -> Array:
+            moved = np.cross(axis, found[1:4])
+            return np.asarray(1.0 / (found[4] - moved @ moved / found[0]))
+
+        on.measured.append(MeasuredConstant(centre, integrals, lambda found: found[1:4] / found[0]))
+        on.measured.append(MeasuredConstant(size, integrals, inverse))
 
 
 def weighed(components: Sequence[Component], material: Material) -> tuple[Component, ...]:

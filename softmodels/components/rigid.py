@@ -17,7 +17,7 @@ from geometries import Actuator
 from softmodels.common.arrays import Array
 from softmodels.common.schema import Choice, Quantity, Several, Words, field_of
 from softmodels.mechanics.body import in_section, in_space
-from softmodels.mechanics.component import INSIDE, ComponentError, bases, check_regions, faces_of, register_component
+from softmodels.mechanics.component import ComponentError, bases, check_regions, faces_of, register_component
 from softmodels.mechanics.dead_loads import DistributedLoad, HeavyPart, Weighed, check_finite
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class Rigid(RigidPart, HeavyPart):
         return self.mass
 
     def masses(self, on: DistributedLoad, along: Array) -> list[Weighed]:
-        return [Weighed([on.mean(along, self.face)], self.mass)] if self.mass else []
+        return [Weighed([on.mean(along, self.face)], self.mass, self.key)] if self.mass else []
 
     def check_on(self, actuator: Actuator) -> None:
         if self.region:
@@ -109,9 +109,15 @@ class Rigid(RigidPart, HeavyPart):
             )
         self.freedom(actuator, np.zeros(actuator.dimension))
 
+    @property
+    def inside(self) -> tuple[str, ...]:
+        return (self.region,) if self.region else ()
+
+    @property
+    def variable(self) -> Mapping[str, str]:
+        return {"mass": "kg"} if self.mass else {}
+
     def undesigned(self, actuator: Actuator) -> str:
-        if self.region:
-            return INSIDE
         turns = len(self.freedom(actuator, np.zeros(actuator.dimension)).axes) > 0
         return "which can rotate about a point that the design moves; guide it (kind = 'guided')" if turns else ""
 

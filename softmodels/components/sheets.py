@@ -19,12 +19,16 @@ is the mean of the metric over each facet. Lines of an axisymmetric section do n
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from geometries import Actuator
+from softmodels.common.arrays import Array
 from softmodels.common.schema import Quantity, Words, field_of
 from softmodels.mechanics.component import (
+    Component,
     ComponentError,
     EnergyComponent,
     EnergyTerm,
@@ -93,6 +97,10 @@ class Sheet(EnergyComponent):
     def undesigned(self, actuator: Actuator) -> str:
         return ""
 
+    @property
+    def variable(self) -> Mapping[str, str]:
+        return {"stiffness": "N/m"}
+
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         return (
             f"a sheet of {self.stiffness / 1e3:.4g} kN/m is bonded to {self.face}: see whether the run goes on with a softer "
@@ -112,9 +120,14 @@ class SheetTerm(EnergyTerm):
         self._setting = setting
         body = setting.body
         self._on_face, self._normal = body.sheet_face(sheet.face)
-        self._pa = fem.Constant(body.mesh, sheet.stiffness / body.actuator.size)
+        self._pa = fem.Constant(body.mesh, 0.0)
+        self.take(sheet)
         density = membrane_energy(body.deformation_gradient(setting.displacement), self._normal)
         super().__init__([self._integral(density)])
+
+    def numbers(self, part: Component) -> list[tuple[fem.Constant, Array]]:
+        assert isinstance(part, Sheet)
+        return [(self._pa, np.asarray(part.stiffness / self._setting.body.actuator.size))]
 
     def _integral(self, density: Expr) -> ufl.Form:
         return self._setting.per_pascal * self._pa * density * self._setting.body.hoop * self._on_face

@@ -177,7 +177,7 @@ class Walls(ContactPart):
             check_on_mesh(self.where, actuator, group)
 
     def undesigned(self, actuator: Actuator) -> str:
-        return "" if self.off or self.automatic else super().undesigned(actuator)
+        return ""
 
     def hindrance(self, actuator: Actuator, figure: Callable[[str], float]) -> str:
         depth, force = (figure(f"{self.label}_{what}") for what in ("overlap_mm", "contact_N"))

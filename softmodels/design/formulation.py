@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from geometries.actuator import parameter
+from softmodels.case.varied import value_of
 from softmodels.common.arrays import Array
 from softmodels.design.problem import SURE, DesignProblem, Keep, ToleranceSpread, in_words, label
 from softmodels.design.quantities import DesignQuantity
@@ -96,7 +96,7 @@ class Formulation:
         self.spread = ToleranceSpread(problem.names, problem.spreads, problem.errors)
         self.low = np.array([one.low for one in problem.free])
         self.width = np.array([one.width for one in problem.free])
-        self.rest = np.array([parameter(problem.case.actuator, name) for name in problem.names[len(problem.free) :]])
+        self.rest = np.array([value_of(problem.case, name) for name in problem.names[len(problem.free) :]])
         self.rows = [row for keep in problem.limits for row in self._rows(keep, first.values)]
         slopes = np.abs(self._slope(first)) * self.width
         self.size = max(abs(self.objective(first)), float(slopes.max(initial=0.0)), 1e-300)
@@ -250,6 +250,7 @@ class EvaluationRequest:
         loads: Those of the states.
         highest: Pressure in Pa up to which a limit point is looked for; 0 for none.
         materials: Numbers of the material by which derivatives are wanted.
+        shape: Those of ``names`` that decide the shape.
     """
 
     names: tuple[str, ...]
@@ -257,8 +258,9 @@ class EvaluationRequest:
     loads: tuple[JudgedLoad, ...]
     highest: float
     materials: tuple[str, ...]
+    shape: tuple[str, ...] = ()
 
     @property
     def working(self) -> float:
-        """The highest pressure in Pa at which the device is evaluated; 0 for none."""
-        return max((load.value for load in self.loads if load.kind == PRESSURE), default=0.0)
+        """The pressure in Pa farthest from 0 at which the device is evaluated; 0 for none."""
+        return max((load.value for load in self.loads if load.kind == PRESSURE), default=0.0, key=abs)

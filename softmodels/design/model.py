@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometries import Actuator, GeometryError, MeshingError
-from geometries.actuator import changed, parameter
 from softmodels.case.case import Case
-from softmodels.case.components import without_walls
+from softmodels.case.entries import INPUT_ERRORS
+from softmodels.case.varied import in_equations, of_shape, value_of, varied
 from softmodels.common.arrays import Array
 from softmodels.common.errors import reason
 from softmodels.common.files import read_text, replace_text, replaced_whole
 from softmodels.common.folders import InUseError, OwnFolder, OwnFolderError, take_default
+from softmodels.components.loads import weighed
 from softmodels.design.formulation import KEPT, EvaluationRequest, Formulation, Judged
 from softmodels.design.problem import (
     EVALUATIONS,
@@ -60,6 +61,7 @@ from softmodels.design.trials import (
 )
 from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.mechanics.newton import NoConvergence
+from softmodels.mechanics.regions import relaxed
 from softmodels.path.stability import Stability
 from softmodels.runs.outcomes import RunError
 
@@ -93,10 +95,14 @@ class MeshedDesign:
     Args:
         design: The meshed device, undeformed.
         question: What is asked of it.
+        case: The device with all around it.
+
+    Attributes:
+        case: What mesh and equations show now.
     """
 
-    def __init__(self, design: DesignedBody, question: EvaluationRequest):
-        self.design, self.solver, self.question = design, design.solver, question
+    def __init__(self, design: DesignedBody, question: EvaluationRequest, case: Case):
+        self.design, self.solver, self.question, self.case = design, design.solver, question, case
         self.adjoint = Adjoint(design)
         self.measures = {
             part: part.measure(design) for part in question.parts if not isinstance(part, OfLimit | DeviceQuantity)
@@ -104,14 +110,13 @@ class MeshedDesign:
         forks = any(isinstance(part, OfBifurcation) for part in question.parts)
         self.bifurcations = Bifurcations(design, self.adjoint) if forks else None
         self.states = WorkingStates(design, question.loads, question.highest, self.bifurcations)
-        self._stable: tuple[Actuator, Known] | None = None
+        self._stable: tuple[Case, Known] | None = None
         """The last evaluated design, and its states."""
 
     @classmethod
     def fresh(
         cls,
         case: Case,
-        device: Actuator,
         question: EvaluationRequest,
         comm: MPI.Comm,
         before: MeshedDesign | None = None,
@@ -119,8 +124,7 @@ class MeshedDesign:
         """Return a fresh mesh of a device, with its states.
 
         Args:
-            case: Silicone, sheet, obstacle and formulation.
-            device: The device.
+            case: The device with all around it.
             question: What is asked of it.
             comm: MPI communicator.
             before: Another mesh that shows this device now, whose states are interpolated; without it, or where Newton's method
@@ -137,16 +141,18 @@ class MeshedDesign:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(comm.bcast(folder)) / "design.msh"
             try:
-                on_root(comm, lambda: device.write(file))
+                on_root(comm, lambda: case.actuator.write(file))
             except MeshingError as error:
                 raise DesignFailure(str(error)) from error
-            body = Body.from_file(device, file, comm)
+            body = Body.from_file(case.actuator, file, comm)
             comm.barrier()
         with compiling():
-            system = System(body, case.material, case.formulation, without_walls(case.components))
+            system = System(body, case.material, case.formulation, case.components)
+            system.direction = case.load.direction
             solver = Solver(system, case.solver)
-            made = cls(DesignedBody(solver), question)
+            made = cls(DesignedBody(solver), question, case)
         try:
+            made.show(case)
             if before is None or not made._taken_over(before):
                 made.states.trace()
         except BaseException:
@@ -169,8 +175,20 @@ class MeshedDesign:
         """Give back what PETSc and MPI hold."""
         self.design.release()
 
-    def follow(self, device: Actuator) -> None:
-        """Move the mesh and its states to a device, in smaller steps if Newton's method fails.
+    def show(self, case: Case) -> None:
+        """Move the mesh and the numbers of the equations to a case.
+
+        Raises:
+            GeometryError: The mesh cannot follow.
+        """
+        if case.actuator != self.design.motion.device:
+            self.design.motion.move(case.actuator)
+        material, components = relaxed(case.material, case.components)
+        self.design.system.take(material, components, case.actuator.ratios)
+        self.case = case
+
+    def follow(self, case: Case) -> None:
+        """Move the mesh and its states to a case, in smaller steps if Newton's method fails.
 
         From the second step on the states are expected on the straight line through the last two. Where that does not help
         either, they are found along the whole path.
@@ -180,20 +198,20 @@ class MeshedDesign:
             PoorMesh: The cells would be too poor.
             DesignFailure: A load is not met. After any of these, mesh and states are those of before.
         """
-        motion, states = self.design.motion, self.states
-        start, first = motion.device, states.known
-        self._move(device)
+        states = self.states
+        start, first = self.case, states.known
+        self._move(case)
         way, step, earlier = 0.0, 1.0, list[tuple[float, Known]]()
         while way < 1.0:
             goal = min(way + step, 1.0)
             try:
-                motion.move(device if goal == 1.0 else _between(start, device, goal, self.question.names))
+                self.show(case if goal == 1.0 else _between(start, case, goal, self.question.names))
                 here = states.known
                 states.carry(here.ahead(earlier[0][1], (goal - way) / (way - earlier[0][0])) if earlier else None)
             except NoConvergence:
                 step /= 2
                 if step < SHORTEST:
-                    self._retrace(device, start, first)
+                    self._retrace(case, start, first)
                     return
                 continue
             except (DesignFailure, GeometryError):
@@ -201,26 +219,25 @@ class MeshedDesign:
                 raise
             earlier, way = [(way, here)], goal
 
-    def _retrace(self, device: Actuator, start: Actuator, first: Known) -> None:
-        """Solve the states of a device along the whole path, on the current mesh."""
-        self.design.motion.move(device)
+    def _retrace(self, case: Case, start: Case, first: Known) -> None:
+        """Solve the states of a case along the whole path, on the current mesh."""
+        self.show(case)
         try:
             self.states.trace()
         except DesignFailure:
             self._restore(start, first)
             raise
 
-    def _move(self, device: Actuator) -> None:
+    def _move(self, case: Case) -> None:
         """Move the mesh, unless its cells would become poor."""
-        motion = self.design.motion
-        before = motion.device
-        motion.move(device)
-        if motion.quality() < POOREST:  # smaller steps would not improve the cells
-            motion.move(before)
+        before = self.case
+        self.show(case)
+        if self.design.motion.quality() < POOREST:  # smaller steps would not improve the cells
+            self.show(before)
             raise PoorMesh("the quality of the moved mesh is too low")
 
-    def _restore(self, device: Actuator, known: Known) -> None:
-        self.design.motion.move(device)
+    def _restore(self, case: Case, known: Known) -> None:
+        self.show(case)
         self.states.known = known
 
     def judge(self, gradients: bool = True) -> tuple[dict[str, Judged], list[str]]:
@@ -244,7 +261,7 @@ class MeshedDesign:
             if self._stable is not None:
                 self._restore(*self._stable)
             raise
-        self._stable = self.design.motion.device, self.states.known
+        self._stable = self.case, self.states.known
         return found
 
     def _judged(self, gradients: bool) -> tuple[dict[str, Judged], list[str]]:
@@ -254,7 +271,7 @@ class MeshedDesign:
             UnstableState: One of them is unstable.
         """
         motion, question = self.design.motion, self.question
-        velocities = motion.boundary_velocities(question.names) if gradients else {}
+        velocities = motion.boundary_velocities(question.shape) if gradients else {}
         found: dict[str, Judged] = {}
         notes = []
         for load in (None, *question.loads):
@@ -271,19 +288,20 @@ class MeshedDesign:
                 found[part.key] = judged
         for part in question.parts:
             if isinstance(part, OfLimit):
-                critical = self._critical(part, velocities)
+                critical = self._critical(part, velocities, gradients)
                 if critical is None:
                     reached = f"{question.highest / 1e3:.4g} kPa"
                     notes.append(f"{part.key}: none found up to {reached}, which is used instead")
                     critical = Judged(
-                        question.highest, np.zeros(len(velocities)), dict.fromkeys(question.materials, 0.0)
+                        question.highest, np.zeros(len(question.names)), dict.fromkeys(question.materials, 0.0)
                     )
                 found[part.key] = critical.times(part.factor(question.working))
             elif isinstance(part, DeviceQuantity):
-                values, columns = part.values(motion.device), part.derivatives(motion.device, question.names)
-                found |= {
-                    key: Judged(value, columns[key] if gradients else np.zeros(0), {}) for key, value in values.items()
-                }
+                values, columns = part.values(motion.device), part.derivatives(motion.device, question.shape)
+                for key, value in values.items():
+                    rates = dict(zip(question.shape, columns[key], strict=True))
+                    whole = np.array([rates.get(name, 0.0) for name in question.names])
+                    found[key] = Judged(value, whole if gradients else np.zeros(0), {})
         return found, notes
 
     def _settled(self, load: JudgedLoad) -> State:
@@ -303,43 +321,61 @@ class MeshedDesign:
 
     def _squares(self, measure: TargetMeasure, state: State, load: JudgedLoad, velocities: dict[str, Array]) -> Squares:
         """Return the distances from a target with their derivatives at the settled state."""
-        columns = [measure.moved(state, *self.adjoint.rates(load.kind, velocity)) for velocity in velocities.values()]
+        columns = []
+        for name in self.question.names:
+            along = {name: 1.0} if name in velocities else in_equations(self.case, name)
+            ways = [(velocities.get(one, one), rate) for one, rate in along.items()]
+            moved = [rate * measure.moved(state, *self.adjoint.rates(load.kind, way)) for way, rate in ways]
+            columns.append(sum(moved, np.zeros(len(measure.residuals(state)))))
         return Squares.of(measure.residuals(state), np.array(columns).T, measure.run, measure.sigma)
 
     def _whole(self, part: DesignQuantity, slopes: Slopes, velocities: dict[str, Array]) -> Judged:
         """Return a part with its total derivatives at the settled state."""
-        names, load = self.question.materials, part.load
+        names, load = self._others, part.load
         direct = self.adjoint.by_material(self.measures[part], names) if names and load else dict.fromkeys(names, 0.0)
-        by_length, by_material = self.adjoint.gradient(
+        by_length, by_other = self.adjoint.gradient(
             slopes, PRESSURE if load is None else load.kind, velocities, direct if load else {}
         )
-        return Judged(slopes.value, np.array([by_length[name] for name in velocities]), by_material or direct)
+        return self._gathered(slopes.value, by_length, by_other or direct)
 
-    def _critical(self, part: OfLimit, velocities: dict[str, Array]) -> Judged | None:
+    @property
+    def _others(self) -> list[str]:
+        """Numbers of the equations by which derivatives are wanted, beside lengths."""
+        free = (name for name in self.question.names if name not in self.question.shape)
+        return list(
+            dict.fromkeys([*self.question.materials, *(one for name in free for one in in_equations(self.case, name))])
+        )
+
+    def _gathered(self, value: float, by_length: Mapping[str, float], by_other: Mapping[str, float]) -> Judged:
+        """Return a value with its derivatives by the question's parameters and by the material's numbers."""
+        rates = []
+        for name in self.question.names:
+            own = {} if name in by_length else in_equations(self.case, name)
+            rates.append(by_length.get(name, 0.0) + sum(rate * by_other[one] for one, rate in own.items()))
+        return Judged(value, np.array(rates), {name: by_other[name] for name in self.question.materials})
+
+    def _critical(self, part: OfLimit, velocities: dict[str, Array], gradients: bool) -> Judged | None:
         """Return the pressure in Pa of the limit point or the bifurcation; None if there is none."""
-        states, materials = self.states, self.question.materials
+        states, materials = self.states, self._others
         limit, fork = states.limit, states.bifurcation
         if isinstance(part, OfBifurcation):
             if fork is None or self.bifurcations is None:
                 return None
-            P, found = fork.P, self.bifurcations.gradient(fork, velocities, materials) if velocities else None
+            P, found = fork.P, self.bifurcations.gradient(fork, velocities, materials) if gradients else None
         elif limit is None:
             return None
         else:
             P = limit.state.P
             found = (
-                self.adjoint.limit_gradient(limit.state, limit.tangent, velocities, materials) if velocities else None
+                self.adjoint.limit_gradient(limit.state, limit.tangent, velocities, materials) if gradients else None
             )
-        by_length, by_material = found or ({}, {})
-        rates = np.array([by_length[name] for name in velocities])
-        return Judged(P * self.design.system.stress_unit, rates, by_material)
+        pressure = self.design.direction * P * self.design.system.stress_unit
+        return Judged(pressure, np.zeros(0), {}) if found is None else self._gathered(pressure, *found)
 
 
-def _between(start: Actuator, end: Actuator, share: float, names: Sequence[str]) -> Actuator:
-    """Return the device on the straight line between two."""
-    return changed(
-        start, {name: (1.0 - share) * parameter(start, name) + share * parameter(end, name) for name in names}
-    )
+def _between(start: Case, end: Case, share: float, names: Sequence[str]) -> Case:
+    """Return the case on the straight line between two."""
+    return varied(start, {name: (1.0 - share) * value_of(start, name) + share * value_of(end, name) for name in names})
 
 
 FARTHEST = 3.0
@@ -351,7 +387,7 @@ class DesignModel:
 
     Args:
         case: The device as it starts, its silicone, sheet, obstacle and formulation.
-        names: The parameters that are free, of `geometries.actuator.parameter_names`.
+        names: The parameters that are free, of `softmodels.case.varied.variable_names`.
         quantities: What is asked of each design.
         comm: MPI communicator; every call is made by all ranks.
         highest: Pressure in Pa up to which a limit point is looked for where a quantity is of it; by default `FARTHEST` times
@@ -367,8 +403,10 @@ class DesignModel:
         self, case: Case, names: Sequence[str], quantities: Sequence[DesignQuantity], comm: MPI.Comm, *,
         highest: float | None = None, materials: Sequence[str] = (), report: Callable[[str], None] = lambda text: None,
     ):  # fmt: skip
+        case = dataclasses.replace(case, components=weighed(case.components, case.material))
         self.case, self.names, self.comm, self.report = case, tuple(names), comm, report
-        if unknown := [name for name in self.names if name not in case.actuator.movable]:
+        shape = tuple(name for name in self.names if of_shape(case, name))
+        if unknown := [name for name in shape if name not in case.actuator.movable]:
             raise GeometryError(
                 f"{unknown[0]} is not a parameter that the mesh of {type(case.actuator).__name__} "
                 f"can follow; it can follow {', '.join(case.actuator.movable) or 'none'}"
@@ -376,7 +414,7 @@ class DesignModel:
         self.quantities = tuple(quantities)
         parts = tuple(dict.fromkeys(part for one in self.quantities for part in _parts(one)))
         loads = tuple(sorted({part.load for part in parts if part.load is not None}))
-        self.question = EvaluationRequest(self.names, parts, loads, 0.0, tuple(materials))
+        self.question = EvaluationRequest(self.names, parts, loads, 0.0, tuple(materials), shape)
         if any(isinstance(part, OfLimit) for part in parts):
             up_to = highest or FARTHEST * self.question.working
             self.question = dataclasses.replace(self.question, highest=up_to)
@@ -385,17 +423,17 @@ class DesignModel:
     @property
     def start(self) -> Array:
         """The parameters of the case's own device."""
-        return np.array([parameter(self.case.actuator, name) for name in self.names])
+        return np.array([value_of(self.case, name) for name in self.names])
 
-    def device(self, theta: Array) -> Actuator:
-        """Return the device with these parameters.
+    def at(self, theta: Array) -> Case:
+        """Return the case with these parameters.
 
         Raises:
             DesignFailure: They make no device.
         """
         try:
-            return changed(self.case.actuator, dict(zip(self.names, np.asarray(theta, dtype=float), strict=True)))
-        except GeometryError as error:
+            return varied(self.case, dict(zip(self.names, map(float, theta), strict=True)))
+        except INPUT_ERRORS as error:
             raise DesignFailure(str(error)) from error
 
     def evaluate(self, theta: Array) -> Evaluation:
@@ -404,14 +442,14 @@ class DesignModel:
         Raises:
             DesignFailure: They make no device, or it has no stable state at one of the loads.
         """
-        device = self.device(theta)
-        remeshed = self._ready(device)
+        case = self.at(theta)
+        remeshed = self._ready(case)
         meshed = self.meshed
         assert meshed is not None
         found, notes = meshed.judge()
         own = self._gathered(found)
         return Evaluation(
-            np.array(theta, dtype=float), device, {key: judged.value for key, judged in own.items()},
+            np.array(theta, dtype=float), case.actuator, {key: judged.value for key, judged in own.items()},
             {key: judged.gradient for key, judged in own.items() if judged.gradient.size},
             {key: judged.by_material for key, judged in own.items() if judged.by_material},
             meshed.design.motion.quality(), meshed.states.newton, remeshed, tuple(notes),
@@ -428,17 +466,17 @@ class DesignModel:
         Raises:
             DesignFailure: As for `evaluate`.
         """
-        device = self.device(theta)
+        case = self.at(theta)
         if finer != 1.0:
-            device = _finer(device, finer)
-        meshed = MeshedDesign.fresh(self.case, device, self.question, self.comm)
+            case = dataclasses.replace(case, actuator=_finer(case.actuator, finer))
+        meshed = MeshedDesign.fresh(case, self.question, self.comm)
         try:
             found, notes = meshed.judge(gradients=False)
             values = {key: judged.value for key, judged in self._gathered(found).items()}
         finally:
             meshed.release()
         return Evaluation(
-            np.array(theta, dtype=float), device, values, {}, {}, 1.0, meshed.states.newton, True, tuple(notes)
+            np.array(theta, dtype=float), case.actuator, values, {}, {}, 1.0, meshed.states.newton, True, tuple(notes)
         )
 
     def release(self) -> None:
@@ -449,21 +487,21 @@ class DesignModel:
 
     # -- meshes and states ----------------------------------------------------------------------------------------------
 
-    def _ready(self, device: Actuator) -> bool:
-        """Bring mesh and states to a device; return whether it was remeshed."""
+    def _ready(self, case: Case) -> bool:
+        """Bring mesh and states to a case; return whether it was remeshed."""
         if self.meshed is not None:
             self.meshed.states.newton = 0
             try:
-                self.meshed.follow(device)
+                self.meshed.follow(case)
                 return False
             except PoorMesh as failure:
                 self.report(f"remeshed: {failure}")
-                if self._meshed_where_it_is(self.meshed) and self._followed(device):
+                if self._meshed_where_it_is(self.meshed) and self._followed(case):
                     return True
             except GeometryError as failure:
                 self.report(f"remeshed, and the whole path solved: {failure}")
         # A failed design leaves the mesh of the previous one, to which a search returns.
-        fresh = MeshedDesign.fresh(self.case, device, self.question, self.comm)
+        fresh = MeshedDesign.fresh(case, self.question, self.comm)
         self.release()
         self.meshed = fresh
         return True
@@ -471,7 +509,7 @@ class DesignModel:
     def _meshed_where_it_is(self, before: MeshedDesign) -> bool:
         """Remesh the last design and take over its states; return whether it succeeded."""
         try:
-            fresh = MeshedDesign.fresh(self.case, before.design.motion.device, self.question, self.comm, before)
+            fresh = MeshedDesign.fresh(before.case, self.question, self.comm, before)
         except DesignFailure:
             return False
         fresh.states.newton += before.states.newton
@@ -479,11 +517,11 @@ class DesignModel:
         self.meshed = fresh
         return True
 
-    def _followed(self, device: Actuator) -> bool:
-        """Return whether mesh and states could follow to a device."""
+    def _followed(self, case: Case) -> bool:
+        """Return whether mesh and states could follow to a case."""
         assert self.meshed is not None
         try:
-            self.meshed.follow(device)
+            self.meshed.follow(case)
         except (GeometryError, PoorMesh) as failure:
             self.report(f"remeshed once more, and the whole path solved: {failure}")
             return False
@@ -789,7 +827,7 @@ class DesignFolder:
         trial = trials[-1]
         names = [f"{trial.number:04d}.json", f"{trial.number:04d}.toml"]
         self._iterates.claim(names)
-        with contextlib.suppress(GeometryError):  # an invalid device has no case
+        with contextlib.suppress(*INPUT_ERRORS):  # an invalid device has no case
             replace_text(self.path / ITERATES / names[1], case_text(self.problem, case_of(self.problem, trial)))
         replace_text(self.path / ITERATES / names[0], trial.to_json())
         replace_text(self.path / TABLE, table(self.problem, trials, form))

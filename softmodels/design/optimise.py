@@ -12,8 +12,8 @@ import numpy as np
 from scipy.optimize import least_squares, linprog, minimize
 from scipy.stats import qmc
 
-from geometries import GeometryError
-from geometries.actuator import changed, parameter
+from softmodels.case.entries import INPUT_ERRORS
+from softmodels.case.varied import value_of, varied
 from softmodels.common.arrays import Array
 from softmodels.common.names import callback, checked, flag, place, several, whole as whole_number, wrong
 from softmodels.common.processes import one_at_a_time
@@ -189,7 +189,7 @@ def _starts(under_way: Evaluating) -> Iterator[Array]:
         RunError: The device as given has no state where it is asked.
     """
     problem = under_way.problem
-    theta = np.array([parameter(problem.case.actuator, name) for name in problem.names])
+    theta = np.array([value_of(problem.case, name) for name in problem.names])
     trial = under_way.trial(theta)
     if trial.failed:
         raise RunError(
@@ -637,8 +637,8 @@ def further_starts(problem: DesignProblem, seed: int) -> Iterator[Array]:
 def _is_device(problem: DesignProblem, x: Array) -> bool:
     values = {one.name: one.low + share * one.width for one, share in zip(problem.free, x, strict=True)}
     try:
-        device = changed(problem.case.actuator, values)
-    except GeometryError:
+        device = varied(problem.case, values).actuator
+    except INPUT_ERRORS:
         return False
     least = max([keep.at_least or 0.0 for keep in problem.limits if keep.quantity.name == CLEARANCES], default=0.0)
     return min(device.clearances.values(), default=least) >= least

@@ -5,25 +5,22 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypedDict, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from geometries import Actuator, GeometryError
-from geometries.actuator import changed, parameter, parameter_names
 from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.case.materials import MaterialErrors
+from softmodels.case.varied import of_shape, value_of, variable_names, varied
 from softmodels.common.errors import known_are
 from softmodels.common.names import checked, place
 from softmodels.common.schema import about
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, brief, number_and_unit, quantity
-from softmodels.components.walls import Walls
-from softmodels.design.extremes import LeastGap
 from softmodels.design.quantities import DesignQuantity
 from softmodels.design.trials import (
     PRESSURE,
@@ -107,9 +104,9 @@ def pressure_of(asked: Asked) -> float | None:
 
 
 def highest_pressure(asked: Asked) -> float | None:
-    """Return the highest pressure in Pa of a quantity or its components; None if it has none."""
+    """Return the pressure in Pa farthest from 0 of a quantity or its components; None if it has none."""
     found = [pressure_of(asked), *(pressure_of(part) for part in getattr(asked, "parts", ()))]
-    return max((pressure for pressure in found if pressure is not None), default=None)
+    return max((pressure for pressure in found if pressure is not None), default=None, key=abs)
 
 
 def label(asked: Asked, cm: float) -> str:
@@ -202,13 +199,24 @@ class Reader:
         if getattr(type(asked), "of_state", False) and asked.at is None:
             raise DesignError(f"{where}: {asked.name} needs a pressure (at)")
         pressure, last = highest_pressure(asked), self.case.goals[-1]
-        if pressure is not None and pressure > last * (1 + 1e-9):
+        if pressure is not None and pressure / last > 1 + 1e-9:
             said, cm = getattr(asked.at, "text", ""), self.case.cm
             raise DesignError(
-                f"{where}: {asked.title} is at {said or f'{pressure / cm:.5g} cm'}, above the case's last pressure, "
+                f"{where}: {asked.title} is at {said or f'{pressure / cm:.5g} cm'}, beyond the case's last pressure, "
                 f"{last / cm:.5g} cm ({last / 1e3:.5g} kPa)"
             )
+        self._check_sides(asked, where)
         return asked
+
+    def _check_sides(self, asked: Asked, where: str) -> None:
+        """Reject a state on the other side of the ambient pressure than the case's."""
+        for one in (asked, *getattr(asked, "parts", ())):
+            load = None if one.at is None else JudgedLoad.of(one.at)
+            if load is not None and load.value * self.case.load.direction <= 0.0:
+                side = "below" if self.case.load.direction < 0 else "above"
+                raise DesignError(
+                    f"{where}: {asked.title} is at {load}, but the case's pressures are {side} ambient; use one of that side"
+                )
 
     def _at(self, value: object, where: str) -> object:
         """Return a pressure in Pa, or a `Load` of a text."""
@@ -217,10 +225,10 @@ class Reader:
         try:
             amount, unit = number_and_unit(value)
             if unit == "cm":
-                return JudgedLoad(PRESSURE, _positive(amount * self.case.cm, value, where), value)
+                return JudgedLoad(PRESSURE, _not_zero(amount * self.case.cm, value, where), value)
             if unit and _is_volume(value):
-                return JudgedLoad(VOLUME, _positive(quantity(value, "m^3"), value, where), value)
-            return JudgedLoad(PRESSURE, _positive(quantity(value, "Pa"), value, where), value)
+                return JudgedLoad(VOLUME, _not_zero(quantity(value, "m^3"), value, where), value)
+            return JudgedLoad(PRESSURE, _not_zero(quantity(value, "Pa"), value, where), value)
         except UnitError as error:
             raise DesignError(f"{where}: at is not a pressure ({error}); write it like 177 cm or 17 kPa") from None
 
@@ -248,9 +256,9 @@ def _is_volume(value: str) -> bool:
     return True
 
 
-def _positive(value: float, said: str, where: str) -> float:
-    if value <= 0.0:
-        raise DesignError(f"{where}: at {said!r} must be above zero")
+def _not_zero(value: float, said: str, where: str) -> float:
+    if value == 0.0:
+        raise DesignError(f"{where}: at {said!r} must not be zero")
     return value
 
 
@@ -313,21 +321,20 @@ class Free:
         return text(value, shown_unit(self.unit) or "1", self.unit or "1", digits)
 
 
-def unit_of(device: Actuator, name: str) -> str:
-    """Return the SI unit of a continuous parameter; a list's entries are pure numbers unless their kind has a unit."""
-    kind = about(device)[name.partition("[")[0]].kind
-    return kind.unit or str(getattr(getattr(kind, "of", None), "unit", ""))
-
-
-def expanded(device: Actuator, name: str) -> list[str]:
+def expanded(case: Case, name: str) -> list[str]:
     """Return the names of the continuous parameters for a name: itself, or all entries of a list.
 
     Raises:
-        DesignError: The device has none of this name.
+        DesignError: The case has none of this name.
     """
-    known = parameter_names(device)
-    if name in known:
+    device, every = case.actuator, variable_names(case)
+    known = [own for own in every if "." not in own]
+    if name in every:
         return [name]
+    if "." in name:
+        raise DesignError(
+            f"the case has no parameter {name!r}; {known_are(name, [own for own in every if '.' in own])}"
+        )
     entries = [one for one in known if re.fullmatch(rf"{re.escape(name)}\[\d+\]", one)]
     if entries:
         return entries
@@ -342,11 +349,11 @@ def expanded(device: Actuator, name: str) -> list[str]:
     raise DesignError(f"{type(device).__name__} has no parameter {name!r}; {known_are(name, stems)}")
 
 
-def free_parameters(device: Actuator, table: Mapping[str, object], bare: bool = True) -> tuple[Free, ...]:
-    """Return the free parameters of a device.
+def free_parameters(case: Case, table: Mapping[str, object], bare: bool = True) -> tuple[Free, ...]:
+    """Return the free parameters of a case.
 
     Args:
-        device: As given.
+        case: As given.
         table: By name the two bounds: a pair, or a table with ``from`` and ``to``.
         bare: Whether numbers are taken for SI units.
 
@@ -357,17 +364,35 @@ def free_parameters(device: Actuator, table: Mapping[str, object], bare: bool = 
         example = '[parameters] membrane = { from = "1 mm", to = "3 mm" }'
         raise DesignError(f"no parameter is free; add some with bounds, such as {example}")
     found: dict[str, Free] = {}
-    for name, bounds in sorted(table.items(), key=lambda item: "[" in item[0]):  # a separate entry comes after its list
+    units = variable_names(case)
+    for name, bounds in sorted(_flat(table), key=lambda item: "[" in item[0]):  # a separate entry comes after its list
         low, high = _bounds(name, bounds)
-        for one in expanded(device, name):
-            unit = unit_of(device, one)
+        for one in expanded(case, name):
+            unit = units[one]
             least, most = (read(f"{one} {what}", end, unit, bare) for what, end in (("from", low), ("to", high)))
-            found[one] = Free(one, least, most, parameter(device, one), unit)
-    order = {name: place for place, name in enumerate(parameter_names(device))}
+            found[one] = Free(one, least, most, value_of(case, one), unit)
+    order = {name: place for place, name in enumerate(units)}
     free = tuple(sorted(found.values(), key=lambda one: order[one.name]))
     for parameter_ in free:
-        _check(device, parameter_)
+        _check(case, parameter_)
+    lengths = [one.name for one in free if of_shape(case, one.name)]
+    if lengths and not case.actuator.carries_interfaces:
+        for part in case.components:
+            if part.inside:
+                raise DesignError(
+                    f"the case has a {part.where} of a region, but the mesh of this {type(case.actuator).__name__} cannot move "
+                    f"the interfaces between regions with {lengths[0]}; vary other parameters, or leave the part out"
+                )
     return free
+
+
+def _flat(table: Mapping[str, object], before: str = "") -> Iterator[tuple[str, object]]:
+    """Yield the parameters of a table with their bounds; ``fibres.angle`` may be written as a table in a table."""
+    for name, bounds in table.items():
+        if isinstance(bounds, Mapping) and bounds and all(isinstance(one, Mapping) for one in bounds.values()):
+            yield from _flat(bounds, f"{before}{name}.")
+        else:
+            yield f"{before}{name}", bounds
 
 
 def _bounds(name: str, bounds: object) -> tuple[object, object]:
@@ -388,7 +413,7 @@ def _bounds(name: str, bounds: object) -> tuple[object, object]:
     )
 
 
-def _check(device: Actuator, one: Free) -> None:
+def _check(case: Case, one: Free) -> None:
     """Reject invalid bounds, one parameter at a time."""
     if one.low > one.high:
         raise DesignError(f"the bounds of {one.name} are reversed: from {one.text(one.low)} to {one.text(one.high)}")
@@ -398,20 +423,21 @@ def _check(device: Actuator, one: Free) -> None:
         raise DesignError(
             f"{one.name} starts at {one.text(one.start)}, outside of its bounds, {one.text(one.low)} to {one.text(one.high)}"
         )
+    device = case.actuator
     movable = device.movable
-    if one.name not in movable and one.name.partition("[")[0] not in movable:
+    if of_shape(case, one.name) and one.name not in movable and one.name.partition("[")[0] not in movable:
         known = f"it follows {', '.join(movable)}" if movable else "it can follow none"
         raise DesignError(f"the mesh of this {type(device).__name__} cannot follow {one.name}; {known}")
     for end, what in ((one.low, "lower"), (one.high, "upper")):
         try:
-            changed(device, {one.name: end})
-        except GeometryError as error:
+            varied(case, {one.name: end})
+        except INPUT_ERRORS as error:
             raise DesignError(
                 f"{one.name} gives an invalid device at its {what} bound, {one.text(end)}, with all else unchanged: {error}"
             ) from None
 
 
-def crossed_corners(device: Actuator, free: Sequence[Free]) -> str:
+def crossed_corners(case: Case, free: Sequence[Free]) -> str:
     """Return a sentence if some combination of bounds gives an invalid device; else ""."""
     if len(free) <= MOST_CORNERS:
         corners = [list(ends) for ends in itertools.product(*((one.low, one.high) for one in free))]
@@ -423,8 +449,8 @@ def crossed_corners(device: Actuator, free: Sequence[Free]) -> str:
     refused = []
     for corner in corners:
         try:
-            changed(device, {one.name: end for one, end in zip(free, corner, strict=True)})
-        except GeometryError as error:
+            varied(case, {one.name: end for one, end in zip(free, corner, strict=True)})
+        except INPUT_ERRORS as error:
             refused.append((corner, str(error)))
     if not refused:
         return ""
@@ -444,22 +470,33 @@ SURE = 1.645
 """One-sided 95 % quantile of the normal distribution."""
 
 
-def tolerances_of(device: Actuator, table: Mapping[str, object], bare: bool) -> dict[str, float]:
+def tolerances_of(case: Case, table: Mapping[str, object], bare: bool) -> dict[str, float]:
     """Return the standard deviations in SI units by parameter.
 
     Raises:
         DesignError: An unknown parameter, or no deviation.
     """
     found: dict[str, float] = {}
-    for name, value in table.items():
-        for one in expanded(device, name):
-            spread = read(f"tolerance of {one}", value, unit_of(device, one), bare)
+    device, units = case.actuator, variable_names(case)
+    for name, value in _flat_values(table):
+        for one in expanded(case, name):
+            spread = read(f"tolerance of {one}", value, units[one], bare)
             if spread <= 0.0:
                 raise DesignError(f"tolerance of {one} is {value}; a standard deviation must be above zero")
-            if one.partition("[")[0] not in device.movable and one not in device.movable:
+            movable = one.partition("[")[0] in device.movable or one in device.movable
+            if of_shape(case, one) and not movable:
                 raise DesignError(f"tolerance of {one}: the mesh of this {type(device).__name__} cannot follow it")
             found[one] = spread
     return found
+
+
+def _flat_values(table: Mapping[str, object], before: str = "") -> Iterator[tuple[str, object]]:
+    """Yield the entries of a table and of tables in it, by their names with dots."""
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _flat_values(value, f"{before}{name}.")
+        else:
+            yield f"{before}{name}", value
 
 
 class ToleranceSpread:
@@ -512,8 +549,7 @@ class DesignProblem:
             entries.
         maximise, minimise, follow: One of these: a quantity of `softmodels.design.quantities`, or a table that names one, such
             as ``{"quantity": "rise", "of": "tip", "at": "177 cm"}``. Several pressures make a mean, with optional ``weights``.
-        keep: What must hold: `Keep`, or tables with a quantity and ``at_least``, ``at_most`` or both. Where walls of the device
-            can meet, ``least_gap`` has to be at least 0 at every state that is asked for, unless it is limited here.
+        keep: What must hold: `Keep`, or tables with a quantity and ``at_least``, ``at_most`` or both.
         tolerances: Standard deviations of fabrication by parameter; with them limits hold with 95 %.
         material_errors: A fitted material (``fitted.toml`` of `softmodels fit`), whose errors count likewise.
         name: Of the results; the case's if empty.
@@ -562,17 +598,17 @@ class DesignProblem:
             object.__setattr__(self, "written", read_toml(file))
         _check_load(case)
         reader = Reader(case, _registry(), self.bare, self.folder)
-        free = free_parameters(case.actuator, _table(self.parameters, "parameters"), self.bare)
+        free = free_parameters(case, _table(self.parameters, "parameters"), self.bare)
         objective, terms = self._objective(reader)
         errors = _errors(self.material_errors, case, self.folder)
         deviations = {} if self.tolerances is None else self.tolerances
         limits = [keep for k, entry in enumerate(_list(self.keep), 1) for keep in _keeps(reader, entry, f"keep {k}")]
         settled: dict[str, object] = {
             "case": case, "free": free, "objective": objective, "terms": terms,
-            "limits": (*limits, *_walls_apart(case, terms, limits)),
-            "spreads": tolerances_of(case.actuator, _table(deviations, "tolerances"), self.bare),
+            "limits": tuple(limits),
+            "spreads": tolerances_of(case, _table(deviations, "tolerances"), self.bare),
             "errors": errors, "name": self.name or case.name,
-            "notes": tuple(filter(None, [crossed_corners(case.actuator, free)])),
+            "notes": tuple(filter(None, [crossed_corners(case, free)])),
         }  # fmt: skip
         for name, value in settled.items():
             object.__setattr__(self, name, value)
@@ -633,12 +669,12 @@ class DesignProblem:
             for keep in self.limits
             if keep.quantity.name in kept
         ]
-        return ROOM * max(*most, self.working) if most else None
+        return ROOM * max(*most, self.working, key=abs) if most else None
 
     @property
     def working(self) -> float:
-        """The highest pressure of the problem in Pa; 0 for none."""
-        return max((highest_pressure(one) or 0.0 for one in self.quantities), default=0.0)
+        """The pressure of the problem farthest from 0 in Pa; 0 for none."""
+        return max((highest_pressure(one) or 0.0 for one in self.quantities), default=0.0, key=abs)
 
     @property
     def quantities(self) -> list[Asked]:
@@ -735,8 +771,8 @@ def _check_load(case: Case) -> None:
     """Reject loads unsuitable for designs."""
     if not case.pressures_cm:
         raise DesignError(f"the case asks for {case.load.requested.words}; designs need pressures (pressure_cm)")
-    if case.load.draws(case.actuator.ratios):
-        raise DesignError("the case asks for a vacuum; designs need pressures above ambient (pressure_cm = '0:40')")
+    if min(case.pressures_cm) < 0.0 < max(case.pressures_cm):
+        raise DesignError("the case asks for pressures above and below ambient; designs need one side of it")
     if case.load_unload:
         raise DesignError("the case unloads (load_unload), but designs are evaluated during loading only; leave it out")
     for part in case.components:
@@ -760,21 +796,6 @@ def _keeps(reader: Reader, entry: object, where: str) -> list[Keep]:
     for keep in found:
         check_limits(keep, where)
     return found
-
-
-def _walls_apart(case: Case, terms: Sequence[ObjectiveTerm], limits: Sequence[Keep]) -> list[Keep]:
-    """Return the limits that keep walls apart at every evaluated state, if the device's walls can meet.
-
-    None where the case lets walls pass through each other (walls = "none"), or limits the gap itself.
-    """
-    given = [keep.quantity for keep in limits]
-    if not any(isinstance(part, Walls) and part.automatic for part in case.components) or any(
-        isinstance(one, LeastGap) for one in given
-    ):
-        return []
-    asked = [one for whole in (*(term.quantity for term in terms), *given) for one in getattr(whole, "parts", (whole,))]
-    loads = sorted({load for one in asked if isinstance(load := getattr(one, "load", None), JudgedLoad)})
-    return [Keep(LeastGap(at=load), at_least=0.0) for load in loads]
 
 
 def _check_walls(case: Case, keep: Keep) -> None:

@@ -304,7 +304,7 @@ class AddedVolume(DesignQuantity):
 
     def measure(self, design: DesignedBody) -> Measure:
         system = design.system
-        unit = system.volume_unit
+        unit = system.volume_unit * design.direction * design.sign
         return FormMeasure(
             design,
             [system.potential.cavity_volume, design.rest_volume],
@@ -721,11 +721,22 @@ class DesignedBody:
         self.solver, self.system = solver, solver.system
         system = self.system
         self.motion = MeshMotion(system.body)
+        self.motion.followers.append(system.follow_mesh)
         resting = fem.Function(system.space)
         self.rest_volume: ufl.Form = ufl.replace(system.potential.cavity_volume, {system.w: resting})
         self._rest_volume = system.form(self.rest_volume)
         self.probes = Probes(self)  # now, before the mesh moves
         self._vectors: tuple[PETSc.Vec, PETSc.Vec] | None = None
+
+    @property
+    def direction(self) -> int:
+        """1, or -1 if P and V rise towards a vacuum; see `System.direction`."""
+        return self.system.direction
+
+    @property
+    def sign(self) -> int:
+        """Sign with which the cavity's volume counts in V, where its form has none."""
+        return self.direction if len(self.system.ratios) == 1 else 1
 
     @functools.cached_property
     def strain(self) -> Strain:
@@ -747,7 +758,9 @@ class DesignedBody:
     def volume_at_rest(self) -> float:
         """Return the dimensionless undeformed volume conjugate to the pressure, on the current mesh."""
         system, chambers = self.system, self.system.body.chambers
-        return system.integral(self._rest_volume) + float(system.coupling.shares[: len(chambers)] @ chambers)
+        return self.sign * system.integral(self._rest_volume) + float(
+            system.coupling.shares[: len(chambers)] @ chambers
+        )
 
     def face_load(self, role: str) -> Array:
         """Return a unit load along the lift, spread evenly over a role: owned entries; see `face_load`."""

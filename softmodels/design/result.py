@@ -16,9 +16,9 @@ import tomli_w
 from scipy.optimize import nnls
 
 from geometries import Actuator
-from geometries.actuator import changed
 from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS
+from softmodels.case.varied import varied
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.names import keep_arrays
@@ -351,10 +351,10 @@ def case_of(problem: DesignProblem, trial: Trial) -> Case:
     """Return the case of a trial's device.
 
     Raises:
-        GeometryError: It is none.
+        GeometryError, CaseError: It is none.
     """
     values = dict(zip((one.name for one in problem.free), trial.theta, strict=False))
-    return dataclasses.replace(problem.case, name=problem.name, actuator=changed(problem.case.actuator, values))
+    return dataclasses.replace(varied(problem.case, values), name=problem.name)
 
 
 def case_text(problem: DesignProblem, case: Case) -> str:
@@ -364,7 +364,8 @@ def case_text(problem: DesignProblem, case: Case) -> str:
     What would not be read as the same case elsewhere, such as a material's file, is written in numbers.
     """
     exact = case.to_toml()
-    own = {name: problem.written[name] for name in KEPT if name in problem.written}
+    changed = {one.name.partition(".")[0] for one in problem.free if "." in one.name}
+    own = {name: problem.written[name] for name in KEPT if name in problem.written and name not in changed}
     text = tomli_w.dumps({**tomllib.loads(exact), **own})
     with contextlib.suppress(*INPUT_ERRORS):
         if Case.from_toml(text) == case:
@@ -504,7 +505,7 @@ class DesignResult(Shown):
     @property
     def device(self) -> Actuator:
         """The best device."""
-        return changed(self.problem.case.actuator, self.parameters)
+        return self.case.actuator
 
     @property
     def given(self) -> Case:

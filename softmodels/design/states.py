@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,17 +14,20 @@ import scipy.spatial
 from softmodels.common.arrays import Array
 from softmodels.design.quantities import FormMeasure, Slopes
 from softmodels.design.trials import PRESSURE, VOLUME, DesignFailure, JudgedLoad
-from softmodels.materials.specimens import nudged
 from softmodels.mechanics.controls import Tangent, pressure_control, volume_control
 from softmodels.mechanics.mpi import on_root, total
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import AddedVolume, PathEnd, Point
+from softmodels.path.schedule import HangingEnd, hang, inflate_from
 from softmodels.path.stability import Mode, Stability
 from softmodels.runs.grid import Grid, displacement_maps
 
 if TYPE_CHECKING:
+    import ufl
+    from dolfinx import fem
+
     from softmodels.design.quantities import DesignedBody, Measure
     from softmodels.mechanics.system import State
 
@@ -227,6 +230,11 @@ class Known:
         return Known(transfer.rest, {load: state(known) for load, known in self.states.items()}, None, fork)
 
 
+def _in_order(loads: Iterable[JudgedLoad], kind: str) -> list[JudgedLoad]:
+    """Return the loads of a kind in the order in which a path meets them."""
+    return sorted((load for load in loads if load.kind == kind), key=lambda load: abs(load.value))
+
+
 class WorkingStates:
     """States of a device at given loads, and its limit point if requested.
 
@@ -270,19 +278,32 @@ class WorkingStates:
             DesignFailure: A load is not met.
         """
         self.states, self.limit, self.bifurcation = {}, None, None
+        start = self._preloaded()
         self._rest_volume, self.carried = self.design.volume_at_rest(), False
-        by_pressure = sorted(load for load in self.loads if load.kind == PRESSURE)
-        self._trace_pressures(by_pressure)
-        by_volume = sorted(load for load in self.loads if load.kind == VOLUME)
+        by_pressure = _in_order(self.loads, PRESSURE)
+        self._trace_pressures(by_pressure, start)
+        by_volume = _in_order(self.loads, VOLUME)
         if by_volume:
-            self._trace_volumes(by_volume)
+            self._trace_volumes(by_volume, start)
 
-    def _trace_pressures(self, loads: Sequence[JudgedLoad]) -> None:
-        wanted = [load.value / self.system.stress_unit for load in loads]
+    def _preloaded(self) -> State | None:
+        """Return the state under the dead loads, from which the path begins; None without any."""
+        dead = self.system.dead
+        if not dead.loads:
+            self.system.coupling = self.system.inflating(np.empty(0))
+            return None
+        magnitudes = np.concatenate([np.zeros(len(self.system.ratios)), dead.amounts / dead.units])
+        try:
+            return inflate_from(self.solver, hang(self.solver, [("its dead loads", magnitudes)]))
+        except HangingEnd as end:
+            raise DesignFailure(end.sentence) from end
+
+    def _trace_pressures(self, loads: Sequence[JudgedLoad], start: State | None) -> None:
+        wanted = [self.design.direction * load.value / self.system.stress_unit for load in loads]
         wanted += self._top(wanted)
         if not wanted:
             return
-        met, self.limit, forked, end = self._climb(wanted)
+        met, self.limit, forked, end = self._climb(wanted, start)
         self.states |= dict(zip(loads, met, strict=False))
         if len(met) < len(loads):
             load = loads[len(met)]
@@ -301,13 +322,18 @@ class WorkingStates:
 
     def _top(self, pressures: Sequence[float]) -> list[float]:
         """Return the dimensionless pressure up to which a limit point is looked for, if it is above these."""
-        top = self.highest / self.system.stress_unit
+        top = self.design.direction * self.highest / self.system.stress_unit
         return [top] if top > max(pressures, default=0.0) else []
 
     def _climb(
-        self, goals: Sequence[float], start: State | None = None
+        self, goals: Sequence[float], start: State | None = None, carried: bool = False
     ) -> tuple[list[State], Point | None, Point | None, PathEnd | None]:
         """Follow the path through pressures, up to its first limit point, and from rest up to its first bifurcation if wanted.
+
+        Args:
+            goals: Dimensionless.
+            start: Where it begins; at rest if None.
+            carried: Whether that is a state of the path, and not its beginning.
 
         Returns:
             The states met, the limit point, the bifurcation, and what ended the path before the last goal.
@@ -315,7 +341,7 @@ class WorkingStates:
         met: list[State] = []
         limit = forked = end = None
         # Near the limit point steps of the volume converge, where several steps of the pressure may fail.
-        control = "auto" if start is None else AddedVolume.name
+        control = AddedVolume.name if carried else "auto"
         try:
             for point in trace(Continuation(self.solver, control=control, start=start), goals):
                 self.newton += point.state.iterations
@@ -323,17 +349,17 @@ class WorkingStates:
                 forked = point if point.bifurcation and forked is None else forked
                 if point.requested:
                     met.append(point.state)
-                if limit is not None and (forked is not None or self._bifurcations is None or start is not None):
+                if limit is not None and (forked is not None or self._bifurcations is None or carried):
                     break  # the path beyond is not needed, and would be most of the work
         except PathEnd as failure:
             end = failure
         return met, limit, forked, end
 
-    def _trace_volumes(self, loads: Sequence[JudgedLoad]) -> None:
-        wanted = [load.value / self.system.volume_unit for load in loads]
+    def _trace_volumes(self, loads: Sequence[JudgedLoad], start: State | None) -> None:
+        wanted = [self.design.direction * load.value / self.system.volume_unit for load in loads]
         met: list[State] = []
         try:
-            for point in trace(Continuation(self.solver, AddedVolume()), wanted):
+            for point in trace(Continuation(self.solver, AddedVolume(), start=start), wanted):
                 self.newton += point.state.iterations
                 if point.requested:
                     met.append(point.state)
@@ -364,10 +390,12 @@ class WorkingStates:
         """
         guess, rest = guess or self.known, self.design.volume_at_rest()
         found = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
-        by_pressure = [found[load] for load in sorted(found) if load.kind == PRESSURE]
+        by_pressure = [found[load] for load in _in_order(found, PRESSURE)]
         limit = None
         if top := self._top([state.P for state in by_pressure]):
-            _, limit, _, end = self._climb(top, by_pressure[-1] if by_pressure else None)
+            _, limit, _, end = self._climb(
+                top, by_pressure[-1] if by_pressure else self._preloaded(), bool(by_pressure)
+            )
             if end is not None and limit is None:
                 raise NoConvergence(str(end))
         forked = guess.bifurcation
@@ -376,11 +404,11 @@ class WorkingStates:
         self.known, self.carried = Known(rest, found, limit, forked), True
 
     def _solve(self, load: JudgedLoad, guess: State, rest: float) -> State:
-        system = self.system
+        system, value = self.system, self.design.direction * load.value
         if load.kind == PRESSURE:
-            state = self.solver.solve(pressure_control(load.value / system.stress_unit), guess.w, guess.P)
+            state = self.solver.solve(pressure_control(value / system.stress_unit), guess.w, guess.P)
         else:
-            state = self.solver.solve(volume_control(rest + load.value / system.volume_unit), guess.w, guess.P)
+            state = self.solver.solve(volume_control(rest + value / system.volume_unit), guess.w, guess.P)
         self.newton += state.iterations
         return state
 
@@ -421,6 +449,7 @@ class Adjoint:
         system, potential, compiled = self.system, self.system.potential, design.motion.compiled
         self._lambda = fem.Function(system.space)
         self._forces = [compiled(ufl.action(force, self._lambda)) for force in potential.forces]
+        self._loads = [[compiled(ufl.action(form, self._lambda)) for form in forms] for forms in system.dead.integrals]
         self._volume = compiled(potential.cavity_volume - design.rest_volume)
         self._sensitivity = Sensitivity(self.solver, design.motion)
 
@@ -454,7 +483,24 @@ class Adjoint:
     def covector(self, lam: Array) -> Array:
         """Return lambda . dR/dX over the mesh's nodes at the loaded state."""
         self._set(lam)
-        return sum((self.design.motion.assembled(form) for form in self._forces), np.zeros(self.design.motion.entries))
+        system, motion = self.system, self.design.motion
+        found = sum((motion.assembled(form) for form in self._forces), np.zeros(motion.entries))
+        drives = system.pressures[len(system.pressures) - len(self._loads) :]
+        for drive, forms, own in zip(drives, self._loads, self._sensitivity.measured, strict=True):
+            for form in forms:
+                found -= drive * motion.assembled(form)
+            for one in own:
+                found -= drive * one.covector(self._works)
+        if system.assembled.slack:
+            nodes = len(system.body.mesh.geometry.x)
+            found += motion.by_nodes(system.assembled.by_places(system.w.x.array, self._lambda.x.array, nodes))
+        return found
+
+    def _works(self, forms: list[ufl.Form]) -> list[fem.Form]:
+        """Return the compiled work of linear forms on lambda."""
+        import ufl
+
+        return [self.system.form(ufl.action(form, self._lambda)) for form in forms]
 
     def _set(self, lam: Array) -> None:
         x = self._lambda.x
@@ -470,11 +516,11 @@ class Adjoint:
             slopes: Its partial ones.
             kind: Of the load that is kept: "pressure" (in Pa) or "volume" (added).
             velocities: Motion of the boundary with each length, of `MeshMotion.boundary_velocities`.
-            materials: Numbers of the material, see `known_parameters`, with the partial derivatives by them at fixed unknowns;
-                of `by_material`.
+            materials: Parameters that are no lengths, see `Sensitivity.force`, with the partial derivatives by them at fixed
+                unknowns; of `by_material`.
 
         Returns:
-            By the lengths and by the material's numbers, per their SI units.
+            By the lengths and by the other parameters, per their SI units.
         """
         motion = self.design.motion
         by_X = np.zeros(motion.entries) if slopes.X is None else slopes.X.copy()
@@ -482,16 +528,16 @@ class Adjoint:
         if slopes.w is not None or eta:
             by_X -= self.covector(lam)
         if kind == VOLUME:
-            by_X -= eta * motion.assembled(self._volume)
+            by_X -= eta * self.design.sign * motion.assembled(self._volume)
         by_material = {}
         for name, direct in materials.items():
-            force, stress = self._sensitivity.material_force(name)
-            kept = 0.0 if kind == VOLUME else self._state.P * stress / self.system.stress_unit
-            inner = total(self.system.comm, float(lam @ force))
+            own = self._sensitivity.force(name)
+            kept = own.opened if kind == VOLUME else self._state.P * own.stress / self.system.stress_unit
+            inner = total(self.system.comm, float(lam @ own.residual))
             by_material[name] = direct - inner - eta * kept
         return motion.gradient(by_X, dict(velocities)), by_material
 
-    def rates(self, kind: str, velocity: Array) -> tuple[Array, Array]:
+    def rates(self, kind: str, along: Array | str) -> tuple[Array, Array]:
         """Return the derivative of the prepared state by a parameter: its unknowns, with ghosts, and the mesh's nodes, shape
         (nodes, d).
 
@@ -499,38 +545,52 @@ class Adjoint:
 
         Args:
             kind: Of the load that is kept.
-            velocity: Motion of the boundary with the parameter, of `MeshMotion.boundary_velocities`.
+            along: Motion of the boundary with the parameter, of `MeshMotion.boundary_velocities`; or the name of one that is no
+                length.
         """
-        nodes = self.design.motion.nodes_rate(velocity)
-        w = -self.design.answer(self._sensitivity.motion_force(nodes)[0])
+        comm, q, motion = self.system.comm, self._tangent_load, self.design.motion
+        if isinstance(along, str):
+            nodes, own = (
+                np.zeros((motion.entries // motion.dimension, motion.dimension)),
+                self._sensitivity.force(along),
+            )
+            force, opened = own.residual, own.opened
+            if kind != VOLUME:  # constant in Pa, so P falls as the shear modulus rises
+                force = force + self._state.P * own.stress / self.system.stress_unit * q
+        else:
+            nodes = motion.nodes_rate(along)
+            force = self._sensitivity.motion_force(nodes)[0]
+            owned = slice(0, motion.owned_entries)
+            there = float(motion.assembled(self._volume)[owned] @ nodes.ravel()[owned])
+            opened = self.design.sign * total(comm, there)
+        w = -self.design.answer(force)
         if kind == VOLUME:
-            comm, q = self.system.comm, self._tangent_load
-            owned = slice(0, self.design.motion.owned_entries)
-            opened = float(self.design.motion.assembled(self._volume)[owned] @ nodes.ravel()[owned])
-            short = total(comm, opened + float(q @ w))
+            short = opened + total(comm, float(q @ w))
             w = w - short / total(comm, float(q @ self._opened)) * self._opened
         self._set(w)
         return self._lambda.x.array.copy(), nodes
 
     def by_material(self, measure: Measure, names: Sequence[str]) -> dict[str, float]:
-        """Return the partial derivatives of a quantity by the material parameters at the loaded unknowns, by
+        """Return the partial derivatives of a quantity by parameters that are no lengths at the loaded unknowns, by
         central differences."""
-        system, state = self.system, self._state
-        material, found = system.material, {}
+        found = {}
         for name in names:
-            number = material.poisson if name == "poisson" else material.parameters[name]
-            step = STEP * (abs(number) or material.shear_modulus_0)
-            weights = BACKWARD if name == "poisson" else CENTRAL  # which must not exceed 0.5
+            number, own = self._sensitivity.value(name), name.rpartition(".")[2]
+            step = STEP * (abs(number) or (self.system.material.shear_modulus_0 if own in self._moduli else 1.0))
+            weights = BACKWARD if own == "poisson" else CENTRAL  # which must not exceed 0.5
             found[name] = 0.0
             for shift, weight in weights.items():
-                system.set_material(nudged(material, name, shift * step))
-                found[name] += weight / step * measure.value(state)
-            system.set_material(material)
+                with self._sensitivity.shifted(name, shift * step):
+                    found[name] += weight / step * measure.value(self._state)
         return found
 
+    @property
+    def _moduli(self) -> tuple[str, ...]:
+        return tuple(self.system.material.parameters)
+
     def stress_by(self, name: str) -> float:
-        """Return the derivative of the shear modulus by a material parameter."""
-        return self._sensitivity.material_force(name)[1]
+        """Return the derivative of the shear modulus by a parameter that is no length."""
+        return self._sensitivity.force(name).stress
 
     def limit_gradient(
         self, state: State, tangent: Tangent, velocities: Mapping[str, Array], materials: Sequence[str] = ()
@@ -546,11 +606,13 @@ class Adjoint:
         system.load(state)
         v = system.unknowns.nearest(tangent.w) / tangent.V  # v . q = 1
         by_X = self.covector(v)
-        lengths = self.design.motion.gradient(system.stress_unit * by_X, dict(velocities))
+        unit = self.design.direction * system.stress_unit
+        lengths = self.design.motion.gradient(unit * by_X, dict(velocities))
         by_material = {}
         for name in materials:
-            force, stress = self._sensitivity.material_force(name)
-            by_material[name] = system.stress_unit * total(system.comm, float(v @ force)) + state.P * stress
+            own = self._sensitivity.force(name)
+            rate = total(system.comm, float(v @ own.residual))
+            by_material[name] = unit * rate + self.design.direction * state.P * own.stress
         return lengths, by_material
 
 
@@ -651,7 +713,7 @@ class Bifurcations:
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Return the derivatives in Pa of its pressure, by the lengths and by the material parameters; see
         `Adjoint.gradient`."""
-        unit = self.design.system.stress_unit
+        unit = self.design.direction * self.design.system.stress_unit
         cubic = Cubic([state.V for state in found.states])
         weights, slopes = cubic.weights(found.V)
         steepness = float(slopes @ found.eigenvalues)
@@ -672,7 +734,8 @@ class Bifurcations:
 
     def _pressure_by(self, state: State, materials: Sequence[str]) -> dict[str, float]:
         """Return the partial derivatives of a pressure in Pa by the material parameters at the same dimensionless pressure."""
-        return {name: state.P * self.adjoint.stress_by(name) for name in materials}
+        sign = self.design.direction
+        return {name: sign * state.P * self.adjoint.stress_by(name) for name in materials}
 
 
 class Cubic:

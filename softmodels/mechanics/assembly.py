@@ -139,7 +139,7 @@ class FaceNodes:
         from dolfinx import fem
 
         self.comm, self.skew = body.mesh.comm, body.skew_inverse
-        mesh = body.mesh
+        self._mesh = mesh = body.mesh
         topology, d = mesh.topology, mesh.topology.dim
         nodes = fem.functionspace(mesh, ("P", 2))
         vectors = space if space.dofmap.index_map_bs == d else space.sub(0)  # mixed dofs are not blocked
@@ -152,6 +152,7 @@ class FaceNodes:
         block = space.dofmap.index_map_bs
         owned = topology.index_map(d).size_local
         found: list[tuple[Numbers, Array, Numbers, int, Array]] = []
+        own: list[tuple[int, Numbers]] = []
         for number, role in enumerate(roles):
             for facet in body.entities[role][1]:
                 cell = to_cell.links(facet)[0]
@@ -163,6 +164,7 @@ class FaceNodes:
                 numbers = space.dofmap.index_map.local_to_global((local // block).ravel().astype(np.int32))
                 dofs = numbers.reshape(local.shape) * block + local % block
                 ids = nodes.dofmap.index_map.local_to_global(here[chosen].astype(np.int32))
+                own.append((cell, chosen))
                 found.append((ids, at[here[chosen]], dofs, number, at[here[: d + 1]].mean(axis=0)))
         k = 3 if d == 2 else 6
         ids, places, dofs, faces, inside = (
@@ -171,8 +173,10 @@ class FaceNodes:
                 [(np.int64, (k,)), (np.float64, (k, d)), (np.int64, (k, d)), (np.int64, ()), (np.float64, (d,))]
             )
         )
+        self._own, self._before = own, sum(self.comm.allgather(len(own))[: self.comm.rank])
         _, first, facets = np.unique(ids, return_index=True, return_inverse=True)
         self.facets: Numbers = facets.reshape(ids.shape)
+        self._first: Numbers = np.asarray(first, dtype=np.int64)
         self.places: Array = np.asarray(places.reshape(-1, d)[first], dtype=float)
         self.dofs: Numbers = np.asarray(dofs.reshape(-1, d)[first], dtype=np.int64)
         self.faces: Numbers = np.asarray(faces, dtype=np.int64)
@@ -186,11 +190,40 @@ class FaceNodes:
         chosen = copy.copy(self)
         used, numbers = np.unique(self.facets[facets], return_inverse=True)
         chosen.facets = numbers.reshape(-1, self.facets.shape[1])
-        chosen.places, chosen.dofs = self.places[used], self.dofs[used]
+        chosen.places, chosen.dofs, chosen._first = self.places[used], self.dofs[used], self._first[used]
         chosen.faces, chosen.inside = self.faces[facets], self.inside[facets]
-        for name in ("mine", "local"):
+        for name in ("mine", "local", "_interpolation"):
             chosen.__dict__.pop(name, None)
         return chosen
+
+    @functools.cached_property
+    def _interpolation(self) -> scipy.sparse.csr_array:
+        """The nodes' places by those of the mesh's own local nodes, shape (n, nodes); each row on one rank."""
+        import basix.ufl
+        import scipy
+
+        cell, geometry, k = self._mesh.basix_cell(), self._mesh.geometry, self.facets.shape[1]
+        points = basix.ufl.element("P", cell, 2).basix_element.points
+        shapes = basix.ufl.element("P", cell, geometry.cmaps[0].degree).tabulate(0, points)[0]
+        rows = np.flatnonzero((self._first >= k * self._before) & (self._first < k * (self._before + len(self._own))))
+        entry, column = np.divmod(self._first[rows] - k * self._before, k)
+        cells = np.array([self._own[i][0] for i in entry], dtype=np.int64)
+        local = np.array([self._own[i][1][j] for i, j in zip(entry, column, strict=True)], dtype=np.int64)
+        columns, weights = np.asarray(geometry.dofmaps[0])[cells], shapes[local]
+        at = (np.repeat(rows, weights.shape[1]), columns.ravel())
+        return scipy.sparse.csr_array((weights.ravel(), at), shape=(len(self.places), len(geometry.x)))
+
+    def follow_mesh(self) -> None:
+        """Take the nodes' undeformed places from a mesh that has moved."""
+        self.places = self.motion(self._mesh.geometry.x[:, : self.places.shape[1]])
+
+    def motion(self, nodes: Array) -> Array:
+        """Return a motion of the nodes, shape (n, d), of one of the mesh's own local nodes, shape (nodes, d)."""
+        return summed(self.comm, np.asarray(self._interpolation @ nodes))
+
+    def by_mesh(self, rates: Array) -> Array:
+        """Return derivatives by the nodes' places, shape (n, d), as this rank's share of those by the mesh's local nodes."""
+        return np.asarray(self._interpolation.T @ rates)
 
     @functools.cached_property
     def mine(self) -> npt.NDArray[np.bool_]:
@@ -325,6 +358,25 @@ class AssembledTerm(EnergyTerm):
         if rates is not None:
             b[self.nodes.local] += (rates @ self.nodes.skew * self._free)[self.nodes.mine]
 
+    def follow_mesh(self) -> None:
+        """Follow a mesh that has moved: the contact is of the deformed places; areas and kernels stay those of the mesh as
+        it was made."""
+        self.nodes.follow_mesh()
+        self._state = np.full(self.nodes.dofs.shape, np.nan)
+
+    def by_places(self, w: Array, x: Array) -> Array:
+        """Return the derivative of the forces' work on owned entries ``x`` by the undeformed places, shape (n, d): they count
+        as the displacements do."""
+        self._take(w)
+        moved = self.nodes.values(x) @ self.nodes.skew.T
+        return np.asarray(self.stiffness_here().T @ moved.ravel()).reshape(moved.shape)
+
+    def add_moved(self, w: Array, motion: Array, b: Array) -> None:
+        """Add the derivative of the forces by a motion of the mesh's own local nodes, shape (nodes, d), to owned entries."""
+        self._take(w)
+        forces = (self.stiffness_here() @ self.nodes.motion(motion).ravel()).reshape(self.nodes.places.shape)
+        b[self.nodes.local] += (forces @ self.nodes.skew * self._free)[self.nodes.mine]
+
     def matrix(self, w: Array, whole: bool = False) -> scipy.sparse.csr_array:
         """Return the second derivative of the energy by the nodes' components of w, zero where they are held, shape (n d, n d).
 
@@ -417,6 +469,18 @@ class AssembledTerms:
 
     def energy(self, w: Array) -> float:
         return sum((term.energy(w) for term in self._terms), 0.0)
+
+    def by_places(self, w: Array, x: Array, nodes: int) -> Array:
+        """Return this rank's share of `AssembledTerm.by_places` by the mesh's own local nodes, shape (nodes, d); all of it is
+        the sum over ranks."""
+        d = self._terms[0].nodes.places.shape[1] if self._terms else 1
+        return sum((term.nodes.by_mesh(term.by_places(w, x)) for term in self._terms), np.zeros((nodes, d)))
+
+    def add_moved(self, w: Array, motion: Array, b: Array) -> Array:
+        """See `AssembledTerm.add_moved`; returns ``b``."""
+        for term in self._terms:
+            term.add_moved(w, motion, b)
+        return b
 
     def touches(self, w: Array) -> bool:
         """Return whether faces are in contact in a state, on all ranks."""

@@ -20,12 +20,13 @@ A part is a frozen dataclass whose fields come from `softmodels.common.schema`. 
 from __future__ import annotations
 
 import abc
+import copy
 import dataclasses
 import itertools
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol, Self
 
 import numpy as np
 
@@ -89,10 +90,6 @@ class MixedPointStress:
     move: fem.Function
     test: Expr
     trial: Expr
-
-
-INSIDE = "of a region, and design meshes cannot move the interfaces between regions"
-"""Why designs reject parts of regions."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -184,12 +181,37 @@ class Component(abc.ABC):
         return {field.key or name: field.help for name, field in about(self).items()}
 
     def undesigned(self, actuator: Actuator) -> str:
-        """Return why design gradients do not support it, as a clause after its name; empty if they do.
-
-        They know what its energy and its holds are on the boundary and in the body as a whole. Where regions meet inside the
-        device, the mesh goes as its cells like it, and not where the parameters say.
-        """
+        """Return why design gradients do not support it, as a clause after its name; empty if they do."""
         return "whose gradients are not available"
+
+    @property
+    def inside(self) -> tuple[str, ...]:
+        """Regions that it belongs to: where lengths vary, the mesh has to follow their interfaces."""
+        return ()
+
+    @property
+    def variable(self) -> Mapping[str, str]:
+        """Units of its numbers that a design may vary, by name; empty units of pure numbers."""
+        return {}
+
+    def number(self, name: str) -> float:
+        """Return one of `variable`."""
+        return float(getattr(self, name))
+
+    def varied(self, name: str, value: float) -> Self:
+        """Return it with another value of one of `variable`; raise its own error if that is invalid."""
+        return dataclasses.replace(self, **{name: value})  # type: ignore[arg-type]
+
+    def nudged(self, name: str, by: complex) -> Self:
+        """Return an unchecked copy with one of `variable` changed, possibly to a complex value."""
+        made = copy.copy(self)
+        object.__setattr__(made, name, getattr(self, name) + by)
+        return made
+
+    @property
+    def key(self) -> str:
+        """Its table without brackets, unique in a case: ``"gravity"``, ``"force.tip"``."""
+        return f"{self.table}.{self.name}" if self.name else self.table
 
     @property
     def remembers(self) -> bool:
@@ -328,6 +350,19 @@ class EnergyTerm:
 
     energies: list[ufl.Form]
     remembers: ClassVar[bool] = False
+
+    def numbers(self, part: Component) -> list[tuple[fem.Constant, Array]]:
+        """Return the constants of `energies` that a part of the same kind may change, with its values, which may be
+        complex."""
+        return []
+
+    def take(self, part: Component) -> None:
+        """Set the numbers of another part of the same kind, without recompiling."""
+        for constant, value in self.numbers(part):
+            constant.value = np.asarray(value, dtype=float)
+
+    def follow_mesh(self) -> None:
+        """Follow a mesh that has moved, in all that is not a form."""
 
     @property
     def stiffness(self) -> float:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
@@ -112,11 +113,6 @@ class LoadPart(Component):
         """Whether the part has a constant magnitude, so that none can be requested."""
         return False
 
-    @property
-    def key(self) -> str:
-        """Unique key among the drivers: ``"gravity"``, ``"force.tip"``."""
-        return f"{self.table}.{self.name}" if self.name else self.table
-
     def idle(self, components: Sequence[Component]) -> bool:
         """Return whether it acts only on masses that the device lifts, not on the device.
 
@@ -124,6 +120,10 @@ class LoadPart(Component):
             components: All that is added to the device.
         """
         return False
+
+    @abc.abstractmethod
+    def magnitude_of(self, masses: complex) -> complex:
+        """Return its magnitude in SI units; ``masses`` in kg are those it acts on, if it is a weight."""
 
     @abc.abstractmethod
     def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
@@ -174,6 +174,25 @@ class Weighed:
 
     forms: list[ufl.Form]
     amount: float
+    key: str = ""
+    """Of the part whose mass it is; empty for others."""
+    shares: tuple[tuple[fem.Constant, Weighed], ...] = ()
+    """Of a weight the masses it consists of, each with the constant that has its share."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MeasuredConstant:
+    """A constant of a load that follows from integrals over the undeformed body, such as the area that a force is spread over.
+
+    Attributes:
+        constant: The constant.
+        integrals: UFL forms without arguments.
+        value: Its value by those of the integrals, which may be complex.
+    """
+
+    constant: fem.Constant
+    integrals: list[ufl.Form]
+    value: Callable[[Array], Array]
 
 
 class DistributedLoad:
@@ -181,12 +200,16 @@ class DistributedLoad:
 
     Args:
         system: The equations.
+
+    Attributes:
+        measured: Constants of the loads that follow a mesh that moves.
     """
 
     def __init__(self, system: Loaded):
         import ufl
 
         self.system, self.body = system, system.body
+        self.measured: list[MeasuredConstant] = []
         test = ufl.TestFunction(system.space)
         self.test = self.body.displacement(ufl.split(test)[0] if system.mixed else test)
 
@@ -196,7 +219,7 @@ class DistributedLoad:
 
         return ufl.SpatialCoordinate(self.body.mesh)
 
-    def constant(self, value: npt.ArrayLike | float) -> Expr:
+    def constant(self, value: npt.ArrayLike | float) -> fem.Constant:
         from dolfinx import fem
 
         return fem.Constant(self.body.mesh, np.asarray(value, dtype=float))
@@ -224,7 +247,13 @@ class DistributedLoad:
         size = self.integral(self.constant(1.0), over)
         if not size > 0.0:
             raise ComponentError(f"the face {over!r} has no facets on this mesh")
-        vector = self.constant(np.asarray(along, dtype=float) / size)
+        way = np.asarray(along, dtype=float)
+        vector = self.constant(way / size)
+        if isinstance(
+            over, str
+        ):  # a force on a face stays the same where the face grows, the weight of a region does not
+            one = self.constant(1.0) * self.body.hoop * self.measure(over)
+            self.measured.append(MeasuredConstant(vector, [one], lambda found: way / found[0]))
         return ufl.dot(vector, self.test) * self.body.hoop * self.measure(over)
 
 
@@ -251,12 +280,44 @@ class DeadLoads:
 
         self.system = system
         self.loads = [part for part in components if isinstance(part, LoadPart) and not part.idle(components)]
-        spread = [part.spread(DistributedLoad(system), components) for part in self.loads] if self.loads else []
+        on = [DistributedLoad(system) for _ in self.loads]
+        spread = [part.spread(one, components) for part, one in zip(self.loads, on, strict=True)]
+        self.measured = [one.measured for one in on]
+        self.shares = [found.shares for found in spread]
         self.amounts = np.array([found.amount for found in spread], dtype=float)
         self.integrals = [found.forms for found in spread]
         self.forms = [[system.form(form) for form in forms] for forms in self.integrals]
         self.origins: Array | None = None
         self._vector = fem.Function(system.space) if self.forms else system.w
+
+    def magnitudes(self, components: Sequence[Component]) -> list[tuple[complex, list[complex]]]:
+        """Return for each load its magnitude in SI units and the shares of its masses, of parts like those it was made of,
+        whose numbers may be complex."""
+        known, found = {part.key: part for part in components}, []
+        for load, shares in zip(self.loads, self.shares, strict=True):
+            masses = [known[mass.key].weighs if mass.key else mass.amount for _, mass in shares]
+            part = known[load.key]
+            assert isinstance(part, LoadPart)
+            whole = sum(masses)
+            found.append((part.magnitude_of(whole), [mass / whole for mass in masses]))
+        return found
+
+    def take(self, components: Sequence[Component]) -> None:
+        """Set the numbers of other parts like those it was made of; what drives the device has to be coupled again."""
+        for i, (amount, shares) in enumerate(self.magnitudes(components)):
+            self.amounts[i] = amount.real
+            for (constant, _), share in zip(self.shares[i], shares, strict=True):
+                constant.value = share.real
+
+    @functools.cached_property
+    def _integrals(self) -> list[list[list[fem.Form]]]:
+        return [[[self.system.form(form) for form in one.integrals] for one in own] for own in self.measured]
+
+    def remeasure(self) -> None:
+        """Follow a mesh that has moved."""
+        for own, compiled in zip(self.measured, self._integrals, strict=True):
+            for one, forms in zip(own, compiled, strict=True):
+                one.constant.value = one.value(np.array([self.system.integral(form) for form in forms]))
 
     def check(self) -> None:
         """Reject a load that acts only on held dofs."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,7 @@ from geometries import Actuator
 from geometries.actuator import changed, is_length, parameter
 from softmodels.common.arrays import Array
 from softmodels.common.errors import GeometryError
-from softmodels.mechanics.assembly import assembled_matrix, held_dofs
+from softmodels.mechanics.assembly import assembled_matrix, held_dofs, numbered
 from softmodels.mechanics.body import Body
 from softmodels.mechanics.compiling import JIT
 from softmodels.mechanics.mpi import largest, total
@@ -56,6 +56,8 @@ class Extension:
         outside = meshes.exterior_facet_indices(mesh.topology)
         cut = [body.entities[name][1] for name in free]
         true = np.setdiff1d(outside, np.concatenate(cut)) if cut else outside
+        if body.actuator.carries_interfaces:
+            true = np.union1d(true, _interfaces(body))
         blocks = fem.locate_dofs_topological(space, tdim - 1, true.astype(np.int32))
         self.boundary = np.sort(blocks)
         self._held = fem.Function(space)
@@ -143,6 +145,18 @@ class Extension:
             thing.destroy()
 
 
+def _interfaces(body: Body) -> npt.NDArray[np.int32]:
+    """Return the local facets between cells of different regions."""
+    topology, d = body.mesh.topology, body.mesh.topology.dim
+    regions = numbered(body.mesh, list(body.regions.values()))
+    topology.create_connectivity(d - 1, d)
+    cells = topology.connectivity(d - 1, d)
+    first, count = cells.offsets[:-1], np.diff(cells.offsets)
+    inner = np.flatnonzero(count == 2)
+    one, other = cells.array[first[inner]], cells.array[first[inner] + 1]
+    return inner[regions[one] != regions[other]].astype(np.int32)
+
+
 def _stiffness(body: Body) -> fem.Function:
     """Return the inverse of each cell's volume, relative to the mean, so that small cells keep their shape."""
     import ufl
@@ -196,12 +210,13 @@ class MeshMotion:
     Attributes:
         device: The device that the mesh shows now.
         space: Vector functions on the mesh's own nodes.
+        followers: Called when the mesh has moved.
     """
 
     def __init__(self, body: Body):
         mesh = body.mesh
         self.body, self.base, self.device, self.comm = body, body.actuator, body.actuator, mesh.comm
-        self.dimension = mesh.geometry.dim
+        self.dimension, self.followers = mesh.geometry.dim, list[Callable[[], None]]()
         self._places = mesh.geometry.x.copy()
         self.space, self._nodes = coordinates(mesh)
         self._extension = Extension(body, self.space)
@@ -241,6 +256,8 @@ class MeshMotion:
         moved[self._nodes, : self.dimension] += self._extension.extend(shift / self.base.size)
         self.body.mesh.geometry.x[:] = moved
         self.device = device
+        for follow in self.followers:
+            follow()
 
     def quality(self) -> float:
         """Return the least ratio of a cell's Jacobian to its own on the initial mesh, over all ranks; 1 if
@@ -321,6 +338,22 @@ class MeshMotion:
     def nodes_rate(self, velocity: Array) -> Array:
         """Return the motion of all dimensionless nodes with one of `boundary_velocities`, shape (nodes of `space`, d)."""
         return self._extension.extend(velocity / self.base.size)
+
+    def at_nodes(self, motion: Array) -> Array:
+        """Return a motion of the nodes of `space`, shape (nodes, d), in the order of the mesh's geometry."""
+        found = np.zeros((len(self.body.mesh.geometry.x), self.dimension))
+        found[self._nodes] = motion
+        return found
+
+    def by_nodes(self, rates: Array) -> Array:
+        """Return shares of a derivative by the mesh's own nodes in the order of its geometry as a covector over `space`,
+        complete on the owners."""
+        from dolfinx import fem, la
+
+        b = fem.Function(self.space).x
+        b.array[:] = rates[self._nodes].ravel()
+        b.scatter_reverse(la.InsertMode.add)
+        return np.array(b.array)
 
     def compiled(self, form: ufl.Form) -> fem.Form:
         """Return the compiled derivative of a form without arguments by the places of the nodes."""

@@ -12,7 +12,8 @@ in shear moduli.
 from __future__ import annotations
 
 import types
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -298,11 +299,11 @@ class Potential:
 
     # -- values -------------------------------------------------------------------------------------------------------
 
-    def set_material(self, material: Material) -> None:
-        """Set other parameters of the same law."""
+    def set_material(self, material: Material, others: Mapping[str, Material] = MappingProxyType({})) -> None:
+        """Set other parameters of the same law, and of those of regions by their names."""
         mu = material.shear_modulus_0
         for region in self.regions:
-            region.take(region.material if region.name else material, mu, self.mixed)
+            region.take(others.get(region.name, region.material) if region.name else material, mu, self.mixed)
         for history in self.histories:
             history.take(history.region.material, mu)
         self.per_pascal.value = 1 / mu

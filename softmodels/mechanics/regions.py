@@ -6,11 +6,12 @@ file. The case's material fills all cells outside regions.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 import types
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,7 @@ import numpy.typing as npt
 from geometries import Actuator
 from softmodels.materials.laws import Material, MaterialError, parameter_fields
 from softmodels.materials.silicones import material_of
+from softmodels.materials.specimens import nudged
 from softmodels.mechanics.assembly import numbered
 from softmodels.mechanics.body import Body, cell_measure
 from softmodels.mechanics.component import Component, ComponentError, check_regions
@@ -59,11 +61,51 @@ class RegionPart(Component):
         """Density in kg/m3; None for that of `softmodels.components.loads.Gravity`."""
         return None
 
+    def undesigned(self, actuator: Actuator) -> str:
+        return ""
+
+    @property
+    def inside(self) -> tuple[str, ...]:
+        return (self.name,)
+
+    @property
+    def variable(self) -> Mapping[str, str]:
+        return variable_numbers(self.material)
+
+    def number(self, name: str) -> float:
+        return number_of(self.material, name)
+
+    def varied(self, name: str, value: float) -> Self:
+        return dataclasses.replace(self, material=with_number(self.material, name, value))
+
+    def nudged(self, name: str, by: complex) -> Self:
+        made = copy.copy(self)
+        object.__setattr__(made, "material", nudged(self.material, name, by))
+        return made
+
 
 class RigidRegion(RegionPart):
     """A region that is rigid."""
 
     table: ClassVar[str] = "rigid"
+
+
+def variable_numbers(material: Material) -> dict[str, str]:
+    """Return the units of a law's numbers that a design may vary, by name."""
+    return {name: "Pa" if material.parameter_unit(name) == "Pa" else "" for name in material.parameters}
+
+
+def number_of(material: Material, name: str) -> float:
+    """Return a law's number by the name that `variable_numbers` has."""
+    return float(material.poisson if name == "poisson" else material.parameters[name])
+
+
+def with_number(material: Material, name: str, value: float) -> Material:
+    """Return a material with another number, checked."""
+    moved = nudged(material, name, value - number_of(material, name))
+    return dataclasses.replace(
+        material, **{field.name: getattr(moved, field.name) for field in parameter_fields(material)}
+    )
 
 
 def check_compressible(main: Material, components: Sequence[Component], mixed: bool) -> None:

@@ -16,11 +16,12 @@ by the derivatives of the same update (`InTime`): exact for the discrete steps, 
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import math
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -30,17 +31,23 @@ from softmodels.common.arrays import Array
 from softmodels.materials.laws import Material, parameter_fields
 from softmodels.materials.specimens import SOFTENING, nudged
 from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.component import Component
 from softmodels.mechanics.controls import Control, Tangent
+from softmodels.mechanics.dead_loads import MeasuredConstant
 from softmodels.mechanics.motion import MeshMotion
-from softmodels.mechanics.regions import MaterialRegion
+from softmodels.mechanics.mpi import total
+from softmodels.mechanics.regions import MaterialRegion, RegionPart, number_of
 from softmodels.mechanics.solver import Solver
 from softmodels.mechanics.system import State, System
 
 if TYPE_CHECKING:
+    import ufl
     from dolfinx import fem
     from ufl.core.expr import Expr
 
 TOLERANCE = 1e-10  # of the linear solves
+RATIO = "ratio"
+"""Beginning of the names of the ratios of the cavities' pressures."""
 _STEP = 1e-30  # into the complex plane: exact to rounding
 
 
@@ -60,6 +67,21 @@ class Rate:
     P: float
     V: float
     X: Array | None = None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Force:
+    """Derivative of the equations by a parameter per its SI unit, at fixed unknowns.
+
+    Attributes:
+        residual: Owned entries, shape (n,).
+        stress: Of the shear modulus, in which stresses are counted.
+        opened: Of the volume that the control's line has, from the undeformed device on, dimensionless.
+    """
+
+    residual: Array
+    stress: float
+    opened: float
 
 
 def known_parameters(material: Material) -> tuple[str, ...]:
@@ -96,6 +118,7 @@ class Sensitivity:
         self._along = _Directions(eq)
         test = ufl.TestFunction(eq.space)
         self._material = [eq.form(ufl.derivative(energy, eq.w, test)) for energy in self._along.energies]
+        self._of_terms: dict[str, _TermDirection] = {}
 
     @functools.cached_property
     def histories(self) -> list[_HistoryDirection]:
@@ -136,6 +159,95 @@ class Sensitivity:
         along = self.solver.tangent(state, control, TOLERANCE)
         return along, {name: self.rate(state, control, name) for name in names}
 
+    def value(self, name: str) -> float:
+        """Return the present value of a parameter; see `force`."""
+        eq = self.solver.system
+        where, _, own = name.rpartition(".")
+        if where == RATIO:
+            return eq.ratios[int(own)]
+        if (part := self._part(where)) is not None:
+            return part.number(own)
+        return number_of(eq.material, own)
+
+    @contextlib.contextmanager
+    def shifted(self, name: str, by: float) -> Iterator[None]:
+        """Shift a parameter, unchecked, and restore it at the end."""
+        eq = self.solver.system
+        where, _, own = name.rpartition(".")
+        part, material, ratios = self._part(where), eq.material, list(eq.ratios)
+        components = [one.nudged(own, by) if one is part else one for one in eq.components]
+        if where == RATIO:
+            ratios[int(own)] += by
+        elif part is None:
+            material = nudged(material, own, by)
+        before = eq.material, eq.components, eq.ratios
+        eq.take(material, components, ratios)
+        try:
+            yield
+        finally:
+            eq.take(*before)
+
+    def _part(self, where: str) -> Component | None:
+        """Return the part of a parameter's name; a region also goes by its own name alone."""
+        return next(
+            (one for one in self.solver.system.components if where in (one.key, one.key.removeprefix("region."))), None
+        )
+
+    def force(self, name: str) -> Force:
+        """Return the derivative of the equations by any parameter at the loaded state.
+
+        Args:
+            name: Of `known_parameters`; ``part.number`` with a part's `Component.key` and one of its `Component.variable`; or
+                ``ratio.0`` for the ratio of the first cavity's pressure.
+        """
+        eq = self.solver.system
+        where, _, own = name.rpartition(".")
+        if where == RATIO:
+            share = eq.direction * np.eye(len(eq.ratios))[int(own)]
+            change = np.concatenate([share, np.zeros(len(eq.dead.forms))])
+            w, here = eq.w.x.array, eq.volumes()
+            kept = w.copy()
+            w[:] = 0.0
+            opened = float(share @ (here - eq.volumes()))
+            w[:] = kept
+            return Force(-self._state_P() * change @ eq.pressure_loads(), 0.0, opened)
+        part = self._part(where)
+        if part is None or isinstance(part, RegionPart):
+            return Force(*self.material_force(name.removeprefix("region.")), 0.0)
+        moved = [one.nudged(own, 1j * _STEP) if one is part else one for one in eq.components]
+        found = self._load_force(moved)
+        if part.label in eq.potential.terms:
+            found = found + self._terms(part).force(part.nudged(own, 1j * _STEP))
+        return Force(found, 0.0, 0.0)
+
+    def _state_P(self) -> float:
+        """Return P of the loaded state."""
+        eq = self.solver.system
+        cavity = int(np.argmax(np.abs(eq.ratios)))
+        return float(eq.pressures[cavity] / eq.coupling.shares[cavity])
+
+    def _load_force(self, moved: Sequence[Component]) -> Array:
+        """Return the residual's derivative along the imaginary parts of the parts' numbers, through the dead loads."""
+        eq = self.solver.system
+        found, dead = np.zeros(eq.n), eq.dead
+        for i, (amount, shares) in enumerate(dead.magnitudes(moved)):
+            drive, unit = dead.amounts[i] / dead.units[i], dead.units[i]
+            if change := np.imag(amount) / _STEP / unit:
+                found -= change * eq.assemble(dead.forms[i])
+            rates = [
+                np.imag(share) / _STEP / float(known.value)
+                for share, (known, _) in zip(shares, dead.shares[i], strict=True)
+            ]
+            for rate, form in zip(rates, dead.forms[i], strict=False):
+                if rate:
+                    found -= drive * rate * eq.assemble([form])
+        return found
+
+    def _terms(self, part: Component) -> _TermDirection:
+        if part.label not in self._of_terms:
+            self._of_terms[part.label] = _TermDirection(self.solver.system, part)
+        return self._of_terms[part.label]
+
     def turn(self, name: str) -> None:
         """Point `histories` along a parameter; see `material_force`."""
         self._along.turn(self.solver.system.material, name)
@@ -175,7 +287,21 @@ class Sensitivity:
         force = eq.assemble(forces).copy()
         for magnitude, forms in zip(eq.pressures[len(eq.pressures) - len(loads) :], loads, strict=True):
             force -= magnitude * eq.assemble(forms)  # a thicker part is heavier
+        for magnitude, own in zip(eq.pressures[len(eq.pressures) - len(loads) :], self.measured, strict=True):
+            for one in own:  # a force stays the same on a face that grows
+                force -= magnitude * eq.assemble(one.turned(moving))
+        if eq.assembled.slack:
+            moved = np.zeros(eq.n)
+            force += eq.by_unknowns(eq.assembled.add_moved(eq.w.x.array, self.motion.at_nodes(X), moved))  # type: ignore[union-attr]
         return force, eq.integral(volume)
+
+    @functools.cached_property
+    def measured(self) -> list[list[MeasuredSlope]]:
+        """How each load changes with the constants that follow the mesh."""
+        eq = self.solver.system
+        assert self.motion is not None
+        loads = zip(eq.dead.measured, eq.dead.integrals, strict=True)
+        return [[MeasuredSlope(eq, self.motion, one, forms) for one in own] for own, forms in loads]
 
     def rate(self, state: State, control: Control, name: str, rise: float = 0.0) -> Rate:
         """Return one of `rates`, which must have been called at this state.
@@ -196,6 +322,98 @@ class Sensitivity:
         gap = rise - control.volume_coefficient * opened - control.pressure_coefficient * state.P * dmu / mu
         moved = self.solver.linear_response(-force, gap, TOLERANCE)
         return Rate(moved.w, moved.P * mu + state.P * dmu, (moved.V + opened) * eq.volume_unit, X)
+
+
+def slope_along(form: ufl.Form, turns: Mapping[fem.Constant, fem.Constant]) -> ufl.Form | None:
+    """Return the derivative of a form along a direction in the space of constants; None if it has none of them."""
+    import ufl
+
+    turns = {constant: turn for constant, turn in turns.items() if constant in form.constants()}
+    if not turns:
+        return None
+    variables = {constant: ufl.variable(constant) for constant in turns}
+    found = []
+    for integral in form.integrals():
+        integrand = ufl.replace(integral.integrand(), variables)
+        for constant, turn in turns.items():
+            slope = ufl.diff(integrand, variables[constant])
+            found.append(integral.reconstruct(integrand=ufl.dot(slope, turn) if turn.ufl_shape else slope * turn))
+    return ufl.Form(found)
+
+
+class _TermDirection:
+    """The derivative of a part's energy along a direction in the space of its constants."""
+
+    def __init__(self, eq: System, part: Component):
+        import ufl
+        from dolfinx import fem
+
+        self.eq, self.term = eq, eq.potential.terms[part.label]
+        self.turns = {
+            known: fem.Constant(eq.body.mesh, np.zeros_like(known.value)) for known, _ in self.term.numbers(part)
+        }
+        slopes = [slope_along(energy, self.turns) for energy in self.term.energies]
+        test = ufl.TestFunction(eq.space)
+        self._forms = [eq.form(ufl.derivative(slope, eq.w, test)) for slope in slopes if slope is not None]
+
+    def force(self, moved: Component) -> Array:
+        """Return the residual's derivative along the imaginary parts of a nudged part's numbers."""
+        for constant, value in self.term.numbers(moved):
+            self.turns[constant].value = np.imag(value) / _STEP
+        return self.eq.assemble(self._forms).copy()
+
+
+class MeasuredSlope:
+    """How a load changes with one of the constants that follow the mesh (`MeasuredConstant`).
+
+    Args:
+        eq: The equations.
+        motion: Moves their mesh.
+        measured: The constant.
+        forms: UFL forms of the load's unit magnitude.
+    """
+
+    def __init__(self, eq: System, motion: MeshMotion, measured: MeasuredConstant, forms: Sequence[ufl.Form]):
+        from dolfinx import fem
+
+        self.eq, self.motion, self.measured = eq, motion, measured
+        self.turn = fem.Constant(eq.body.mesh, np.zeros_like(measured.constant.value))
+        slopes = [slope_along(form, {measured.constant: self.turn}) for form in forms]
+        self.slopes = [slope for slope in slopes if slope is not None]
+        self._compiled = [eq.form(slope) for slope in self.slopes]
+        self._values = [eq.form(form) for form in measured.integrals]
+
+    @functools.cached_property
+    def _by_nodes(self) -> list[fem.Form]:
+        return [self.motion.compiled(form) for form in self.measured.integrals]
+
+    def rates(self) -> Array:
+        """Return the constant's derivatives by the integrals, shape (integrals, ...)."""
+        here = np.array([self.eq.integral(form) for form in self._values])
+        steps = 1j * _STEP * np.eye(len(here))
+        return np.array([np.imag(self.measured.value(here + step)) / _STEP for step in steps])
+
+    def turned(self, moving: fem.Function) -> list[fem.Form]:
+        """Return the forms of the load's change with a motion of the mesh's nodes, in a function of their space."""
+        x = moving.x.array
+        owned = slice(0, self.motion.owned_entries)
+        along = [total(self.eq.comm, float(self.motion.assembled(form)[owned] @ x[owned])) for form in self._by_nodes]
+        self.turn.value = np.tensordot(np.array(along), self.rates(), 1)
+        return self._compiled
+
+    def covector(self, work: Callable[[list[ufl.Form]], list[fem.Form]]) -> Array:
+        """Return the derivative of the load's work on a displacement by the mesh's nodes; ``work`` compiles it of forms."""
+        if not hasattr(self, "_works"):
+            self._works = work(self.slopes)
+        by_constant = np.zeros(self.turn.value.size)
+        for k in range(by_constant.size):
+            self.turn.value = np.eye(by_constant.size)[k].reshape(self.turn.value.shape)
+            by_constant[k] = sum(self.eq.integral(form) for form in self._works)
+        weights = self.rates().reshape(len(self._values), -1) @ by_constant
+        return sum(
+            (weight * self.motion.assembled(form) for weight, form in zip(weights, self._by_nodes, strict=True)),
+            np.zeros(self.motion.entries),
+        )
 
 
 class InTime:

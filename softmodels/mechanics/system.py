@@ -28,7 +28,7 @@ from softmodels.mechanics.holds import clamped, conditions, seals
 from softmodels.mechanics.mpi import any_rank, largest, total
 from softmodels.mechanics.potential import Potential
 from softmodels.mechanics.products import TangentOperator
-from softmodels.mechanics.regions import MaterialRegion, check_compressible, relaxed
+from softmodels.mechanics.regions import MaterialRegion, RegionPart, check_compressible, relaxed
 from softmodels.mechanics.rigid import STILL, RigidMotion, RigidPart
 
 if TYPE_CHECKING:
@@ -608,6 +608,7 @@ class System(Assembly):
             material, components = relaxed(material, components)
         check_compressible(material, components, formulation == "mixed")
         self.body, self.formulation, self.comm = clamped(body, components), formulation, body.mesh.comm
+        self.components, self.ratios = tuple(components), tuple(body.actuator.ratios)
         if type(body).volume_integrand is Body.volume_integrand:  # a user's volume integral may close them differently
             closing = [Hold(role, seal.normal) for seal in seals(components) for role in seal.roles]
             check_closed(body.actuator, body.openings, [*self.body.holds, *closing])
@@ -679,6 +680,30 @@ class System(Assembly):
         self.potential.set_material(material)
         self.material = material
 
+    def take(self, material: Material, components: Sequence[Component], ratios: Sequence[float]) -> None:
+        """Set the numbers of a law and of parts like those that it was made of, and the cavities' ratios, without
+        recompiling; the dead loads keep their own magnitudes.
+
+        Args:
+            material: Of the same law.
+            components: In the same order; unchecked, so that they may be nudged.
+            ratios: The cavities' pressures over P.
+        """
+        self.components, self.ratios, self.material = tuple(components), tuple(ratios), material
+        own = {part.name: part.material for part in components if isinstance(part, RegionPart)}
+        self.potential.set_material(material, own)
+        for part in components:
+            if (term := self.potential.terms.get(part.label)) is not None:
+                term.take(part)
+        self.dead.take(components)
+        self.coupling = self.inflating(self.dead.amounts / self.dead.units)
+
+    def follow_mesh(self) -> None:
+        """Follow a mesh that has moved, in all that is not a form."""
+        self.dead.remeasure()
+        for term in self.potential.terms.values():
+            term.follow_mesh()
+
     @property
     def stress_unit(self) -> float:
         """Pa in one dimensionless stress."""
@@ -730,7 +755,7 @@ class System(Assembly):
         Args:
             dead: Constant magnitudes of the dead loads, shape (k - cavities,).
         """
-        return Coupling.proportional([self.direction * ratio for ratio in self.body.actuator.ratios], dead)
+        return Coupling.proportional([self.direction * ratio for ratio in self.ratios], dead)
 
     def pressures_at(self, state: State) -> Array:
         """Return the pressure of each cavity at a state."""

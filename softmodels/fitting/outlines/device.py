@@ -331,6 +331,8 @@ class DeviceModel:
                 "derivatives by lengths do not support self-contact ([walls]); fix the lengths, or leave out the walls"
             )
         self.motion = MeshMotion(self.system.body) if self.lengths else None
+        if self.motion is not None:
+            self.motion.followers.append(self.system.follow_mesh)
         self.sensitivity = Sensitivity(solver, self.motion)
         self.hanging, self.modulus = Hanging(self.silhouette, self.sensitivity, height_datum), modulus
         self.spectrum = spectrum
