@@ -665,7 +665,7 @@ class FibreTerm(StrainTerm):
         where = (faces if self.in_face else regions)(setting.body, names_in(part.on))
         super().__init__(setting, where, self._changes, self._energy)
 
-    def numbers(self, part: Component) -> list[tuple[fem.Constant, Array]]:
+    def constants_of(self, part: Component) -> list[tuple[fem.Constant, Array]]:
         assert isinstance(part, Fibres)
         stiffness = np.asarray((part.stiffness or part.modulus) / self._unit)
         return [*self._helix.numbers(part.axis, part.angle), (self._k, stiffness), (self._b, np.asarray(part.exponent))]
@@ -835,7 +835,7 @@ class FabricTerm(StrainTerm):
         self.take(part)
         super().__init__(setting, faces(setting.body, names_in(part.on)), self._changes, self._energy)
 
-    def numbers(self, part: Component) -> list[tuple[fem.Constant, Array]]:
+    def constants_of(self, part: Component) -> list[tuple[fem.Constant, Array]]:
         assert isinstance(part, Fabric)
         coupled = part.poisson * part.across
         share = 1.0 - coupled * part.poisson / part.along

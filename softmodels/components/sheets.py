@@ -125,7 +125,7 @@ class SheetTerm(EnergyTerm):
         density = membrane_energy(body.deformation_gradient(setting.displacement), self._normal)
         super().__init__([self._integral(density)])
 
-    def numbers(self, part: Component) -> list[tuple[fem.Constant, Array]]:
+    def constants_of(self, part: Component) -> list[tuple[fem.Constant, Array]]:
         assert isinstance(part, Sheet)
         return [(self._pa, np.asarray(part.stiffness / self._setting.body.actuator.size))]
 

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import abc
 import dataclasses
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.common.arrays import Array
-from softmodels.design.quantities import QUANTITIES, DesignQuantity, FormMeasure, Measure, Slopes, register_quantity
+from softmodels.design.quantities import (
+    QUANTITIES,
+    Combine,
+    DesignQuantity,
+    FormMeasure,
+    Measure,
+    Slopes,
+    register_quantity,
+)
 from softmodels.materials.strain import Strain, eigenvalues
-from softmodels.mechanics.body import in_space
-from softmodels.mechanics.mpi import is_root, largest, on_root
+from softmodels.mechanics.body import cell_measure, in_space
+from softmodels.mechanics.mpi import any_rank, is_root, largest, on_root
 from softmodels.runs.grid import Grid, displacement_maps
 from softmodels.runs.state_values import (
     LAST_REACH,
@@ -29,9 +39,11 @@ from softmodels.runs.state_values import (
 
 if TYPE_CHECKING:
     import scipy.sparse
+    import ufl
     from ufl.core.expr import Expr
 
     from softmodels.design.quantities import DesignedBody
+    from softmodels.mechanics.regions import MaterialRegion
     from softmodels.mechanics.system import State
 
 
@@ -53,25 +65,28 @@ class PeakMeasure(FormMeasure):
 
     Args:
         design: The meshed device.
-        field: UFL expression of the field, differentiable where it counts.
+        fields: The field in each of the device's materials, differentiable where it counts.
         values_of: Its values at the integration points, from the principal stretches there.
         counted_in_stress: Whether the field is in shear moduli.
         rest: Its value at rest.
     """
 
     def __init__(
-        self, design: DesignedBody, field: Expr, values_of: ValuesOf, counted_in_stress: bool, rest: float = 0.0
-    ):
+        self, design: DesignedBody, fields: Sequence[FieldPart], values_of: ValuesOf, counted_in_stress: bool,
+        rest: float = 0.0,
+    ):  # fmt: skip
         import ufl
         from dolfinx import fem
 
-        body = design.system.body
-        self._q = fem.Constant(body.mesh, 1.0)
-        x = (field - rest) / self._q - 1.0
-        rounded = ufl.conditional(ufl.gt(x, ROUNDED), x, (x + ROUNDED) ** 2 / (4 * ROUNDED))
-        excess = ufl.conditional(ufl.gt(x, -ROUNDED), rounded, 0.0)
-        forms = [density * body.hoop * body.measures()[0] for density in (excess, fem.Constant(body.mesh, 1.0))]
-        super().__init__(design, forms, self._peak, counted_in_stress=counted_in_stress)
+        self._q = fem.Constant(design.system.body.mesh, 1.0)
+
+        def excess(field: Expr) -> Expr:
+            x = (field - rest) / self._q - 1.0
+            rounded = ufl.conditional(ufl.gt(x, ROUNDED), x, (x + ROUNDED) ** 2 / (4 * ROUNDED))
+            return ufl.conditional(ufl.gt(x, -ROUNDED), rounded, 0.0)
+
+        forms, combine = over_parts(design, fields, [excess, None], self._peak)
+        super().__init__(design, forms, combine, counted_in_stress=counted_in_stress)
         self._values_of, self._rest, self._top = values_of, rest, rest
 
     def _peak(self, values: Array) -> tuple[float, Array]:
@@ -120,7 +135,74 @@ class _Stretch(ValuesOf):
 
 class _Mises(ValuesOf):
     def __call__(self, design: DesignedBody, stretches: Array) -> Array:
-        return von_mises(shape_stresses(design.system.material, stretches)) / design.system.stress_unit
+        found = np.empty(stretches.shape[:2])
+        for region in design.system.potential.regions:
+            found[region.cells] = von_mises(shape_stresses(region.material, stretches[region.cells]))
+        return found / design.system.stress_unit
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FieldPart:
+    """A field where one of the device's materials is: an expression, where it is integrated, and the owned local cells."""
+
+    field: Expr
+    measure: ufl.Measure
+    cells: npt.NDArray[np.int32]
+
+
+def stretch_field(design: DesignedBody, where: str = "") -> list[FieldPart]:
+    """Return the largest principal stretch, over the whole body or a region."""
+    import ufl
+
+    return _parts(design, lambda _: ufl.sqrt(eigenvalues(design.strain.C)[0]), where)
+
+
+def mises_field(design: DesignedBody, where: str = "") -> list[FieldPart]:
+    """Return the von Mises stress in shear moduli: of the deviator of (dW/dF) F^T / J, over the whole body or a region."""
+    import ufl
+
+    def field(region: MaterialRegion) -> Expr:
+        F = ufl.variable(design.system.body.deformation_gradient(design.system.potential.displacement))
+        strain = Strain(F)
+        stress = ufl.diff(region.material.shape(strain, region.parameters), F) * F.T / strain.J
+        deviator = stress - ufl.tr(stress) / 3 * ufl.Identity(3)
+        return ufl.sqrt(1.5 * ufl.inner(deviator, deviator) + 1e-12)  # the root is not differentiable at zero
+
+    return _parts(design, field, where)
+
+
+def _parts(design: DesignedBody, field: Callable[[MaterialRegion], Expr], where: str) -> list[FieldPart]:
+    body, found = design.system.body, []
+    if where and where not in body.regions:
+        raise ValueError(f"the device has no region {where!r}; it has {', '.join(body.regions) or 'none'}")
+    for region in design.system.potential.regions:
+        cells = np.intersect1d(region.cells, body.regions[where]).astype(np.int32) if where else region.cells
+        if any_rank(body.mesh.comm, len(cells) > 0):
+            found.append(FieldPart(field(region), cell_measure(body, cells) if where else region.dx, cells))
+    return found
+
+
+def over_parts(
+    design: DesignedBody,
+    parts: Sequence[FieldPart],
+    integrands: Sequence[Callable[[Expr], Expr] | None],
+    combine: Combine,
+) -> tuple[list[ufl.Form], Combine]:
+    """Return the integrals of functions of a field (None for 1) over its parts, and a function of each one's sum over them."""
+    from dolfinx import fem
+
+    body, one = design.system.body, fem.Constant(design.system.body.mesh, 1.0)
+    forms = [
+        (one if function is None else function(part.field)) * body.hoop * part.measure
+        for function in integrands
+        for part in parts
+    ]
+
+    def summed(values: Array) -> tuple[float, Array]:
+        value, slopes = combine(values.reshape(len(integrands), -1).sum(axis=1))
+        return value, np.repeat(slopes, len(parts))
+
+    return forms, summed
 
 
 @register_quantity
@@ -135,11 +217,7 @@ class PeakStretch(DesignQuantity):
     )
 
     def measure(self, design: DesignedBody) -> Measure:
-        import ufl
-
-        return PeakMeasure(
-            design, ufl.sqrt(eigenvalues(design.strain.C)[0]), _Stretch(), counted_in_stress=False, rest=1.0
-        )
+        return PeakMeasure(design, stretch_field(design), _Stretch(), counted_in_stress=False, rest=1.0)
 
 
 @register_quantity
@@ -156,27 +234,158 @@ class PeakVonMises(DesignQuantity):
         return "peak von Mises stress"
 
     def measure(self, design: DesignedBody) -> Measure:
-        import ufl
-
-        field = ufl.sqrt(_mises_square(design) + 1e-12)  # the root is not differentiable at zero
-        return PeakMeasure(design, field, _Mises(), counted_in_stress=True)
+        return PeakMeasure(design, mises_field(design), _Mises(), counted_in_stress=True)
 
 
 QUANTITIES.update({"max_stretch": PeakStretch, "von_mises": PeakVonMises})
 """Names in problem files of earlier versions, which meant a mean of high powers, fitted to the largest value at a point."""
 
 
-def _mises_square(design: DesignedBody) -> Expr:
-    """Return the square of the von Mises stress in shear moduli: of the deviator of (dW/dF) F^T / J."""
-    import ufl
+# ----------------------------------------------------------------------------------------------------------------------
+# Even stress: the standard deviation of the von Mises stress over the silicone or a region, and its power mean, a robust peak.
 
-    potential = design.system.potential
-    F = ufl.variable(design.system.body.deformation_gradient(potential.displacement))
-    strain = Strain(F)
-    law = design.system.material
-    stress = ufl.diff(law.shape(strain, potential.parameters), F) * F.T / strain.J
-    deviator = stress - ufl.tr(stress) / 3 * ufl.Identity(3)
-    return 1.5 * ufl.inner(deviator, deviator)
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class OfRegion(DesignQuantity):
+    """A quantity of the stress or stretch over a region.
+
+    Attributes:
+        region: Name of the region; the whole device if empty.
+    """
+
+    region: str = ""
+
+    @property
+    def title(self) -> str:
+        return self.name.replace("_", " ").replace("von mises", "von Mises") + (
+            f" of {self.region}" if self.region else ""
+        )
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class StressDeviation(OfRegion):
+    """Standard deviation of the von Mises stress over a region, by volume."""
+
+    name: ClassVar = "stress_deviation"
+    unit: ClassVar = "Pa"
+    help: ClassVar = "standard deviation of the von Mises stress over the silicone, or over a region"
+    relative: ClassVar = False
+
+    def measure(self, design: DesignedBody) -> Measure:
+        def deviation(values: Array) -> tuple[float, Array]:
+            volume, first, second = values
+            mean = first / volume
+            spread = max(second / volume - mean**2, 1e-300) ** 0.5
+            slopes = np.array([2 * mean**2 - second / volume, -2 * mean, 1.0]) / (2 * volume * spread)
+            if not self.relative:
+                return spread, slopes
+            return spread / mean, (slopes - spread / mean * np.array([-mean, 1.0, 0.0]) / volume) / mean
+
+        functions = [None, lambda field: field, lambda field: field**2]
+        forms, combine = over_parts(design, mises_field(design, self.region), functions, deviation)
+        return FormMeasure(design, forms, combine, counted_in_stress=not self.relative)
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class StressUnevenness(StressDeviation):
+    """The same over the mean: 0 of a silicone that is stressed evenly."""
+
+    name: ClassVar = "stress_unevenness"
+    unit: ClassVar = "1"
+    help: ClassVar = (
+        "standard deviation of the von Mises stress over its mean, in the silicone or a region: 0 if it is even"
+    )
+    relative: ClassVar = True
+
+
+class PowerMeasure(FormMeasure):
+    """Power mean of a field over the body, (mean of field^p)^(1/p), counted from its value at rest.
+
+    Args:
+        design: The meshed device.
+        fields: The field.
+        exponent: p.
+        rest: Value of the field at rest.
+        counted_in_stress: Whether the field is in shear moduli.
+    """
+
+    def __init__(
+        self, design: DesignedBody, fields: Sequence[FieldPart], exponent: float, rest: float, counted_in_stress: bool
+    ):
+        from dolfinx import fem
+
+        self._p, self._rest = exponent, rest
+        self._scale = fem.Constant(design.system.body.mesh, 1.0)  # of powers, which would not be numbers otherwise
+        functions = [lambda field: ((field - rest) / self._scale) ** exponent, None]
+        forms, combine = over_parts(design, fields, functions, self._mean)
+        super().__init__(design, forms, combine, counted_in_stress=counted_in_stress)
+
+    def _mean(self, values: Array) -> tuple[float, Array]:
+        powers, volume = values
+        mean = float(self._scale.value) * (powers / volume) ** (1 / self._p)
+        return self._rest + mean, mean / self._p * np.array([1 / powers, -1 / volume])
+
+    def slopes(self, state: State | None) -> Slopes:
+        self._scale.value = 1.0
+        self._scale.value = (
+            max(self._combined()[0] - self._rest, 1e-12)
+            if not self.counted_in_stress
+            else (max(self._combined()[0] / self.design.system.stress_unit, 1e-12))
+        )
+        return super().slopes(state)
+
+    def note(self, value: float) -> str:
+        what = "von Mises stress" if self.counted_in_stress else "stretch minus 1"
+        more = "" if self.counted_in_stress else ", plus 1"
+        return f"(mean of {what} to the power {self._p:g} over the volume) to the power 1/{self._p:g}{more}"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PowerMean(OfRegion):
+    """A power mean, between the mean (1) and the largest value (infinity).
+
+    Attributes:
+        exponent: p, from 2 to 40.
+    """
+
+    exponent: float = 8.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 2.0 <= self.exponent <= 40.0:
+            raise ValueError(f"exponent is {self.exponent:g}; it must be from 2 to 40")
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class StressNorm(PowerMean):
+    """Power mean of the von Mises stress over the silicone or a region."""
+
+    name: ClassVar = "von_mises_norm"
+    unit: ClassVar = "Pa"
+    help: ClassVar = (
+        "robust peak of the von Mises stress: its power mean with an exponent, over the silicone or a region"
+    )
+
+    def measure(self, design: DesignedBody) -> Measure:
+        return PowerMeasure(design, mises_field(design, self.region), self.exponent, 0.0, counted_in_stress=True)
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class StretchNorm(PowerMean):
+    """Power mean of the largest principal stretch over the silicone or a region, counted from 1."""
+
+    name: ClassVar = "stretch_norm"
+    unit: ClassVar = "1"
+    help: ClassVar = (
+        "robust peak of the largest principal stretch: power mean of the stretch minus 1 with an exponent, plus 1"
+    )
+
+    def measure(self, design: DesignedBody) -> Measure:
+        return PowerMeasure(design, stretch_field(design, self.region), self.exponent, 1.0, counted_in_stress=False)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -197,8 +406,8 @@ SHARPNESS = 50.0
 """rho times the thickness of the thinnest wall: ten places that are equally close take 5 % of that thickness off the gap."""
 
 
-class GapMeasure(Measure):
-    """The smooth least gap of a meshed design.
+class NodesMeasure(Measure):
+    """A function of the deformed places of all nodes.
 
     Args:
         design: The device, its mesh as it was made.
@@ -211,20 +420,25 @@ class GapMeasure(Measure):
         self._skew = skew[: self._grid.owned]
         self._from_nodes = _interpolation(self._grid, design)
         self._made = self._places()
-        self._walls: FacingWalls | None = None  # on rank 0
-        self._rho = 0.0
+
+    @abc.abstractmethod
+    def _smooth(self, shift: Array | None) -> tuple[float, str, Array | None]:
+        """Return the value in SI units, a note, and the derivative by the places of the grid's nodes; on rank 0.
+
+        Args:
+            shift: From where the nodes are on the undeformed mesh as it was made, m, shape (n, 3).
+        """
 
     def slopes(self, state: State | None) -> Slopes:
         system, grid, motion = self.system, self._grid, self.design.motion
         assert state is not None
         moved = in_space(system.w.x.array[self._skew] @ system.body.skew_inverse.T * system.length_unit)
         shift = grid.collect(self._places() - self._made + moved)
-        value, least, rates = on_root(system.comm, lambda: self._smooth(shift))
+        value, note, rates = on_root(system.comm, lambda: self._smooth(shift))
         mesh = grid.distribute(rates if is_root(system.comm) else None) * system.length_unit  # by dimensionless places
         mesh = mesh if motion.dimension == 3 else mesh[:, [0, 2]]
         by_w = np.zeros(system.n)
         by_w[self._skew] = mesh @ system.body.skew_inverse
-        note = f"the smallest gap is {1e3 * least:.4g} mm" if np.isfinite(least) else "no walls are near each other"
         return Slopes(value, system.by_unknowns(by_w).copy(), 0.0, self._by_nodes(mesh), note)
 
     def _places(self) -> Array:
@@ -242,9 +456,20 @@ class GapMeasure(Measure):
         b.scatter_reverse(la.InsertMode.add)
         return np.array(b.array)
 
-    def _smooth(self, shift: Array | None) -> tuple[float, float, Array | None]:
-        """Return the smooth and true least gap in m, and the smooth one's derivative by the places of the grid's nodes; on rank
-        0."""
+
+class GapMeasure(NodesMeasure):
+    """The smooth least gap of a meshed design.
+
+    Args:
+        design: The device, its mesh as it was made.
+    """
+
+    def __init__(self, design: DesignedBody):
+        super().__init__(design)
+        self._walls: FacingWalls | None = None  # on rank 0
+        self._rho = 0.0
+
+    def _smooth(self, shift: Array | None) -> tuple[float, str, Array | None]:
         assert shift is not None
         grid = self._grid
         if self._walls is None:
@@ -252,7 +477,7 @@ class GapMeasure(Measure):
             self._walls = FacingWalls(grid.points, grid.cells, grid.cell_name, planes)
         gaps, rates = self._near(self._walls, shift), np.zeros_like(shift)
         if not len(gaps.values):  # within the search distance
-            return LAST_REACH * self._walls.size, np.inf, rates
+            return LAST_REACH * self._walls.size, "no walls are near each other", rates
         if not self._rho:
             self._rho = SHARPNESS / float(gaps.thickness.min())
         least = float(gaps.values.min())
@@ -260,7 +485,7 @@ class GapMeasure(Measure):
         near = weights > 1e-16
         value = least - float(np.log(weights.sum())) / self._rho
         _add_rates(rates, self._walls, gaps, near, weights[near] / weights.sum())
-        return value, least, rates
+        return value, f"the smallest gap is {1e3 * least:.4g} mm", rates
 
     @staticmethod
     def _near(walls: FacingWalls, shift: Array) -> Gaps:
@@ -314,3 +539,38 @@ class LeastGap(DesignQuantity):
 
     def measure(self, design: DesignedBody) -> Measure:
         return GapMeasure(design)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Height of the highest point: the smooth maximum (as of the gaps) of the heights of all nodes, which is never below the
+# highest node.
+
+
+HEIGHT_SHARPNESS = 1000.0
+"""rho times the device's size: ten nodes of one height add 0.2 % of the size."""
+
+
+class _TopMeasure(NodesMeasure):
+    """The height of the highest node along the lift."""
+
+    def _smooth(self, shift: Array | None) -> tuple[float, str, Array | None]:
+        assert shift is not None
+        lift = np.asarray(self.system.body.actuator.lift)
+        heights, rho = (self._grid.points + shift) @ lift, HEIGHT_SHARPNESS / self.system.length_unit
+        highest = float(heights.max())
+        weights = np.exp(rho * (heights - highest))
+        value = highest + float(np.log(weights.sum())) / rho
+        return value, f"the highest node is at {1e3 * highest:.5g} mm", np.outer(weights / weights.sum(), lift)
+
+
+@register_quantity
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TopHeight(DesignQuantity):
+    """Height of the highest point of the deformed device, as a smooth maximum."""
+
+    name: ClassVar = "top_height"
+    unit: ClassVar = "m"
+    help: ClassVar = "height of the highest point of the deformed device along its lift (smooth maximum over the nodes)"
+
+    def measure(self, design: DesignedBody) -> Measure:
+        return _TopMeasure(design)

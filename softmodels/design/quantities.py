@@ -231,8 +231,21 @@ QUANTITIES: Registry[type[DesignQuantity]] = Registry(
     lambda quantity: quantity.name,
     {
         **dict.fromkeys(
-            ("peak_stretch", "max_stretch", "peak_von_mises", "von_mises", "least_gap"), "softmodels.design.extremes"
+            (
+                "peak_stretch",
+                "max_stretch",
+                "peak_von_mises",
+                "von_mises",
+                "least_gap",
+                "top_height",
+                "stress_deviation",
+                "stress_unevenness",
+                "von_mises_norm",
+                "stretch_norm",
+            ),
+            "softmodels.design.extremes",
         ),
+        **dict.fromkeys(("force_on", "inflation_work", "turn"), "softmodels.design.actions"),
         **dict.fromkeys(("outline", "tip_path"), "softmodels.design.targets"),
     },
 )

@@ -351,14 +351,14 @@ class EnergyTerm:
     energies: list[ufl.Form]
     remembers: ClassVar[bool] = False
 
-    def numbers(self, part: Component) -> list[tuple[fem.Constant, Array]]:
+    def constants_of(self, part: Component) -> list[tuple[fem.Constant, Array]]:
         """Return the constants of `energies` that a part of the same kind may change, with its values, which may be
         complex."""
         return []
 
     def take(self, part: Component) -> None:
         """Set the numbers of another part of the same kind, without recompiling."""
-        for constant, value in self.numbers(part):
+        for constant, value in self.constants_of(part):
             constant.value = np.asarray(value, dtype=float)
 
     def follow_mesh(self) -> None:

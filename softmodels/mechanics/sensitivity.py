@@ -350,7 +350,7 @@ class _TermDirection:
 
         self.eq, self.term = eq, eq.potential.terms[part.label]
         self.turns = {
-            known: fem.Constant(eq.body.mesh, np.zeros_like(known.value)) for known, _ in self.term.numbers(part)
+            known: fem.Constant(eq.body.mesh, np.zeros_like(known.value)) for known, _ in self.term.constants_of(part)
         }
         slopes = [slope_along(energy, self.turns) for energy in self.term.energies]
         test = ufl.TestFunction(eq.space)
@@ -358,7 +358,7 @@ class _TermDirection:
 
     def force(self, moved: Component) -> Array:
         """Return the residual's derivative along the imaginary parts of a nudged part's numbers."""
-        for constant, value in self.term.numbers(moved):
+        for constant, value in self.term.constants_of(moved):
             self.turns[constant].value = np.imag(value) / _STEP
         return self.eq.assemble(self._forms).copy()
 
