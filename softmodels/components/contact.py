@@ -793,11 +793,11 @@ class ShapeTerm(EnergyTerm):
         depth = ufl.max_value(-distance(components, constants), 0.0)
         energy = stiffness * (penalty(depth, onset) + HARDER / (6 * soft) * ufl.max_value(depth - soft, 0.0) ** 3)
         push = ufl.diff(energy, place)  # on the shape; the device gets the opposite force
-        self.energies, self._forces = [], []
+        self.energies, self.pushes = [], []
         for role in shape.roles:
             area = body.sheet_face(role)[0]
             self.energies.append(energy * body.hoop * area)
-            self._forces.append([push[c] * body.hoop * area for c in range(mesh.topology.dim)])
+            self.pushes.append([push[c] * body.hoop * area for c in range(mesh.topology.dim)])
         self.nodes = FaceNodes(body, setting.w.function_space, shape.roles)
 
     def _check_rest(self, body: Body) -> None:
@@ -813,7 +813,7 @@ class ShapeTerm(EnergyTerm):
         self._place.value = place
 
     def compile(self, equations: Equations) -> None:
-        self._compiled: list[list[fem.Form]] = [[equations.form(force) for force in forces] for forces in self._forces]
+        self._compiled: list[list[fem.Form]] = [[equations.form(force) for force in forces] for forces in self.pushes]
 
     def figures(self, equations: Equations) -> dict[str, float]:
         actuator, depth = self.body.actuator, self.depth(equations) * equations.length_unit

@@ -245,7 +245,7 @@ QUANTITIES: Registry[type[DesignQuantity]] = Registry(
             ),
             "softmodels.design.extremes",
         ),
-        **dict.fromkeys(("force_on", "inflation_work", "turn"), "softmodels.design.actions"),
+        **dict.fromkeys(("force_on", "inflation_work", "face_place", "turn"), "softmodels.design.actions"),
         **dict.fromkeys(("outline", "tip_path"), "softmodels.design.targets"),
     },
 )
@@ -335,8 +335,9 @@ class StoredEnergy(DesignQuantity):
     help: ClassVar = "energy stored in the whole device's silicone"
 
     def measure(self, design: DesignedBody) -> Measure:
-        system = design.system
-        return FormMeasure(design, system.potential.energies, scaled(system.volume_unit), counted_in_stress=True)
+        from softmodels.design.actions import energy_measure
+
+        return energy_measure(design)
 
 
 @register_quantity

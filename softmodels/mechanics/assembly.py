@@ -371,6 +371,26 @@ class AssembledTerm(EnergyTerm):
         moved = self.nodes.values(x) @ self.nodes.skew.T
         return np.asarray(self.stiffness_here().T @ moved.ravel()).reshape(moved.shape)
 
+    def force(self, w: Array) -> Array:
+        """Return the sum of the forces on what faces press on, of the slice in the mesh's coordinates, shape (d,)."""
+        self._take(w)
+        return np.asarray(self.forces_here().sum(axis=0))
+
+    def along_product(self, w: Array, along: Array) -> Array:
+        """Return the derivative of `force` along a vector by the nodes' deformed places, shape (n, d)."""
+        self._take(w)
+        motion = np.tile(along, len(self.nodes.places))
+        return np.asarray(self.stiffness_here() @ motion).reshape(self.nodes.places.shape)
+
+    def at_places(self, w: Array) -> Array:
+        """Return the derivative of the energy by the nodes' undeformed places, shape (n, d): as by the deformed ones."""
+        self._take(w)
+        return self.forces_here()
+
+    def add_rates(self, rates: Array, b: Array) -> None:
+        """Add derivatives by the nodes' deformed places, shape (n, d), to those by owned entries."""
+        b[self.nodes.local] += (rates @ self.nodes.skew * self._free)[self.nodes.mine]
+
     def add_moved(self, w: Array, motion: Array, b: Array) -> None:
         """Add the derivative of the forces by a motion of the mesh's own local nodes, shape (nodes, d), to owned entries."""
         self._take(w)
@@ -475,6 +495,11 @@ class AssembledTerms:
         the sum over ranks."""
         d = self._terms[0].nodes.places.shape[1] if self._terms else 1
         return sum((term.nodes.by_mesh(term.by_places(w, x)) for term in self._terms), np.zeros((nodes, d)))
+
+    def at_places(self, w: Array, nodes: int) -> Array:
+        """Return this rank's share of `AssembledTerm.at_places` by the mesh's own local nodes; see `by_places`."""
+        d = self._terms[0].nodes.places.shape[1] if self._terms else 1
+        return sum((term.nodes.by_mesh(term.at_places(w)) for term in self._terms), np.zeros((nodes, d)))
 
     def add_moved(self, w: Array, motion: Array, b: Array) -> Array:
         """See `AssembledTerm.add_moved`; returns ``b``."""
