@@ -428,7 +428,7 @@ class PneuNet(Bending, MirroredHalf, HeldTip):
 
     @property
     def meeting(self) -> tuple[str, ...]:
-        return ("chamber_walls",) if self.gap else ()
+        return ("chamber_walls",) if self.gap and self.chambers > 1 else ()
 
     @property
     def expected_cells(self) -> float:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from geometries import Actuator
+from geometries.actuator import cavity_roles
 from softmodels.common.arrays import Array
-from softmodels.components.contact import FileShapeTerm, GuidedShapeTerm, ShapeTerm, force_of_all
+from softmodels.components.contact import FileShapeTerm, GuidedShapeTerm, Obstacle, RigidShape, ShapeTerm, force_of_all
 from softmodels.design.quantities import DesignQuantity, FormMeasure, Measure, Slopes, register_quantity
 from softmodels.mechanics.assembly import AssembledTerm
 from softmodels.mechanics.body import BodyError, in_space
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
     from softmodels.design.quantities import DesignedBody
+    from softmodels.mechanics.component import Component
     from softmodels.mechanics.system import State
 
 
@@ -105,6 +109,10 @@ class ForceOn(DesignQuantity):
     def title(self) -> str:
         return f"force on {self.of}" + (f" along {self.along}" if self.along else "")
 
+    @staticmethod
+    def named(device: Actuator, components: Sequence[Component]) -> tuple[str, list[str]]:
+        return "rigid shape", [part.label for part in components if isinstance(part, RigidShape | Obstacle)]
+
     def measure(self, design: DesignedBody) -> Measure:
         system, terms = design.system, design.system.potential.terms
         shapes = {
@@ -177,6 +185,16 @@ def energy_measure(design: DesignedBody) -> Measure:
 # both counted from their means: tan t = (int a . (X x x) dA) / (int X . x - (a . X) (a . x) dA).
 
 
+class OfFace(DesignQuantity):
+    """A quantity of a face, named by ``of``."""
+
+    @staticmethod
+    def named(device: Actuator, components: Sequence[Component]) -> tuple[str, list[str]]:
+        return "face", list(
+            dict.fromkeys([*device.faces, *cavity_roles(device), *(hold.role for hold in device.holds)])
+        )
+
+
 def _on_face(design: DesignedBody, face: str) -> ufl.Measure:
     try:
         return design.system.body.sheet_face(face)[0]
@@ -198,7 +216,7 @@ def _places(design: DesignedBody) -> tuple[Expr, Expr]:
 
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class FacePlace(DesignQuantity):
+class FacePlace(OfFace):
     """Mean place of a face in a direction.
 
     Attributes:
@@ -238,7 +256,7 @@ class FacePlace(DesignQuantity):
 
 @register_quantity
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Turn(DesignQuantity):
+class Turn(OfFace):
     """Angle by which a face has turned about an axis, from -180 to 180 degrees, right-handed.
 
     Attributes:

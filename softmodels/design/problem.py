@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol, TypedDict, cast
 import numpy as np
 import numpy.typing as npt
 
+from geometries import Actuator
 from softmodels.case.case import Case
 from softmodels.case.entries import INPUT_ERRORS
 from softmodels.case.materials import MaterialErrors
@@ -21,7 +22,7 @@ from softmodels.common.names import checked, place
 from softmodels.common.schema import about
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, brief, number_and_unit, quantity
-from softmodels.design.quantities import DesignQuantity
+from softmodels.design.quantities import PROBE, DesignQuantity
 from softmodels.design.trials import (
     PRESSURE,
     VOLUME,
@@ -37,6 +38,8 @@ from softmodels.design.trials import (
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    from softmodels.mechanics.component import Component
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -190,12 +193,9 @@ class Reader:
     def _checked(self, asked: Asked, where: str) -> Asked:
         """Reject a probe or figure missing in the device, and a pressure above the case's."""
         device, of = self.case.actuator, getattr(asked, "of", "")
-        if of:
-            known = [*device.probes, *device.device_figures(device.probes)]
-            if of not in known:
-                raise DesignError(
-                    f"{where}: this {type(device).__name__} has no probe or figure {of!r}; {known_are(of, known)}"
-                )
+        what, known = getattr(asked, "named", _probes)(device, self.case.components)
+        if (of or what != PROBE) and of not in known:
+            raise DesignError(f"{where}: this {type(device).__name__} has no {what} {of!r}; {known_are(of, known)}")
         if getattr(type(asked), "of_state", False) and asked.at is None:
             raise DesignError(f"{where}: {asked.name} needs a pressure (at)")
         pressure, last = highest_pressure(asked), self.case.goals[-1]
@@ -237,6 +237,10 @@ class Reader:
         if entry.get(side) is None:
             return None
         return read(f"{where}: {side} of {asked.name}", entry[side], asked.unit, self.bare)
+
+
+def _probes(device: Actuator, components: Sequence[Component]) -> tuple[str, list[str]]:
+    return PROBE, [*device.probes, *device.device_figures(device.probes)]
 
 
 def _tuples(value: object) -> object:

@@ -21,7 +21,7 @@ from geometries.actuator import changed, is_length, parameter
 from softmodels.common.arrays import Array
 from softmodels.common.names import Registry
 from softmodels.common.units import quantity as read_quantity
-from softmodels.design.trials import JudgedLoad
+from softmodels.design.trials import DesignFailure, JudgedLoad
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.body import in_section
 from softmodels.mechanics.compiling import JIT
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from dolfinx import fem
     from petsc4py import PETSc
 
+    from softmodels.mechanics.component import Component
     from softmodels.mechanics.system import State
 
 
@@ -98,6 +99,10 @@ class TargetMeasure(Measure):
         """
 
 
+PROBE = "probe or figure"
+"""What a quantity's ``of`` names unless it says otherwise."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DesignQuantity(abc.ABC):
     """A quantity of a design.
@@ -134,6 +139,11 @@ class DesignQuantity(abc.ABC):
     def key(self) -> str:
         """Unique text, as in ``rise of tip at 16.84 kPa``."""
         return self.title if self.at is None else f"{self.title} at {self.load}"
+
+    @staticmethod
+    def named(device: Actuator, components: Sequence[Component]) -> tuple[str, list[str]]:
+        """Return what its ``of`` may name, in words, and the names that a device with its parts has."""
+        return PROBE, [*device.probes, *device.device_figures(device.probes)]
 
     @abc.abstractmethod
     def measure(self, design: DesignedBody) -> Measure:
@@ -568,6 +578,9 @@ class BlockedForce(DesignQuantity):
         actuator, potential = system.body.actuator, system.potential
         if actuator.blocked is None:
             raise ValueError("the device's tip is free, so it has no blocked force; hold it (a slab's tip = 'held')")
+        if system.dead.loads:
+            where = system.dead.loads[0].where
+            raise ValueError(f"{self.name} is not available with loads ({where}), which act on the held tip too")
         along = _moved_role(design, actuator.blocked)
         # The virtual work of a unit motion of the support equals the residual there.
         forms = [-ufl.action(force, along) for force in potential.forces]
@@ -639,10 +652,18 @@ class _StiffnessMeasure(Measure):
 
     def slopes(self, state: State | None) -> Slopes:
         system = self.system
+        check_apart(self.design, "stiffness")
         load = self.design.face_load(self._role)
         system.unknowns.push(self.design.answer(load), self._z.x.array)
         self._z.x.scatter_forward()
         return self._measure.slopes(state)
+
+
+def check_apart(design: DesignedBody, what: str) -> None:
+    """Raise `DesignFailure` where walls or a file's shape are in contact: the third derivatives of that energy are missing."""
+    system = design.system
+    if system.assembled.touches(system.w.x.array):
+        raise DesignFailure(f"the {what} has no gradient where faces press on each other or on a shape that gives way")
 
 
 # ----------------------------------------------------------------------------------------------------------------------

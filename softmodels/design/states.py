@@ -12,7 +12,7 @@ import numpy.typing as npt
 import scipy.spatial
 
 from softmodels.common.arrays import Array
-from softmodels.design.quantities import FormMeasure, Slopes
+from softmodels.design.quantities import FormMeasure, Slopes, check_apart
 from softmodels.design.trials import PRESSURE, VOLUME, DesignFailure, JudgedLoad
 from softmodels.mechanics.controls import Tangent, pressure_control, volume_control
 from softmodels.mechanics.mpi import on_root, total
@@ -695,6 +695,7 @@ class Bifurcations:
             states, modes, values = [], [], []
             for spread in SPREADS:
                 found = self.solver.solve(volume_control(V + spread * added), state.w, state.P)
+                check_apart(self.design, "bifurcation")
                 state = found
                 value, shape = Stability.of(self.solver).like(found, mode)
                 states.append(found)

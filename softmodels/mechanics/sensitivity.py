@@ -210,7 +210,7 @@ class Sensitivity:
             w[:] = 0.0
             opened = float(share @ (here - eq.volumes()))
             w[:] = kept
-            return Force(-self._state_P() * change @ eq.pressure_loads(), 0.0, opened)
+            return Force(-eq.common_pressure() * change @ eq.pressure_loads(), 0.0, opened)
         part = self._part(where)
         if part is None or isinstance(part, RegionPart):
             return Force(*self.material_force(name.removeprefix("region.")), 0.0)
@@ -219,12 +219,6 @@ class Sensitivity:
         if part.label in eq.potential.terms:
             found = found + self._terms(part).force(part.nudged(own, 1j * _STEP))
         return Force(found, 0.0, 0.0)
-
-    def _state_P(self) -> float:
-        """Return P of the loaded state."""
-        eq = self.solver.system
-        cavity = int(np.argmax(np.abs(eq.ratios)))
-        return float(eq.pressures[cavity] / eq.coupling.shares[cavity])
 
     def _load_force(self, moved: Sequence[Component]) -> Array:
         """Return the residual's derivative along the imaginary parts of the parts' numbers, through the dead loads."""

@@ -689,6 +689,7 @@ class System(Assembly):
             components: In the same order; unchecked, so that they may be nudged.
             ratios: The cavities' pressures over P.
         """
+        P = self.common_pressure()
         self.components, self.ratios, self.material = tuple(components), tuple(ratios), material
         own = {part.name: part.material for part in components if isinstance(part, RegionPart)}
         self.potential.set_material(material, own)
@@ -697,6 +698,13 @@ class System(Assembly):
                 term.take(part)
         self.dead.take(components)
         self.coupling = self.inflating(self.dead.amounts / self.dead.units)
+        self._set_pressures(P, np.empty(0))
+
+    def common_pressure(self) -> float:
+        """Return P of the current state where it is the cavities' common pressure."""
+        shares = self.coupling.shares
+        cavity = int(np.argmax(np.abs(shares)))
+        return float((self.pressures[cavity] - self.coupling.fixed_pressures[cavity]) / shares[cavity])
 
     def follow_mesh(self) -> None:
         """Follow a mesh that has moved, in all that is not a form."""
