@@ -20,7 +20,7 @@ from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.sensitivity import Sensitivity
 from softmodels.path.continuation import Continuation, trace
 from softmodels.path.points import AddedVolume, PathEnd, Point
-from softmodels.path.schedule import HangingEnd, hang, inflate_from
+from softmodels.path.schedule import LARGEST_GROWTH_OF_CYCLE, HangingEnd, hang, inflate_from
 from softmodels.path.stability import Mode, Stability
 from softmodels.runs.grid import Grid, displacement_maps
 
@@ -343,7 +343,8 @@ class WorkingStates:
         # Near the limit point steps of the volume converge, where several steps of the pressure may fail.
         control = AddedVolume.name if carried else "auto"
         try:
-            for point in trace(Continuation(self.solver, control=control, start=start), goals):
+            path = Continuation(self.solver, control=control, start=start, largest_growth=LARGEST_GROWTH_OF_CYCLE)
+            for point in trace(path, goals):
                 self.newton += point.state.iterations
                 limit = point if point.limit and limit is None else limit
                 forked = point if point.bifurcation and forked is None else forked
