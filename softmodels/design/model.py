@@ -736,7 +736,12 @@ def identity(problem: DesignProblem) -> dict[str, str]:
     errors = problem.errors
     return {
         "the case": case.to_toml(),
-        "the free parameters": repr([(one.name, one.low, one.high) for one in problem.free]),
+        "the free parameters": repr(
+            [
+                *((one.name, one.low, one.high) for one in problem.free),
+                *((name, *ends) for name, ends in problem.counts.items()),
+            ]
+        ),
         "the objective and limits": repr(
             (problem.objective, [(term.quantity.key, term.weight) for term in problem.terms])
         ),
@@ -763,12 +768,12 @@ class DesignFolder:
     """
 
     def __init__(self, problem: DesignProblem, output: Path | None, resume: bool, inputs: Sequence[Path] = ()):
-        self.problem, self._identity = problem, identity(problem)
+        self.problem, self.identity = problem, identity(problem)
         self.trials: list[Trial] = []
         self._best = 0
         try:
             default = Path("results") / problem.name
-            self.own = take_default(default, KIND, self._identity) if output is None else OwnFolder(output, KIND)
+            self.own = take_default(default, KIND, self.identity) if output is None else OwnFolder(output, KIND)
             self.own.take()
         except (InUseError, OwnFolderError) as error:
             raise DesignError(str(error)) from None
@@ -794,7 +799,7 @@ class DesignFolder:
         before = self.own.about.get("inputs")
         if before is None:
             return False
-        for name, value in self._identity.items():
+        for name, value in self.identity.items():
             if before.get(name) != value:
                 raise DesignError(
                     f"{self.path} holds designs of another problem: {name} changed; run without --resume, "
@@ -820,7 +825,7 @@ class DesignFolder:
         """
         if self._new:
             self.own.remove(self.own.files)
-            self.own.claim([TABLE, DESIGN, START, f"{ITERATES}/"], {"inputs": self._identity})
+            self.own.claim([TABLE, DESIGN, START, f"{ITERATES}/"], {"inputs": self.identity})
             replace_text(self.path / START, case_text(self.problem, self.problem.case))
             self._new = False
         (self.path / ITERATES).mkdir(exist_ok=True)

@@ -151,6 +151,10 @@ def run_in(
     problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, **how: Unpack[SearchOptions]
 ) -> DesignResult:
     """Optimise into a folder that is already open, and stays open; see `open_folder`."""
+    if problem.counts:
+        from softmodels.design.variants import run_variants
+
+        return run_variants(problem, folder, comm, run_in, **how)
     under_way = Evaluating(problem, evaluator(problem, comm, how), folder, comm, how)
     try:
         return _run(under_way)
@@ -591,6 +595,9 @@ def _searched(under_way: Evaluating, form: Formulation, theta: Array, seen: list
 
     end = start
     try:
+        if not len(start):  # only whole numbers are free
+            judged(start)
+            return ""
         if can_follow(form, judged(start)):
             followed(judged, form, start)
             return ""

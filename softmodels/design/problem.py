@@ -19,7 +19,7 @@ from softmodels.case.materials import MaterialErrors
 from softmodels.case.varied import of_shape, value_of, variable_names, varied
 from softmodels.common.errors import known_are
 from softmodels.common.names import checked, place
-from softmodels.common.schema import about
+from softmodels.common.schema import Choice, about
 from softmodels.common.tables import TomlError, parse_toml, read_toml
 from softmodels.common.units import UnitError, brief, number_and_unit, quantity
 from softmodels.design.quantities import PROBE, DesignQuantity
@@ -399,6 +399,38 @@ def _flat(table: Mapping[str, object], before: str = "") -> Iterator[tuple[str, 
             yield f"{before}{name}", bounds
 
 
+MOST_VALUES = 30
+"""Largest number of values of a whole number."""
+
+
+def _counted(device: Actuator, name: str) -> bool:
+    """Return whether a name is of a whole number of a device, such as of its chambers."""
+    known = about(device).get(name)
+    return known is not None and isinstance(known.kind, Choice) and known.kind.ends is not None
+
+
+def _count(case: Case, name: str, bounds: object) -> tuple[int, int]:
+    """Return the bounds of a whole number.
+
+    Raises:
+        DesignError: They are none, or one of its devices cannot be made.
+    """
+    low, high = _bounds(name, bounds)
+    if any(isinstance(end, bool) or not isinstance(end, int) for end in (low, high)):
+        raise DesignError(f"the bounds of {name} are {brief(low)} and {brief(high)}; they must be whole numbers")
+    assert isinstance(low, int) and isinstance(high, int)
+    if not 0 <= high - low < MOST_VALUES:
+        raise DesignError(
+            f"the bounds of {name} are {low} and {high}; they must rise, with at most {MOST_VALUES} values"
+        )
+    for value in range(low, high + 1):
+        try:
+            dataclasses.replace(case, actuator=dataclasses.replace(case.actuator, **{name: value}))
+        except INPUT_ERRORS as error:
+            raise DesignError(f"{name} = {value} gives an invalid device: {error}") from None
+    return low, high
+
+
 def _bounds(name: str, bounds: object) -> tuple[object, object]:
     if isinstance(bounds, Mapping):
         for key in bounds:
@@ -574,9 +606,13 @@ class DesignProblem:
     name: str = ""
     folder: Path | None = dataclasses.field(default=None, repr=False)
     bare: bool = dataclasses.field(default=True, repr=False)
+    fixed: Mapping[str, int] = dataclasses.field(default_factory=dict, repr=False)
+    """Of a variant the whole numbers that were chosen."""
     written: Mapping[str, object] = dataclasses.field(default_factory=dict, repr=False)
     """The case's tables from its file; empty for a case from Python."""
     free: tuple[Free, ...] = dataclasses.field(init=False, default=())
+    counts: Mapping[str, tuple[int, int]] = dataclasses.field(init=False, default_factory=dict)
+    """Whole numbers of the device that may change, with their bounds."""
     terms: tuple[ObjectiveTerm, ...] = dataclasses.field(init=False, default=())
     objective: str = dataclasses.field(init=False, default="")
     limits: tuple[Keep, ...] = dataclasses.field(init=False, default=())
@@ -602,7 +638,10 @@ class DesignProblem:
             object.__setattr__(self, "written", read_toml(file))
         _check_load(case)
         reader = Reader(case, _registry(), self.bare, self.folder)
-        free = free_parameters(case, _table(self.parameters, "parameters"), self.bare)
+        table = dict(_flat(_table(self.parameters, "parameters")))
+        counts = {name: _count(case, name, table.pop(name)) for name in list(table) if _counted(case.actuator, name)}
+        object.__setattr__(self, "counts", counts)
+        free = free_parameters(case, table, self.bare) if table or not counts else ()
         objective, terms = self._objective(reader)
         errors = _errors(self.material_errors, case, self.folder)
         deviations = {} if self.tolerances is None else self.tolerances
@@ -645,6 +684,20 @@ class DesignProblem:
                 f"{given[0]}: {len(weights)} weights for {len(found)} pressures; give one positive weight for each, or none"
             )
         return given[0], tuple(ObjectiveTerm(one, w / sum(weights)) for one, w in zip(found, weights, strict=True))
+
+    def variants(self) -> Iterator[tuple[str, DesignProblem]]:
+        """Yield the problem for each choice of the whole numbers, with its words, as in ``chambers 4``."""
+        rest = {
+            name: bounds for name, bounds in _flat(_table(self.parameters, "parameters")) if name not in self.counts
+        }
+        for choice in itertools.product(*(range(low, high + 1) for low, high in self.counts.values())):
+            values = dict(zip(self.counts, choice, strict=True))
+            words = ", ".join(f"{name} {value}" for name, value in values.items())
+            try:
+                case = dataclasses.replace(self.case, actuator=dataclasses.replace(self.case.actuator, **values))
+                yield words, dataclasses.replace(self, case=case, parameters=rest, fixed=values)
+            except INPUT_ERRORS as error:
+                raise DesignError(f"{words}: {error}") from None
 
     @property
     def sign(self) -> float:

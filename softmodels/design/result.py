@@ -455,6 +455,7 @@ class DesignResult(Shown):
         finer: How much finer the fresh mesh was.
         stopped: Whether the user stopped it.
         folder: Where it is kept; None for nowhere.
+        variants: What was found with each choice of the whole numbers, a sentence each; empty where none is free.
     """
 
     problem: DesignProblem
@@ -465,6 +466,7 @@ class DesignResult(Shown):
     finer: float = 1.0
     stopped: bool = False
     folder: Path | None = None
+    variants: tuple[str, ...] = ()
 
     @property
     def best(self) -> Trial:
@@ -769,7 +771,7 @@ def summary(result: DesignResult) -> str:
 
 def notes(result: DesignResult) -> list[str]:
     """Return the remarks on the result."""
-    told = [*result.problem.notes, *result.best.notes]
+    told = [*result.variants, *result.problem.notes, *result.best.notes]
     told += [f"start {one.start} ended {one.why}" for one in result.ends if one.why and not one.stopped]
     if result.feasible and not result.holding.balanced and not result.stopped:
         told.append("the search ended before it converged; more evaluations (--evaluations) may find a better design")
