@@ -5,5 +5,6 @@ Begin with `case`. A field of `Case` names its entry in `entries`, from which co
 - `case`: the case, from a file, from options, and from the arguments of a call.
 - `entries`: fields as text; named points and angles.
 - `load`: requested pressures, volumes, strokes, loads. `materials`: materials as text, their errors, regions.
+- `varied`: the numbers of a case that designs vary.
 - `components`: tables of what is added; the user's own Python files.
 """

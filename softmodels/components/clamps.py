@@ -75,6 +75,9 @@ class Clamp(HoldingPart):
     def undesigned(self, actuator: Actuator) -> str:
         return ""
 
+    def inside(self, actuator: Actuator) -> tuple[str, ...]:
+        return tuple(role for role in self.roles if role in actuator.regions)
+
     def holds(self, actuator: Actuator) -> list[Hold]:
         """Return what it holds on a device.
 

@@ -604,8 +604,7 @@ class Fibres(EnergyComponent):
     def undesigned(self, actuator: Actuator) -> str:
         return ""
 
-    @property
-    def inside(self) -> tuple[str, ...]:
+    def inside(self, actuator: Actuator) -> tuple[str, ...]:
         return tuple(names_in(self.on)) if self.modulus else ()
 
     @property

@@ -109,8 +109,7 @@ class Rigid(RigidPart, HeavyPart):
             )
         self.freedom(actuator, np.zeros(actuator.dimension))
 
-    @property
-    def inside(self) -> tuple[str, ...]:
+    def inside(self, actuator: Actuator) -> tuple[str, ...]:
         return (self.region,) if self.region else ()
 
     @property

@@ -13,7 +13,7 @@ from geometries import Actuator
 from geometries.actuator import cavity_roles
 from softmodels.common.arrays import Array
 from softmodels.components.contact import FileShapeTerm, GuidedShapeTerm, Obstacle, RigidShape, ShapeTerm, force_of_all
-from softmodels.design.quantities import DesignQuantity, FormMeasure, Measure, Slopes, register_quantity
+from softmodels.design.quantities import DesignQuantity, FormMeasure, Measure, Slopes, energy_measure, register_quantity
 from softmodels.mechanics.assembly import AssembledTerm
 from softmodels.mechanics.body import BodyError, in_space
 from softmodels.mechanics.component import ComponentError, direction
@@ -28,38 +28,7 @@ if TYPE_CHECKING:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Energies and forces of contact, which are no forms.
-
-
-class WithContact(Measure):
-    """A measure of forms plus the energy of contact that is no form.
-
-    Args:
-        design: The meshed device.
-        forms: The measure of the forms.
-        unit: Of the energies, SI units over shear moduli.
-    """
-
-    def __init__(self, design: DesignedBody, forms: FormMeasure, unit: float):
-        self.design, self.forms, self.unit = design, forms, unit
-
-    def value(self, state: State | None) -> float:
-        system = self.design.system
-        own = self.unit * system.stress_unit * system.assembled.energy(system.w.x.array)
-        return self.forms.value(state) + own
-
-    def slopes(self, state: State | None) -> Slopes:
-        found, system = self.forms.slopes(state), self.design.system
-        if not system.assembled.slack:
-            return found
-        unit, w, motion = self.unit * system.stress_unit, system.w.x.array, self.design.motion
-        b = system.assembled.add_forces(w, np.zeros(system.n))
-        by_w = unit * system.by_unknowns(b)
-        by_X = unit * motion.by_nodes(system.assembled.at_places(w, len(system.body.mesh.geometry.x)))
-        assert found.X is not None
-        return dataclasses.replace(
-            found, value=self.value(state), w=by_w if found.w is None else found.w + by_w, X=found.X + by_X
-        )
+# Forces on rigid shapes.
 
 
 class PressedMeasure(Measure):
@@ -163,19 +132,6 @@ class InflationWork(DesignQuantity):
             where = design.system.dead.loads[0].where
             raise ValueError(f"{self.name} is not available with loads ({where}), which work too; use added_volume")
         return energy_measure(design)
-
-
-def energy_measure(design: DesignedBody) -> Measure:
-    """Return the energy stored in the whole device and its contact, in J."""
-    system = design.system
-    unit = system.volume_unit
-    forms = FormMeasure(
-        design,
-        system.potential.energies,
-        lambda values: (unit * float(values.sum()), np.full(len(values), unit)),
-        counted_in_stress=True,
-    )
-    return WithContact(design, forms, unit)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

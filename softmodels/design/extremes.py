@@ -18,6 +18,7 @@ from softmodels.design.quantities import (
     FormMeasure,
     Measure,
     Slopes,
+    length,
     register_quantity,
 )
 from softmodels.materials.strain import Strain, eigenvalues
@@ -150,15 +151,57 @@ class FieldPart:
     cells: npt.NDArray[np.int32]
 
 
-def stretch_field(design: DesignedBody, where: str = "") -> list[FieldPart]:
-    """Return the largest principal stretch, over the whole body or a region."""
+@dataclasses.dataclass(frozen=True)
+class CellChoice:
+    """Some of a device's cells, chosen where its mesh is made; they move with the design.
+
+    Attributes:
+        region: Name of a region; empty for all.
+        above: Least height in m of their middles along the lift; 0 for any.
+        within: Largest distance in m of their middles from the axis along the lift; 0 for any.
+    """
+
+    region: str = ""
+    above: float = 0.0
+    within: float = 0.0
+
+    def of(self, design: DesignedBody, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+        """Return those of some cells that are chosen; raise ValueError for an unknown region."""
+        body = design.system.body
+        if self.region and self.region not in body.regions:
+            known = ", ".join(body.regions) or "none"
+            raise ValueError(f"the device has no region {self.region!r}; it has {known}")
+        found = np.intersect1d(cells, body.regions[self.region]).astype(np.int32) if self.region else cells
+        if self.above or self.within:
+            from dolfinx.mesh import compute_midpoints
+
+            middles = compute_midpoints(body.mesh, body.mesh.topology.dim, found) * design.system.length_unit
+            places, lift = body.actuator.device_points(middles), np.asarray(body.actuator.lift)
+            heights = places @ lift
+            far = np.linalg.norm(places - np.outer(heights, lift), axis=1)
+            found = found[(heights >= self.above) & ((far <= self.within) if self.within else True)]
+        return found
+
+    @property
+    def words(self) -> str:
+        """Which they are, a clause with a blank in front; empty for all."""
+        told = f" of {self.region}" if self.region else ""
+        told += f" above {1e3 * self.above:g} mm" if self.above else ""
+        return told + (f" within {1e3 * self.within:g} mm" if self.within else "")
+
+
+EVERYWHERE = CellChoice()
+
+
+def stretch_field(design: DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
+    """Return the largest principal stretch in some cells."""
     import ufl
 
     return _parts(design, lambda _: ufl.sqrt(eigenvalues(design.strain.C)[0]), where)
 
 
-def mises_field(design: DesignedBody, where: str = "") -> list[FieldPart]:
-    """Return the von Mises stress in shear moduli: of the deviator of (dW/dF) F^T / J, over the whole body or a region."""
+def mises_field(design: DesignedBody, where: CellChoice = EVERYWHERE) -> list[FieldPart]:
+    """Return the von Mises stress in shear moduli, of the deviator of (dW/dF) F^T / J, in some cells."""
     import ufl
 
     def field(region: MaterialRegion) -> Expr:
@@ -171,14 +214,16 @@ def mises_field(design: DesignedBody, where: str = "") -> list[FieldPart]:
     return _parts(design, field, where)
 
 
-def _parts(design: DesignedBody, field: Callable[[MaterialRegion], Expr], where: str) -> list[FieldPart]:
+def _parts(design: DesignedBody, field: Callable[[MaterialRegion], Expr], where: CellChoice) -> list[FieldPart]:
     body, found = design.system.body, []
-    if where and where not in body.regions:
-        raise ValueError(f"the device has no region {where!r}; it has {', '.join(body.regions) or 'none'}")
     for region in design.system.potential.regions:
-        cells = np.intersect1d(region.cells, body.regions[where]).astype(np.int32) if where else region.cells
+        cells = where.of(design, region.cells)
         if any_rank(body.mesh.comm, len(cells) > 0):
-            found.append(FieldPart(field(region), cell_measure(body, cells) if where else region.dx, cells))
+            found.append(
+                FieldPart(field(region), region.dx if where == EVERYWHERE else cell_measure(body, cells), cells)
+            )
+    if not found:
+        raise ValueError(f"no cell of the device lies{where.words}")
     return found
 
 
@@ -251,15 +296,26 @@ class OfRegion(DesignQuantity):
 
     Attributes:
         region: Name of the region; the whole device if empty.
+        above: Least height of its cells along the lift, in m or a text with a unit; 0 for any.
+        within: Largest distance of its cells from the axis along the lift, likewise: of the membrane over a cavity its radius.
     """
 
     region: str = ""
+    above: float = 0.0
+    within: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("above", "within"):
+            object.__setattr__(self, name, length(name, getattr(self, name)))
+
+    @property
+    def cells(self) -> CellChoice:
+        return CellChoice(self.region, self.above, self.within)
 
     @property
     def title(self) -> str:
-        return self.name.replace("_", " ").replace("von mises", "von Mises") + (
-            f" of {self.region}" if self.region else ""
-        )
+        return self.name.replace("_", " ").replace("von mises", "von Mises") + self.cells.words
 
 
 @register_quantity
@@ -283,7 +339,7 @@ class StressDeviation(OfRegion):
             return spread / mean, (slopes - spread / mean * np.array([-mean, 1.0, 0.0]) / volume) / mean
 
         functions = [None, lambda field: field, lambda field: field**2]
-        forms, combine = over_parts(design, mises_field(design, self.region), functions, deviation)
+        forms, combine = over_parts(design, mises_field(design, self.cells), functions, deviation)
         return FormMeasure(design, forms, combine, counted_in_stress=not self.relative)
 
 
@@ -370,7 +426,7 @@ class StressNorm(PowerMean):
     )
 
     def measure(self, design: DesignedBody) -> Measure:
-        return PowerMeasure(design, mises_field(design, self.region), self.exponent, 0.0, counted_in_stress=True)
+        return PowerMeasure(design, mises_field(design, self.cells), self.exponent, 0.0, counted_in_stress=True)
 
 
 @register_quantity
@@ -385,7 +441,7 @@ class StretchNorm(PowerMean):
     )
 
     def measure(self, design: DesignedBody) -> Measure:
-        return PowerMeasure(design, stretch_field(design, self.region), self.exponent, 1.0, counted_in_stress=False)
+        return PowerMeasure(design, stretch_field(design, self.cells), self.exponent, 1.0, counted_in_stress=False)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -201,8 +201,9 @@ class Reader:
         pressure, last = highest_pressure(asked), self.case.goals[-1]
         if pressure is not None and pressure / last > 1 + 1e-9:
             said, cm = getattr(asked.at, "text", ""), self.case.cm
+            beyond = "above" if last > 0.0 else "below"
             raise DesignError(
-                f"{where}: {asked.title} is at {said or f'{pressure / cm:.5g} cm'}, beyond the case's last pressure, "
+                f"{where}: {asked.title} is at {said or f'{pressure / cm:.5g} cm'}, {beyond} the case's last pressure, "
                 f"{last / cm:.5g} cm ({last / 1e3:.5g} kPa)"
             )
         self._check_sides(asked, where)
@@ -262,7 +263,7 @@ def _is_volume(value: str) -> bool:
 
 def _not_zero(value: float, said: str, where: str) -> float:
     if value == 0.0:
-        raise DesignError(f"{where}: at {said!r} must not be zero")
+        raise DesignError(f"{where}: at {said!r} must be above zero, or below it for a vacuum")
     return value
 
 
@@ -382,7 +383,7 @@ def free_parameters(case: Case, table: Mapping[str, object], bare: bool = True) 
     lengths = [one.name for one in free if of_shape(case, one.name)]
     if lengths and not case.actuator.carries_interfaces:
         for part in case.components:
-            if part.inside:
+            if part.inside(case.actuator):
                 raise DesignError(
                     f"the case has a {part.where} of a region, but the mesh of this {type(case.actuator).__name__} cannot move "
                     f"the interfaces between regions with {lengths[0]}; vary other parameters, or leave the part out"

@@ -236,6 +236,50 @@ def scaled(factor: float) -> Combine:
     return lambda values: (factor * float(values.sum()), np.full(len(values), factor))
 
 
+class WithContact(Measure):
+    """A measure of forms plus the energy of contact that is no form.
+
+    Args:
+        design: The meshed device.
+        forms: The measure of the forms.
+        unit: Of the energies, SI units over shear moduli.
+    """
+
+    def __init__(self, design: DesignedBody, forms: FormMeasure, unit: float):
+        self.design, self.forms, self.unit = design, forms, unit
+
+    def value(self, state: State | None) -> float:
+        system = self.design.system
+        own = self.unit * system.stress_unit * system.assembled.energy(system.w.x.array)
+        return self.forms.value(state) + own
+
+    def slopes(self, state: State | None) -> Slopes:
+        found, system = self.forms.slopes(state), self.design.system
+        if not system.assembled.slack:
+            return found
+        unit, w, motion = self.unit * system.stress_unit, system.w.x.array, self.design.motion
+        b = system.assembled.add_forces(w, np.zeros(system.n))
+        by_w = unit * system.by_unknowns(b)
+        by_X = unit * motion.by_nodes(system.assembled.at_places(w, len(system.body.mesh.geometry.x)))
+        assert found.X is not None
+        return dataclasses.replace(
+            found, value=self.value(state), w=by_w if found.w is None else found.w + by_w, X=found.X + by_X
+        )
+
+
+def energy_measure(design: DesignedBody) -> Measure:
+    """Return the energy stored in the whole device and its contact, in J."""
+    system = design.system
+    unit = system.volume_unit
+    forms = FormMeasure(
+        design,
+        system.potential.energies,
+        lambda values: (unit * float(values.sum()), np.full(len(values), unit)),
+        counted_in_stress=True,
+    )
+    return WithContact(design, forms, unit)
+
+
 QUANTITIES: Registry[type[DesignQuantity]] = Registry(
     "quantity",
     lambda quantity: quantity.name,
@@ -345,8 +389,6 @@ class StoredEnergy(DesignQuantity):
     help: ClassVar = "energy stored in the whole device's silicone"
 
     def measure(self, design: DesignedBody) -> Measure:
-        from softmodels.design.actions import energy_measure
-
         return energy_measure(design)
 
 

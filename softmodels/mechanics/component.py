@@ -184,9 +184,8 @@ class Component(abc.ABC):
         """Return why design gradients do not support it, as a clause after its name; empty if they do."""
         return "whose gradients are not available"
 
-    @property
-    def inside(self) -> tuple[str, ...]:
-        """Regions that it belongs to: where lengths vary, the mesh has to follow their interfaces."""
+    def inside(self, actuator: Actuator) -> tuple[str, ...]:
+        """Return the regions that it belongs to: where lengths vary, the mesh has to follow their interfaces."""
         return ()
 
     @property

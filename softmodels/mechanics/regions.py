@@ -64,8 +64,7 @@ class RegionPart(Component):
     def undesigned(self, actuator: Actuator) -> str:
         return ""
 
-    @property
-    def inside(self) -> tuple[str, ...]:
+    def inside(self, actuator: Actuator) -> tuple[str, ...]:
         return (self.name,)
 
     @property

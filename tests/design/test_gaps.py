@@ -1,4 +1,4 @@
-"""The least gap between walls of a design: its derivatives, and the limit that keeps walls apart where they can meet."""
+"""The least gap between walls of a design: its derivatives, and as a limit where walls do not press on each other."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import pytest
 
 import softmodels as sm
 from softmodels.case.case import Case
-from softmodels.components.walls import Walls
 from softmodels.design.extremes import SHARPNESS, LeastGap
 from softmodels.design.problem import DesignProblem
 from softmodels.runs import state_values as surface
@@ -18,7 +17,9 @@ FINGER = """
 case.geometry = {device = "PneuNet", chambers = 2, cell_size = "5 mm"}
 case.material = {silicone = "dragon-skin-30"}
 case.load = {pressure = "0:12 kPa"}
+case.walls = {faces = "none"}
 parameters = {gap = {from = "0.5 mm", to = "1.6 mm"}}
+keep = [{quantity = "least_gap", at = "12 kPa", at_least = "0 mm"}]
 maximise = {quantity = "figure", of = "bend_angle_deg", at = "12 kPa"}
 """
 
@@ -43,23 +44,6 @@ def test_it_lies_below_the_least_gap_by_little(designed, comm):
     assert run.pressure[-1] == pytest.approx(200.0, rel=1e-4)
     assert least - 10 * FOLDS.wall / SHARPNESS < smooth < least
     assert any(f"the smallest gap is {1e3 * least:.3g}"[:-1] in note for note in here.notes)
-
-
-def test_walls_that_can_meet_are_kept_apart(thin_disk):
-    """At every state that is asked for, unless the gap has a limit of its own or walls may pass through each other."""
-    limits = {"maximise": {"quantity": "added_volume", "at": 60.0}, "keep": [{"quantity": "mass", "at_most": 0.1}]}
-
-    def kept(device, components=(), keep=()):
-        case = Case("gaps", device, sm.NeoHookean(20e3), pressures_cm=(0.0, 10.0), components=components)
-        free = {"wall": (0.0012, 0.002)} if device is FOLDS else {"membrane": (device.membrane, 1.1 * device.membrane)}
-        given = {**limits, "keep": [*limits["keep"], *keep]}
-        found = DesignProblem(case, free, **given).limits
-        return [(one.quantity.at.value, one.at_least) for one in found if isinstance(one.quantity, LeastGap)]
-
-    assert kept(FOLDS) == [(60.0, 0.0)]
-    assert kept(FOLDS, keep=[{"quantity": "peak_stretch", "at": 100.0, "at_most": 2.0}]) == [(60.0, 0.0), (100.0, 0.0)]
-    assert kept(FOLDS, keep=[{"quantity": "least_gap", "at": 90.0, "at_least": 1e-3}]) == [(90.0, 1e-3)]
-    assert kept(FOLDS, components=(Walls("none"),)) == [] and kept(thin_disk) == []
 
 
 def test_a_finger_whose_chambers_overlap_is_no_design(tmp_path):

@@ -47,9 +47,7 @@ def test_a_reinforced_tube(designed, second_order, comm, name):
 @pytest.mark.parametrize(
     ("device", "part", "words"),
     [
-        (Membrane(), sm.Force("top", "z", name="pull"), "force.pull.* gradients are not available"),
-        (Cylinder(), sm.Region(LAW, name="wall"), "wall.* gradients are not available"),
-        (Cylinder(), sm.Rigid(region="cap", name="plate"), "rigid.plate.* of a region"),
+        (Cylinder(), sm.Rigid(region="cap", name="plate"), "rigid.plate.* of a region.*cannot move the interfaces"),
         (Cylinder(), Fibres(on="wall", modulus=1e5), "fibres.* of a region"),
         (Cylinder(), sm.Clamp("cap", name="grip"), "hold.grip.* of a region"),
         (HollowDisk(angle=180.0), sm.Rigid("top", name="plate"), "rigid.plate.* can rotate"),
