@@ -132,9 +132,12 @@ class Formulation:
 
     def _slope(self, trial: Trial) -> Array:
         """Return its gradient by the free parameters."""
-        count = len(self.problem.free)
-        parts = [term.weight * np.asarray(trial.gradients[term.quantity.key])[:count] for term in self.problem.terms]
+        parts = [term.weight * self._gradient(trial, term.quantity.key) for term in self.problem.terms]
         return np.asarray(np.sum(parts, axis=0))
+
+    def _gradient(self, trial: Trial, key: str) -> Array:
+        """Return a value's gradient by the free parameters; empty where only whole numbers are free."""
+        return np.asarray(trial.gradients.get(key, ()), dtype=float)[: len(self.problem.free)]
 
     def allowances(self, trial: Trial) -> Array:
         """Return the 95 % allowances of each limit for tolerances and the material's errors, SI units, shape (rows,)."""
@@ -194,7 +197,7 @@ class Formulation:
     def scaled(self, trial: Trial, allowances: Array, fresh: bool = False) -> Scaled:
         """Return the scaled design with fixed allowances, without the derivative of a standard deviation."""
         count = len(self.problem.free)
-        slopes = [row.sign / row.scale * np.asarray(trial.gradients[row.key])[:count] * self.width for row in self.rows]
+        slopes = [row.sign / row.scale * self._gradient(trial, row.key) * self.width for row in self.rows]
         sign = self.problem.sign / self.size
         return Scaled(
             sign * self.objective(trial), sign * self._slope(trial) * self.width,

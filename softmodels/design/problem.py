@@ -394,7 +394,11 @@ def free_parameters(case: Case, table: Mapping[str, object], bare: bool = True) 
 def _flat(table: Mapping[str, object], before: str = "") -> Iterator[tuple[str, object]]:
     """Yield the parameters of a table with their bounds; ``fibres.angle`` may be written as a table in a table."""
     for name, bounds in table.items():
-        if isinstance(bounds, Mapping) and bounds and all(isinstance(one, Mapping) for one in bounds.values()):
+        if (
+            isinstance(bounds, Mapping)
+            and bounds
+            and all(isinstance(one, Mapping | list | tuple) for one in bounds.values())
+        ):
             yield from _flat(bounds, f"{before}{name}.")
         else:
             yield f"{before}{name}", bounds
@@ -642,7 +646,7 @@ class DesignProblem:
         table = dict(_flat(_table(self.parameters, "parameters")))
         counts = {name: _count(case, name, table.pop(name)) for name in list(table) if _counted(case.actuator, name)}
         object.__setattr__(self, "counts", counts)
-        free = free_parameters(case, table, self.bare) if table or not counts else ()
+        free = free_parameters(case, table, self.bare) if table or not (counts or self.fixed) else ()
         objective, terms = self._objective(reader)
         errors = _errors(self.material_errors, case, self.folder)
         deviations = {} if self.tolerances is None else self.tolerances

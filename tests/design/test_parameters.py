@@ -34,9 +34,9 @@ NOISE = 2e-4
 def exact(taylor, figure):
     """Return a function that asserts the order of every quantity of a model by every parameter."""
 
-    def check(model, what):
+    def check(model, what, share=SHARE):
         for name in model.names:
-            found = taylor(model, name, SHARE)
+            found = taylor(model, name, share)
             for order, left in found.values():
                 if left > NOISE:
                     figure(TAYLOR, f"distance of the order from 2, {what}", order - 2.0, 0.1)
@@ -122,7 +122,7 @@ def test_a_vacuum(comm, exact):
     quantities = (Rise(at=-80.0), AddedVolume(at=-80.0), StressNorm(at=-80.0), Rise(at=JudgedLoad("volume", -4e-7)))
     model = DesignModel(case, ("membrane", "material.shear_modulus"), quantities, comm)
     here = model.evaluate(model.start).values
-    exact(model, "vacuum")
+    exact(model, "vacuum", SHARE / 4)
     run = sm.inflate(disk, LAW, pressures="-0.08 kPa", components=case.components)
     assert here["rise at -0.08 kPa"] == pytest.approx(run.apex[-1], rel=1e-6)
     assert here["added volume at -0.08 kPa"] == pytest.approx(run.added_volume[-1], rel=1e-6)
@@ -174,9 +174,8 @@ def test_a_design_that_stretches_far_without_a_limit_point_is_none_that_fails():
     """The problem that the page of designs begins with: it ended unconfirmed where the cavity had grown 60-fold."""
     disk = HollowDisk(section="axisymmetric", cell_size=0.003, cavity_radius=0.0115)
     case = Case("web", disk, sm.silicone("ecoflex-00-30"), pressures_cm=(177.0,))
-    problem = DesignProblem(
-        case, {"cavity_radius": (0.0105, 0.013)}, maximise=Rise(at=177 * case.cm), keep=[{"quantity": "limit_margin", "at_least": 1.25}],
-    )  # fmt: skip
+    limit = {"quantity": "limit_margin", "at_least": 1.25}
+    problem = DesignProblem(case, {"cavity_radius": (0.0105, 0.013)}, maximise=Rise(at=177 * case.cm), keep=[limit])
     found = sm.optimise(problem)
     assert found.feasible and not found.trouble and not any(trial.failed for trial in found.trials)
     assert found.parameters["cavity_radius"] == pytest.approx(0.013)
@@ -189,7 +188,7 @@ BALL = RigidShape("sphere", "top", (0.0, 0.0, 0.03), radius=0.005, friction=0.3,
     ("device", "parts", "changes", "words"),
     [
         (HollowDisk(section="axisymmetric"), (BALL,), {}, r"contact.ball.*with friction.*friction = 0"),
-        (Cylinder(), (Fibres(angle=60.0, modulus=1e5),), {"parameters": {"fibres.angle": (40.0, 100.0)}}, "between -90 and 90 deg"),
+        (Cylinder(), (Fibres(modulus=1e5),), {"parameters": {"fibres.angle": (40.0, 100.0)}}, "between -90 and 90 deg"),
         (Cylinder(), (), {"parameters": {"fibres.angle": (40.0, 80.0)}}, r"no parameter 'fibres.angle'"),
         (Cylinder(), (sm.Region(LAW, name="cap"),), {}, "cannot move the interfaces between regions with wall"),
         (Cylinder(), (sm.Force("end", "z", name="pull"),), {}, "force.pull.*which has no amount"),
