@@ -98,7 +98,7 @@ def test_a_disk_under_a_ball(comm, exact, guide):
     )
     case = Case("disk", disk, LAW, pressures_cm=(20.0,), components=(ball,))
     quantities = (ForceOn(of="ball", at=1500.0), InflationWork(at=1500.0), TopHeight(at=1500.0))
-    model = DesignModel(case, ("membrane", "material.shear_modulus"), quantities, comm)
+    model = DesignModel(case, ("membrane", "material.shear_modulus")[: 1 if guide else 2], quantities, comm)
     work = model.evaluate(model.start).values["inflation work at 1.5 kPa"]
     exact(model, "disk under a ball")
     run = sm.inflate(disk, LAW, pressures="0:1.5:0.1 kPa", components=(ball,))
@@ -131,7 +131,7 @@ def test_a_vacuum(comm, exact):
 def test_limit_pressures_by_numbers_of_parts(comm, exact):
     disk = HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.005)
     case = Case("limit", disk, LAW, pressures_cm=(20.0,), components=(Sheet("top", 5.0), sm.Gravity("-z")))
-    names = ("sheet.stiffness", "gravity.magnitude", "material.shear_modulus")
+    names = ("sheet.stiffness", "material.shear_modulus")
     exact(DesignModel(case, names, (LimitPressure(), Rise(at=1000.0)), comm, highest=6000.0), "limit point")
 
 
