@@ -789,6 +789,103 @@ at_least = 1.25
 [tolerances]                            # one standard deviation; all limits then hold with 95 % probability
 base = "0.1 mm"
 """,
+    "problems/wound.toml": """# softmodels design: wind a tube with threads so that it grows longest, and hardly thicker
+name = "wound"
+
+[case.geometry]
+device = "Cylinder"
+length = "40 mm"
+wall = "3 mm"
+
+[case.material]
+law = "neo-hookean"
+shear_modulus = "30 kPa"
+
+[case.fibres.thread]                    # two helices in the silicone
+angle = "50 deg"
+modulus = "100 kPa"
+
+[case.load]
+pressure = "0:10 kPa"
+
+[parameters]
+fibres.thread.angle = { from = "30 deg", to = "85 deg" }
+wall = { from = "2 mm", to = "4 mm" }
+
+[maximise]
+quantity = "figure"
+of = "elongation_percent"
+at = "10 kPa"
+
+[[keep]]
+quantity = "von_mises_norm"             # a robust peak: power mean of the stress
+at = "10 kPa"
+at_most = "20 kPa"
+""",
+    "problems/even.toml": """# softmodels design: distribute a membrane's silicone so that it is stressed evenly
+name = "even"
+
+[case.geometry]
+device = "HollowDisk"
+section = "axisymmetric"
+profile = [1.0, 1.0, 1.0, 1.0]
+
+[case.material]
+law = "neo-hookean"
+shear_modulus = "30 kPa"
+
+[case.load]
+pressure_cm = "0:150"
+
+[parameters]
+profile = { from = 0.6, to = 1.7 }
+
+[minimise]
+quantity = "stress_deviation"           # standard deviation of the von Mises stress
+above = "10 mm"                         # of the silicone above the cavity
+within = "10 mm"                        # and within its radius: the membrane
+at = "150 cm"
+
+[[keep]]
+quantity = "mass"
+at_most = "20.5 g"
+
+[[keep]]
+quantity = "rise"
+of = "apex"
+at = "150 cm"
+at_least = "3.5 mm"
+""",
+    "problems/chambers.toml": """# softmodels design: how many chambers and what base bend a finger most at a given mass
+name = "chambers"
+
+[case.geometry]
+device = "PneuNet"
+chambers = 2
+chamber_length = "4 mm"
+wall = "1.2 mm"
+cell_size = "8 mm"                      # coarse
+
+[case.material]
+silicone = "ecoflex-00-30"
+
+[case.load]
+pressure = "0:4 kPa"
+
+[parameters]
+chambers = { from = 2, to = 4 }         # a whole number: every value is searched by itself
+base = { from = "2 mm", to = "4 mm" }
+
+[maximise]
+quantity = "turn"                       # of a face about an axis
+of = "tip"
+axis = "y"
+at = "4 kPa"
+
+[[keep]]
+quantity = "mass"
+at_most = "6 g"
+""",
     "studies/limit.toml": """# softmodels study: how the limit pressure of the thin disk depends on its lengths and its silicone
 sampling = "sobol"                      # or latin-hypercube, saltelli, grid
 samples = 32
