@@ -549,7 +549,8 @@ class DesignResult(Shown):
         )
         count = f"{len(self.trials)} designs evaluated" + (f", {failed} of them without a state" if failed else "")
         limits = "all limits satisfied" if self.feasible else "not all limits can be satisfied"
-        return f"{'stopped by the user; so far: ' if self.stopped else ''}{words}; {limits}; {count}"
+        chosen = "".join(f"{name} {value}: " for name, value in self.problem.fixed.items())
+        return f"{'stopped by the user; so far: ' if self.stopped else ''}{chosen}{words}; {limits}; {count}"
 
     @property
     def missed(self) -> list[str]:

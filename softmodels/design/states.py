@@ -230,6 +230,13 @@ class Known:
         return Known(transfer.rest, {load: state(known) for load, known in self.states.items()}, None, fork)
 
 
+LARGEST_JUMP = 3.0
+"""Growth of the added volume from one design to the next above which the state may be one behind a limit point: a shorter step is
+taken, and at last the whole path."""
+NOTHING = 1e-3
+"""Added volume relative to the cavity's below which its growth says nothing."""
+
+
 def _in_order(loads: Iterable[JudgedLoad], kind: str) -> list[JudgedLoad]:
     """Return the loads of a kind in the order in which a path meets them."""
     return sorted((load for load in loads if load.kind == kind), key=lambda load: abs(load.value))
@@ -340,10 +347,11 @@ class WorkingStates:
         """
         met: list[State] = []
         limit = forked = end = None
-        # Near the limit point steps of the volume converge, where several steps of the pressure may fail.
-        control = AddedVolume.name if carried else "auto"
+        # A step of the pressure up to a limit point may end behind it, on the other branch; one of the volume does not.
         try:
-            path = Continuation(self.solver, control=control, start=start, largest_growth=LARGEST_GROWTH_OF_CYCLE)
+            path = Continuation(
+                self.solver, control=AddedVolume.name, start=start, largest_growth=LARGEST_GROWTH_OF_CYCLE
+            )
             for point in trace(path, goals):
                 self.newton += point.state.iterations
                 limit = point if point.limit and limit is None else limit
@@ -387,10 +395,14 @@ class WorkingStates:
             guess: Where to begin; those of the last design if None.
 
         Raises:
-            NoConvergence: One of them was not found from there. Nothing has changed then.
+            NoConvergence: One of them was not found from there, or may lie behind a limit point. Nothing has changed then.
         """
         guess, rest = guess or self.known, self.design.volume_at_rest()
         found = {load: self._solve(load, state, rest) for load, state in guess.states.items()}
+        for load, state in found.items():
+            grown, before = state.V - rest, guess.states[load].V - guess.rest
+            if before > NOTHING * abs(rest) and grown > LARGEST_JUMP * before:
+                raise NoConvergence("the cavity has grown as if the device had snapped through")
         by_pressure = [found[load] for load in _in_order(found, PRESSURE)]
         limit = None
         if top := self._top([state.P for state in by_pressure]):
