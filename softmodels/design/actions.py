@@ -96,6 +96,7 @@ class ForceOn(DesignQuantity):
             way = np.asarray(direction(self.along, "force_on: along") if self.along else actuator.lift)
         except ComponentError as error:
             raise ValueError(str(error)) from None
+        assert isinstance(term.shape, RigidShape)
         crossed, axes = term.shape.crossed(actuator), np.eye(actuator.dimension)
         shares = [float(force_of_all(actuator, crossed, in_space(axis)) @ way) for axis in axes]
         weights = system.length_unit**2 * np.array(shares)

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import io
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
 from softmodels.common.files import replace_text
@@ -43,7 +44,7 @@ class Variant:
     trouble: str = ""
 
     @property
-    def order(self) -> tuple[bool, bool, float]:
+    def order(self) -> tuple[float, ...]:
         """Sorts the best first."""
         if self.result is None:
             return True, True, 0.0
@@ -133,7 +134,7 @@ def _opened(
     return taken
 
 
-def _settle(folder: DesignFolder, best: Variant, found: list[Variant]) -> object:
+def _settle(folder: DesignFolder, best: Variant, found: list[Variant]) -> Path:
     """Write the best design, the table of all choices, and that of all designs; return the folder."""
     assert best.result is not None
     replace_text(folder.path / START, case_text(best.problem, best.result.given))

@@ -290,10 +290,11 @@ class DeadLoads:
         self.origins: Array | None = None
         self._vector = fem.Function(system.space) if self.forms else system.w
 
-    def magnitudes(self, components: Sequence[Component]) -> list[tuple[complex, list[complex]]]:
+    def magnitudes(self, components: Sequence[Component]) -> list[tuple[complex, Sequence[complex]]]:
         """Return for each load its magnitude in SI units and the shares of its masses, of parts like those it was made of,
         whose numbers may be complex."""
-        known, found = {part.key: part for part in components}, []
+        known = {part.key: part for part in components}
+        found: list[tuple[complex, Sequence[complex]]] = []
         for load, shares in zip(self.loads, self.shares, strict=True):
             masses = [known[mass.key].weighs if mass.key else mass.amount for _, mass in shares]
             part = known[load.key]
