@@ -16,14 +16,7 @@ from geometries import Actuator, Hold
 from geometries.actuator import Vector
 from softmodels.common.errors import known_are
 from softmodels.common.schema import Words, field_of
-from softmodels.mechanics.component import (
-    ComponentError,
-    bases,
-    direction,
-    faces_of,
-    names_in,
-    register_component,
-)
+from softmodels.mechanics.component import ComponentError, bases, direction, faces_of, names_in, register_component
 
 if TYPE_CHECKING:
     pass

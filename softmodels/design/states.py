@@ -231,8 +231,8 @@ class Known:
 
 
 LARGEST_JUMP = 3.0
-"""Growth of the added volume from one design to the next above which the state may be one behind a limit point: a shorter step is
-taken, and at last the whole path."""
+"""Growth of the added volume from one design to the next above which the state may be one behind a limit point: a shorter step
+is taken, and at last the whole path."""
 NOTHING = 1e-3
 """Added volume relative to the cavity's below which its growth says nothing."""
 
