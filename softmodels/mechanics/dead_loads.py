@@ -121,9 +121,9 @@ class LoadPart(Component):
         """
         return False
 
-    @abc.abstractmethod
     def magnitude_of(self, masses: complex) -> complex:
-        """Return its magnitude in SI units; ``masses`` in kg are those it acts on, if it is a weight."""
+        """Return its magnitude in SI units, for designs; ``masses`` in kg are those it acts on, if it is a weight."""
+        raise NotImplementedError(f"{self.where} says no magnitude")
 
     @abc.abstractmethod
     def spread(self, on: DistributedLoad, components: Sequence[Component]) -> Weighed:
