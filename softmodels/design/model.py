@@ -59,6 +59,7 @@ from softmodels.design.trials import (
     factor,
     shown_unit,
 )
+from softmodels.mechanics.component import ComponentError
 from softmodels.mechanics.mpi import is_root, on_root
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.regions import relaxed
@@ -501,7 +502,12 @@ class DesignModel:
             except GeometryError as failure:
                 self.report(f"remeshed, and the whole path solved: {failure}")
         # A failed design leaves the mesh of the previous one, to which a search returns.
-        fresh = MeshedDesign.fresh(case, self.question, self.comm)
+        try:
+            fresh = MeshedDesign.fresh(case, self.question, self.comm)
+        except ComponentError as error:  # such as a shape that the undeformed design reaches into
+            if self.meshed is None:
+                raise
+            raise DesignFailure(str(error)) from error
         self.release()
         self.meshed = fresh
         return True

@@ -380,6 +380,10 @@ def free_parameters(case: Case, table: Mapping[str, object], bare: bool = True) 
     free = tuple(sorted(found.values(), key=lambda one: order[one.name]))
     for parameter_ in free:
         _check(case, parameter_)
+    if any(one.name.startswith("gravity.") for one in free) and any(part.lifted for part in case.components):
+        raise DesignError(
+            "gravity cannot vary while a mass rests on a stand ([contact] with a guide and a mass); leave it out"
+        )
     lengths = [one.name for one in free if of_shape(case, one.name)]
     if lengths and not case.actuator.carries_interfaces:
         for part in case.components:
