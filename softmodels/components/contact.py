@@ -1227,6 +1227,8 @@ class RigidShape(ContactPart):
 
     def undesigned(self, actuator: Actuator) -> str:
         why = "whose forces depend on the path that leads to a state, so that no gradient is exact; set friction = 0"
+        if self.seal:
+            return "which seals a cavity, and gradients do not know where it seals"
         return f"with friction, {why}" if self.friction else ""
 
     @property
