@@ -86,7 +86,9 @@ class FaceLoad(DirectedLoad):
         return self.amount != 0.0
 
     def undesigned(self, actuator: Actuator) -> str:
-        return "" if self.kept else "which has no amount"
+        if getattr(self, "traction", 0.0) or getattr(self, "line_load", 0.0):
+            return "which is given per area or length; give its amount instead"
+        return _off_faces(self.face) if self.kept else "which has no amount"
 
     @property
     def variable(self) -> Mapping[str, str]:
@@ -225,7 +227,7 @@ class Mass(HeavyPart):
             return [Weighed([on.mean(along, self.face)], self.amount, self.key)]
 
     def undesigned(self, actuator: Actuator) -> str:
-        return ""
+        return _off_faces(self.face)
 
     @property
     def variable(self) -> Mapping[str, str]:
@@ -401,6 +403,11 @@ class Moment(FaceLoad):
 
         on.measured.append(MeasuredConstant(centre, integrals, lambda found: found[1:4] / found[0]))
         on.measured.append(MeasuredConstant(size, integrals, inverse))
+
+
+def _off_faces(face: str) -> str:
+    """Return why designs reject a load on a face's piece or edge, a clause; empty for a face."""
+    return "on a piece or an edge of a face, and design meshes cannot move their borders" if " " in face.strip() else ""
 
 
 def weighed(components: Sequence[Component], material: Material) -> tuple[Component, ...]:

@@ -380,7 +380,9 @@ def free_parameters(case: Case, table: Mapping[str, object], bare: bool = True) 
     free = tuple(sorted(found.values(), key=lambda one: order[one.name]))
     for parameter_ in free:
         _check(case, parameter_)
-    if any(one.name.startswith("gravity.") for one in free) and any(part.lifted and part.weighs for part in case.components):
+    if any(one.name.startswith("gravity.") for one in free) and any(
+        part.lifted and part.weighs for part in case.components
+    ):
         raise DesignError(
             "gravity cannot vary while a mass rests on a stand ([contact] with a guide and a mass); leave it out"
         )
