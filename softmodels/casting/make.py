@@ -662,7 +662,7 @@ def _imported(file: Path) -> list[Solid]:
     import gmsh
 
     gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    solids = list(gmsh.model.occ.importShapes(str(file)))
+    solids = list(gmsh.model.occ.importShapes(str(file), format="step"))
     gmsh.option.setString("Geometry.OCCTargetUnit", "")
     return solids
 

