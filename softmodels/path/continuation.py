@@ -199,6 +199,8 @@ FARTHEST = 4.0
 """Maximum travel of a dead load in one step, relative to the predicted one."""
 MOST_SECANTS = 25
 """Maximum secant iterations to locate a value between two points."""
+ALONG = 0.9
+"""Cosine between a motion and a tangent from which the motion is along the path."""
 NULL_TOLERANCE = 1e-10
 """Tolerance of the tangent at a limit point, which is K's null vector: the limit pressure's derivatives come from it."""
 
@@ -239,19 +241,24 @@ class Corrector:
         found = self.solver.tangent(state, line, tolerance, guess)
         if locked or creeping or self.solver.system.direction > 0:
             return found
-        return found if self._leads_on(state, found) else -found
+        return -found if self._turns_back(state, found) else found
 
-    def _leads_on(self, state: State, found: Tangent) -> bool:
-        """Return whether a tangent leads on from the last state in the motion of the whole device too.
+    def _turns_back(self, state: State, found: Tangent) -> bool:
+        """Return whether a tangent clearly leads back the way that the whole device has come.
 
-        Where a shell snaps back, pressure and volume turn back at nearly the same state: their plane shows a cusp.
+        Where a shell snaps back, pressure and volume turn back at nearly the same state: their plane shows a cusp, and orients
+        the tangent wrongly. Motions from one branch to another, or back to where an event is located, are not along the path.
         """
-        M = self.stability.mass
-        before, now, pushed = M.createVecRight(), M.createVecRight(), M.createVecLeft()
-        for vector, w in ((before, state.w - self.trail.last.state.w), (now, found.w)):
-            vector.array_w[:] = w[: vector.getLocalSize()]
-        M.mult(before, pushed)
-        return float(pushed.dot(now)) >= 0.0
+        step = state.w - self.trail.last.state.w
+        if not largest(self.solver.system.comm, float(np.abs(step).max(initial=0.0))):
+            return False
+        motion = Mode(self.stability.mass, step)
+
+        def cosine(w: Array) -> float:
+            size = motion.size(w)
+            return motion.share(w) / size if size > 0.0 else 0.0
+
+        return cosine(found.w) < -ALONG and cosine(self.trail.last.tangent.w) > ALONG
 
     def solve(self, line: Curve, around: Sequence[Point]) -> State:
         """Return the state on a line, guessed by the cubic through one or two points and their tangents.
