@@ -156,8 +156,10 @@ LONG = {
         "outline_fit mould_mirror limit_command design_command run added_device outline_command interruptions kills examples"
     ),
     "measurement": "damages refused ray_traced accuracy round_trip own_files soft_body grid setup_variants copies door",
-    "design": "gradients inverse",
-    "verification": "ranks inertia sensitivity_in_time iterative_parts loop memory friction rigid communicators robustness",
+    "design": "parameters gradients inverse",
+    "verification": (
+        "ranks suction_cup inertia sensitivity_in_time iterative_parts loop memory friction rigid communicators robustness"
+    ),
 }
 """Files of tests that take longest, by folder: they begin first, so that no core waits for one of them at the end."""
 
