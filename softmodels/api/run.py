@@ -652,7 +652,11 @@ class Run(Shown):
 
     def _line(self) -> str:
         states = "1 state" if len(self) == 1 else f"{len(self)} states"
-        ended = "" if self.limit is None else f"; ended at a {KINDS[self.limit.kind]}" if self.limit.found else "; lost"
+        ended = ""
+        if self.limit is not None:
+            marked = any(row["limit"] or row.get("stroke_limit") for row in self.rows)
+            known = f"; ended at a {KINDS[self.limit.kind]}" if marked else "; no equilibrium beyond"
+            ended = known if self.limit.found else "; lost"
         return f"of {self.case.name}: {states} to {headline(self.case, self.rows[-1])}{ended}"
 
     def _figures(self) -> Table:
