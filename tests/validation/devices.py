@@ -153,21 +153,24 @@ CORE = (14.0, 6.0)
 
 def cylinder(folder: Path) -> Iterator[Measured]:
     """Yield the cylinder, drawn into a folder: the pressure at which its end has turned by an angle."""
-    drawing = folder / "cylinder.step"
-    channel = draw_cylinder(drawing)
     rows = _table("cylinder")
-    core = sm.Region(silicone("mold-star-16-fast/marechal-2021"), name="solid_2")
-    device = sm.ImportedActuator(
-        file=str(drawing), support="x = 0 mm", cavities=(f"at {LENGTH / 2:g}, {channel:g}, 0.5 mm",),
-        planes=("z = 0 mm",), rise="y", cell_size=0.0035,
-    )  # fmt: skip
-    steps = tuple(1e3 * pressure / pascal_per_cm() for pressure in (0.0, 16.3, 25.1, 30.3, 45.0))
-    head = Case("cylinder", device, ECOFLEX, components=(core,), pressures_cm=steps)
-    text = f'{head.to_toml()}\n[angles]\nbend = "face x = {LENGTH:g} mm"\n'
+
+    def case(material: Material) -> Case:
+        drawing = folder / "cylinder.step"
+        channel = draw_cylinder(drawing)
+        core = sm.Region(silicone("mold-star-16-fast/marechal-2021"), name="solid_2")
+        device = sm.ImportedActuator(
+            file=str(drawing), support="x = 0 mm", cavities=(f"at {LENGTH / 2:g}, {channel:g}, 0.5 mm",),
+            planes=("z = 0 mm",), rise="y", cell_size=0.0035,
+        )  # fmt: skip
+        steps = tuple(1e3 * pressure / pascal_per_cm() for pressure in (0.0, 16.3, 25.1, 30.3, 45.0))
+        head = Case("cylinder", device, material, components=(core,), pressures_cm=steps)
+        return Case.from_toml(f'{head.to_toml()}\n[angles]\nbend = "face x = {LENGTH:g} mm"\n')
+
     yield Measured(
         "bending cylinder of two silicones", "cylinder", np.array([row["bend_deg"] for row in rows]),
         np.array([row["pressure_kPa"] for row in rows]), "bend in degrees", "pressure in kPa",
-        lambda material: dataclasses.replace(Case.from_toml(text), material=material), ECOFLEX, LIAO,
+        case, ECOFLEX, LIAO,
         lambda run, angles: _at(np.abs(run.path["bend_deg"]), run.path["pressure_Pa"] / 1e3, angles), spanned=False,
     )  # fmt: skip
 
