@@ -287,7 +287,7 @@ class Body:
         """Return the integrand over the cavity wall whose integral is the deformed cavity's volume (divergence theorem).
 
         V = -1/3 int (X + u) . cof(F) N ds, N out of the solid. Cut planes add nothing because they hold the origin. Above a
-        plane that seals it is the sum of columns on the plane, so that no part of it hangs on a rim that lifts.
+        plane that seals it is the sum of columns on the plane, so that no part of it depends on a rim that lifts.
         """
         import ufl
 

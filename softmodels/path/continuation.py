@@ -910,9 +910,7 @@ QUICK, SLOW = 3, 6  # Newton iterations up to which steps grow, above which they
 STEP_GROWTH = 1.7
 SOFTENING = 4.0  # growth of dV/dP (or dV/dS) over its minimum at which `auto` switches to volume control
 PAST_LIMIT = 0.1  # how far `auto` continues past a limit point, relative to the volume added up to it
-OPENING_STEP = (
-    0.05  # relative to the step that failed first: a seal that opens in a longer one is approached in shorter ones
-)
+OPENING_STEP = 0.05  # relative to the first step tried: a seal that opens in a longer one is approached in shorter ones
 SHORTEST_STEP = 1e-3  # relative to the first step: shorter steps do not fix the cause of failure
 LARGEST_GROWTH = 60.0  # cavity volumes at which a path under volume or arc-length control ends
 
