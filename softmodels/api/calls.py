@@ -75,7 +75,7 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
             mesh = folder / f"{case.name}.msh"
             simulation.write_mesh(mesh)
             simulation.prepare(mesh)
-            states = InMemory(simulation, mesh)
+            states = InMemory(simulation, mesh.read_bytes)
             try:
                 for step in simulation.steps():
                     states.add(step)
@@ -83,7 +83,7 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
                 ended = Ended.by(end)
                 if case.program:
                     raise
-            aside = _branch(simulation, states, mesh) if branch else None
+            aside = _branch(simulation, states) if branch else None
             states.others = solve_sources(simulation, mesh)
     except RunError as error:
         ended = Ended.by(error)
@@ -96,12 +96,12 @@ def solve_in_memory(simulation: Simulation, branch: bool) -> Run:
     return Run(states, ended, comm, None if aside is None else Run(aside, Ended(), comm))
 
 
-def _branch(simulation: Simulation, states: InMemory, mesh: Path) -> InMemory | None:
+def _branch(simulation: Simulation, states: InMemory) -> InMemory | None:
     """Return the states of the branch at the first bifurcation; None if there is none to be found."""
     if not simulation.bifurcates:
         simulation.listener.say(no_branch(simulation.case, states.rows))
         return None
-    aside = InMemory(simulation, mesh)
+    aside = InMemory(simulation, states.mesh)
     for step in simulation.branch():
         aside.add(step)
     return aside if aside.rows else None

@@ -35,7 +35,6 @@ from softmodels.runs.columns import in_order, load_columns, overlap_text, read_s
 from softmodels.runs.fields import Row, requestable, split
 from softmodels.runs.formats import CELL_TYPES, TENSOR, Restart
 from softmodels.runs.lines import POINTS, Line, Probe
-from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
 from softmodels.runs.recording import ResultsPlace, begin, begin_branch, gather, recall, stored_point
@@ -96,10 +95,10 @@ class InMemory:
 
     Args:
         simulation: Prepared, all ranks.
-        mesh: Its mesh's file.
+        mesh: Reads its mesh's file; called on rank 0.
     """
 
-    def __init__(self, simulation: Simulation, mesh: Path):
+    def __init__(self, simulation: Simulation, mesh: Callable[[], bytes]):
         self.case, self._comm = simulation.case, simulation.comm
         grid = simulation.fields.grid
         self.cell_name = grid.cell_name
@@ -107,7 +106,7 @@ class InMemory:
         self.cells: npt.NDArray[np.int64]
         self._mesh: bytes
         # Only rank 0 has the whole grid.
-        self.points, self.cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh.read_bytes()))
+        self.points, self.cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh()))
         self.rows: list[Row] = []
         self.others: dict[str, list[Row]] = {}
         self._fields: list[dict[str, Array]] = []
@@ -424,10 +423,8 @@ def _computed(state: SolvedState, names: Sequence[str], mesh: Callable[[], bytes
     comm, case = start(), state.case
     simulation = Simulation(dataclasses.replace(case, fields=tuple(names)), comm)
     try:
-        with sentences(), temporary_folder(comm) as folder:
-            file = folder / f"{case.name}.msh"
-            on_root(comm, lambda: file.write_bytes(mesh()))
-            simulation.prepare(file)
+        simulation.prepare_on(mesh)
+        with sentences():
             fields = simulation.fields
             nodal = fields.nodal(fields.state(state.fields if is_root(comm) else None, 0.0, 0.0))
             found = on_root(comm, lambda: nodal or {})
@@ -468,11 +465,9 @@ def solve_between(source: Source, quantity: str, wanted: float, values: Array) -
     case = source.case if ends else _to_one(source.case, quantity, wanted)
     simulation = Simulation(case, comm)
     try:
-        with sentences(), temporary_folder(comm) as folder:
-            mesh = folder / f"{case.name}.msh"
-            on_root(comm, lambda: mesh.write_bytes(source.mesh()))
-            simulation.prepare(mesh)
-            states = InMemory(simulation, mesh)
+        simulation.prepare_on(source.mesh)
+        with sentences():
+            states = InMemory(simulation, source.mesh)
             for step in [_between(simulation, source, ends, (quantity, wanted))] if ends else simulation.steps():
                 states.add(step)
     finally:

@@ -27,8 +27,7 @@ from softmodels.mechanics.controls import pressure_control
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.system import State, System
 from softmodels.runs.columns import span_sentence
-from softmodels.runs.model import Model, temporary_folder
-from softmodels.runs.notes import sentences
+from softmodels.runs.model import Model
 from softmodels.runs.simulation import Simulation
 
 
@@ -128,10 +127,7 @@ class _Solved:
             raise ValueError("states that depend on time or on a program of loads have no linear answer")
         self.pressures = [float(row["pressure_Pa"]) for row in self.source.rows]
         self.simulation = Simulation(case, comm)
-        with sentences(), temporary_folder(comm) as place:
-            mesh = place / "device.msh"
-            mesh.write_bytes(self.source.mesh())
-            self.simulation.prepare(mesh)
+        self.simulation.prepare_on(self.source.mesh)
 
     def state(self, pressure: float) -> State:
         """Return the state at a pressure in Pa, by Newton's method from the nearest stored one."""

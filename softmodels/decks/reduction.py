@@ -29,11 +29,10 @@ from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import known_are
 from softmodels.components.walls import Walls
 from softmodels.materials.silicones import density_of, extrapolated
-from softmodels.mechanics.mpi import on_root, start
+from softmodels.mechanics.mpi import start
 from softmodels.mechanics.regions import RegionPart
 from softmodels.runs.fields import Row
 from softmodels.runs.formats import Restart
-from softmodels.runs.model import temporary_folder
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import RunError
 from softmodels.runs.recording import StoredRun, stored_state
@@ -319,10 +318,8 @@ def table_of(source: Source, stored: StoredRun, face: str = "") -> ReducedModel:
         raise RunError("a reduced model is made on one process only; start it without mpirun")
     simulation = Simulation(case, comm)
     try:
-        with sentences(), temporary_folder(comm) as folder:
-            mesh = folder / f"{case.name}.msh"
-            on_root(comm, lambda: mesh.write_bytes(source.mesh()))
-            simulation.prepare(mesh)
+        simulation.prepare_on(source.mesh)
+        with sentences():
             simulation.model.hanging()
             role = tip_of(case, face, [*simulation.body.entities])
             responses = Responses(simulation, role)

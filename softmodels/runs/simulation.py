@@ -19,8 +19,8 @@ from softmodels.mechanics.mpi import any_rank, is_root, on_root
 from softmodels.runs.columns import Solved, row_of
 from softmodels.runs.fields import Row, check_requested
 from softmodels.runs.formats import Restart, restart_of
-from softmodels.runs.model import Model, body_of
-from softmodels.runs.notes import explain, explain_failure, explain_step
+from softmodels.runs.model import Model, body_of, temporary_folder
+from softmodels.runs.notes import explain, explain_failure, explain_step, sentences
 from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
 
 if TYPE_CHECKING:
@@ -170,6 +170,20 @@ class Simulation:
         self.solver, self.fields = self.model.solver, self.model.fields
         with compiling():
             self._band = self._make_band()
+
+    def prepare_on(self, mesh: Callable[[], bytes]) -> None:
+        """Prepare on a stored mesh.
+
+        Args:
+            mesh: Reads its file; called on rank 0.
+
+        Raises:
+            RunError, MeshFileError: See `prepare`; or the disk is full.
+        """
+        with sentences(), temporary_folder(self.comm) as folder:
+            file = folder / f"{self.case.name}.msh"
+            on_root(self.comm, lambda: file.write_bytes(mesh()))
+            self.prepare(file)
 
     def _make_band(self) -> Band | None:
         from softmodels.runs.columns import Band
