@@ -146,9 +146,10 @@ def follow(path: Continuation, bifurcation: Point, sign: int = 1, farthest: floa
         raise PathEnd(str(failure)) from failure
     path.trail.modes = [branch.mode]
     for _ in range(MOST_POINTS):
-        before = path.last
-        after = path.advance(min(before.step, 0.5), float("inf"))
-        for stop in [*path.events(before, after), after]:
-            yield stop if stop.bifurcation else path.keep(dataclasses.replace(stop, step=after.step))
-        if ends(after):
+        stops, leak = path.stops(min(path.last.step, 0.5), float("inf"))
+        for stop in stops:
+            yield stop if stop.bifurcation else path.keep(dataclasses.replace(stop, step=stops[-1].step))
+        if leak:
+            raise leak
+        if ends(stops[-1]):
             return

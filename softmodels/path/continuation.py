@@ -1028,12 +1028,29 @@ class Continuation:
         """Return the point with a requested value that lies between two points."""
         return self.corrector.between(self.requested, before, after, value)
 
-    def events(self, before: Point, after: Point) -> list[Point]:
-        """Limit points and bifurcations between two neighbouring points, in order."""
-        try:
-            return events(self.corrector, self.requested, before, after, self.report)
-        except NoConvergence as failure:
-            raise lost(self.corrector, self.requested, "a limit point on the way was not located", failure) from failure
+    def stops(self, step: float, goal: float) -> tuple[list[Point], PathEnd | None]:
+        """Take a step towards the requested value ``goal``, shortened until all that lies on it is located.
+
+        Returns:
+            Limit points and bifurcations on the step, in order, and behind them its end; and what ends the path there, if
+            a seal opens.
+
+        Raises:
+            PathEnd: Not even the shortest step succeeded.
+        """
+        before = self.last
+        while True:
+            after, end = self.advance(step, goal), None
+            if leak := self.opened(before, after):
+                after, end = leak
+            try:
+                return [*events(self.corrector, self.requested, before, after, self.report), after], end
+            except NoConvergence as failure:
+                self.report(f"an event on a step of at most {step:.3g} was not located ({failure}); halving the step")
+                step = min(step, self._longest()) / 2
+                if step < SHORTEST_STEP * self.first_step:
+                    why = "a limit point on the way was not located"
+                    raise lost(self.corrector, self.requested, why, failure) from failure
 
     def _open_terms(self, state: State) -> list[EnergyTerm]:
         """Return the terms whose seal is open at a state with a pressure."""
@@ -1180,16 +1197,13 @@ def trace(path: Continuation, goals: Sequence[float], start: Sequence[Point] = (
         if passed.limit is not None and path.ends_at_limit:
             step = min(step, PAST_LIMIT / 2 * (passed.limit.state.V - path.V0))
         try:
-            after = path.advance(step, left[0])
-            leak = path.opened(before, after)
-            after = leak[0] if leak else after
-            stops = [*path.events(before, after), after]
+            stops, leak = path.stops(step, left[0])
         except PathEnd as end:
             raise passed.ended(end, path.requested) from end
         yield from _up_to(path, before, stops, left, passed)
         if leak:
-            raise leak[1]
-        left = left[1:] if left and after.requested else left
+            raise leak
+        left = left[1:] if left and stops[-1].requested else left
 
 
 def _up_to(

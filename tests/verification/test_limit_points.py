@@ -9,6 +9,8 @@ from geometries import HollowDisk
 from softmodels.materials.laws import NeoHookean
 from softmodels.materials.specimens import balloon_limit
 from softmodels.mechanics.body import CAVITY
+from softmodels.mechanics.newton import NoConvergence
+from softmodels.path import continuation
 from tests.support import bodies
 
 THIN = 0.01  # thickness over middle radius
@@ -93,6 +95,28 @@ def test_pressure_control_ends_at_the_limit(balloon, limit, solved):
     assert (np.diff([point.state.V for point in points]) > 0).all()
     assert end is not None
     assert points[-1].state.P < limit.state.P * (1 + 1e-6)
+
+
+def test_a_step_whose_limit_point_is_not_located_is_halved(balloon, limit, solved, monkeypatch):
+    """Walls that meet or part between two states may hide it; the path ends only where short steps do not show it either."""
+    located, least = continuation.events, [0.0]
+
+    def of_short_steps(corrector, requested, before, after, report):
+        if abs(after.state.V - before.state.V) > least[0]:
+            raise NoConvergence("as if walls had met")
+        return located(corrector, requested, before, after, report)
+
+    monkeypatch.setattr(continuation, "events", of_short_steps)
+    added = limit.state.V - balloon.system.rest().V
+    least[0] = 0.15 * added
+    _, points, end = solved(balloon, [1.1 * added], quantity="volume")
+    assert end is None
+    (found,) = (point for point in points if point.limit)
+    assert abs(found.state.P / limit.state.P - 1) < 1e-9
+    assert max(np.diff([point.state.V for point in points])) <= least[0]
+    least[0] = 0.0
+    _, points, end = solved(balloon, [1.1 * added], quantity="volume")
+    assert end is not None and "a limit point on the way was not located" in str(end)
 
 
 # -- PETSc's SNESNEWTONAL on a residual written for it alone ----------------------------------------------------------
