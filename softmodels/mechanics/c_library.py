@@ -8,14 +8,15 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib.util
+import subprocess
 import sysconfig
 import tempfile
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from softmodels.mechanics.compiling import cache, compiler_flags
-from softmodels.mechanics.mpi import on_root
+from softmodels.mechanics.compiling import cache, compiler_flags, finish_compiler, start_compiler
+from softmodels.mechanics.mpi import is_root, on_root
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -44,6 +45,8 @@ DECLARED = {"moduli": _MODULI, "multigrid": _MULTIGRID}
 """Functions of each source."""
 FAST = "-O3"
 """Optimisation flags: these few functions may take longer to compile than kernels."""
+_started: dict[Path, tuple[subprocess.Popen[str], tempfile.TemporaryDirectory[str]]] = {}
+"""The C compiler of modules that are not ready, by their places, and what it works in."""
 
 
 def library(comm: MPI.Comm, source: str) -> ModuleType:
@@ -89,15 +92,37 @@ def _loaded(name: str, place: Path) -> ModuleType:
     return module
 
 
-def _compile(source: str, place: Path) -> None:
-    """Compile if needed, under a temporary name: another run may do the same, and either may be killed."""
-    if place.exists():
+def begin(comm: MPI.Comm, source: str) -> None:
+    """Start to compile functions that `library` is asked for later, if needed; on the root.
+
+    Raises:
+        OSError: The cache cannot be used.
+        cffi.VerificationError: There is no compiler.
+    """
+    if is_root(comm):
+        _start(source, _place(source))
+
+
+def _start(source: str, place: Path) -> None:
+    """Start the compiler under a temporary name: another run may do the same, and either may be killed."""
+    if place in _started or place.exists():
         return
     import cffi  # type: ignore[import-untyped]
+    from cffi.recompiler import make_c_source  # type: ignore[import-untyped]
 
     place.parent.mkdir(parents=True, exist_ok=True)
     made = cffi.FFI()
     made.cdef(DECLARED[source])
-    made.set_source(_name(place), _text(source), extra_compile_args=_words())
-    with tempfile.TemporaryDirectory(dir=place.parent) as folder:
-        Path(made.compile(tmpdir=folder)).replace(place)
+    folder = tempfile.TemporaryDirectory(dir=place.parent)
+    written = Path(folder.name) / f"{_name(place)}.c"
+    make_c_source(made, _name(place), _text(source), str(written))
+    _started[place] = start_compiler(written, written.with_suffix(".so"), *_words()), folder
+
+
+def _compile(source: str, place: Path) -> None:
+    _start(source, place)
+    if place in _started:
+        process, folder = _started.pop(place)
+        with folder:
+            finish_compiler(process)
+            (Path(folder.name) / f"{_name(place)}.so").replace(place)

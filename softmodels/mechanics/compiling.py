@@ -9,17 +9,24 @@ from __future__ import annotations
 import contextlib
 import os
 import platform
+import shlex
+import subprocess
+import sys
+import sysconfig
 import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from softmodels.common.arrays import Array
 from softmodels.common.errors import Spoken
-from softmodels.mechanics.mpi import on_root
+from softmodels.mechanics.mpi import is_root, on_root
 
 if TYPE_CHECKING:
+    import ufl
     from mpi4py import MPI
+    from ufl.core.expr import Expr
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -145,14 +152,117 @@ def cache() -> Path:
     return Path(jit.get_options()["cache_dir"])
 
 
-def keep_loaded() -> None:
-    """Let FFCx take kernels that this process has loaded already from memory.
+# ----------------------------------------------------------------------------------------------------------------------
+# Side by side: FFCx writes the C code of one kernel while the C compiler still works on those before it.
+
+
+_running: dict[str, tuple[subprocess.Popen[str], Path]] = {}
+"""The C compiler of modules that are not loaded yet, by their names, and their sources."""
+_ahead = False
+"""Whether kernels are compiled ahead, so that nothing waits for them yet."""
+
+
+def compiler_words() -> list[str]:
+    """Return the command that makes a module of a source, as setuptools would, without input and output."""
+    known, own = sysconfig.get_config_vars(), os.environ
+    words = shlex.split(known["LDSHARED"])
+    if "CC" in own:
+        words[:1] = shlex.split(own["CC"])
+    flags = [known["CFLAGS"], known["CCSHARED"], own.get("CFLAGS", ""), own.get("LDFLAGS", "")]
+    return [*words, *(word for flag in flags for word in shlex.split(flag)), f"-I{sysconfig.get_path('include')}"]
+
+
+def start_compiler(source: Path, module: Path, *words: str) -> subprocess.Popen[str]:
+    """Start the C compiler.
+
+    Raises:
+        cffi.VerificationError: There is none.
+    """
+    import cffi  # type: ignore[import-untyped]
+
+    command = [*compiler_words(), *words, str(source), "-o", str(module), "-lm"]
+    try:
+        return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    except OSError as error:
+        raise cffi.VerificationError(f"{command[0]}: {error.strerror}") from error
+
+
+def finish_compiler(process: subprocess.Popen[str]) -> None:
+    """Wait for the C compiler.
+
+    Raises:
+        cffi.VerificationError: It failed.
+    """
+    import cffi
+
+    _, errors = process.communicate()
+    if process.returncode:
+        said = [line for line in errors.splitlines() if "error" in line] or errors.splitlines()
+        raise cffi.VerificationError(said[0] if said else f"the C compiler ended with status {process.returncode}")
+
+
+def compile_ahead(comm: MPI.Comm, objects: Sequence[ufl.Form | tuple[Expr, Array]]) -> None:
+    """Start the compilation of forms, and of expressions at points, that are made next; on the root.
+
+    Those that the cache has are loaded.
+    """
+    global _ahead
+    if not is_root(comm):
+        return
+    import ufl
+    from dolfinx import default_scalar_type, jit
+
+    use_cache()
+    _ahead = True
+    try:
+        for one in objects:
+            if isinstance(one, ufl.Form) and one.empty():
+                continue
+            jit.ffcx_jit.__wrapped__(one, {"scalar_type": default_scalar_type}, JIT)
+    finally:
+        _ahead = False
+
+
+def _generate(
+    declared: str, objects: Sequence[object], names: object, module: str, options: object, folder: Path,
+    flags: Sequence[str], *more: object, **named: object,
+) -> str:  # fmt: skip
+    """Write the C code of a module and start its compiler, in the place of FFCx's own function."""
+    import cffi
+    from cffi.recompiler import make_c_source  # type: ignore[import-untyped]
+    from ffcx import codegeneration, compiler
+
+    code, _ = compiler.compile_ufl_objects(objects, namespace=module, options=options)
+    ffi = cffi.FFI()
+    ffi.cdef(declared)
+    source = folder / f"{module}.c"
+    make_c_source(ffi, module, code[1], str(source))
+    made, include = folder / f"{module}{sysconfig.get_config_var('EXT_SUFFIX')}", codegeneration.get_include_path()
+    _running[module] = start_compiler(source, made, f"-I{include}", "-std=c17", *flags), source
+    return str(code[1])
+
+
+def _finish(name: str) -> None:
+    """Wait for a module that is being compiled here, and mark it as ready."""
+    if name not in _running:
+        return
+    process, source = _running.pop(name)
+    try:
+        finish_compiler(process)
+    except BaseException:
+        source.replace(source.with_suffix(".c.failed"))
+        raise
+    source.with_suffix(".c.cached").touch()
+
+
+def use_cache() -> None:
+    """Let FFCx take kernels that this process has loaded from memory, and compile others side by side.
 
     It lists the whole folder of its cache for each form otherwise: of 6,000 files that is a third of a section's set-up.
     """
     from ffcx.codegeneration import jit
 
-    look_up = jit.get_cached_module
+    look_up, load = jit.get_cached_module, jit._load_objects
     if look_up.__module__ == __name__:
         return
     loaded: dict[tuple[object, ...], tuple[object, object]] = {}
@@ -160,18 +270,29 @@ def keep_loaded() -> None:
     def kept(name: str, objects: Sequence[str], folder: Path, timeout: int) -> tuple[object, object]:
         key = name, *objects, str(folder)
         if (found := loaded.get(key)) is None:
+            if _ahead and name in _running:
+                return [None], None
+            _finish(name)
             found = look_up(name, objects, folder, timeout)
             if found[0] is not None:
                 loaded[key] = found
         return found
 
+    def when_ready(folder: Path, name: str, objects: Sequence[str]) -> tuple[object, object]:
+        if _ahead:
+            return [None], None
+        _finish(name)
+        return load(folder, name, objects)
+
     jit.get_cached_module = kept
+    if sys.platform != "win32":
+        jit._compile_objects, jit._load_objects = _generate, when_ready
 
 
 @contextlib.contextmanager
 def compiling() -> Iterator[None]:
     """Turn errors of the compiler and its cache into a `CompilingError`."""
-    keep_loaded()
+    use_cache()
     try:
         yield
     except TimeoutError as error:
@@ -190,3 +311,7 @@ def compiling() -> Iterator[None]:
         raise CompilingError(
             f"the kernels cannot be compiled ({reason}); a C compiler is needed, and softmodels doctor lists what is missing"
         ) from error
+    finally:
+        for name in [*_running]:  # after an error
+            with contextlib.suppress(Exception):
+                _finish(name)

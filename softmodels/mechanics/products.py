@@ -333,6 +333,7 @@ class TangentOperator:
         potential: The potential.
         internal: Compiled derivatives of its energies.
         loads: Compiled derivatives of its cavities' volumes.
+        tangent: See `Potential.tangent`.
         compiled: Compiles a form.
 
     Attributes:
@@ -346,13 +347,12 @@ class TangentOperator:
         potential: Potential,
         internal: Sequence[fem.Form],
         loads: Sequence[fem.Form],
+        tangent: Sequence[ufl.Form],
         compiled: Callable[[ufl.Form], fem.Form],
     ):
-        import ufl
-
         self.kept: list[QuadratureTangent] = []
         self.by_forms: list[fem.Form] = []
-        self.matrices = [compiled(form) for form in potential.tangent(ufl.TrialFunction(potential.space))]
+        self.matrices = [compiled(form) for form in tangent]
         predicted = potential.predicted_tangents(potential.direction)
         terms = [[(energy, force)] for energy, force in zip(potential.energies, internal, strict=True)]
         pressures = zip(potential.pressures, potential.volumes, loads, strict=True)

@@ -20,14 +20,15 @@ from softmodels.materials.laws import Material
 from softmodels.materials.strain import Strain
 from softmodels.mechanics.assembly import AssembledTerms, known_to_all, mark_symmetric, matrix_of
 from softmodels.mechanics.body import QUADRATURE_DEGREE, Body, BodyError, cell_measure, in_section
-from softmodels.mechanics.compiling import JIT
+from softmodels.mechanics.c_library import begin
+from softmodels.mechanics.compiling import JIT, compile_ahead
 from softmodels.mechanics.component import Component, ComponentError
 from softmodels.mechanics.controls import Coupling
 from softmodels.mechanics.dead_loads import DeadLoads
 from softmodels.mechanics.holds import clamped, conditions, seals
 from softmodels.mechanics.mpi import any_rank, largest, total
 from softmodels.mechanics.potential import Potential
-from softmodels.mechanics.products import TangentOperator
+from softmodels.mechanics.products import TangentOperator, known_cells
 from softmodels.mechanics.regions import MaterialRegion, RegionPart, check_compressible, relaxed
 from softmodels.mechanics.rigid import STILL, RigidMotion, RigidPart
 
@@ -639,16 +640,22 @@ class System(Assembly):
     def _compile(self) -> None:
         """Compile the forms. Every term of the potential has its own, added up when assembled: bodies share the law's."""
         import basix
+        import ufl
         from dolfinx import fem
 
         potential, form = self.potential, self.form
+        tangent = potential.tangent(ufl.TrialFunction(self.space))
+        first = [*tangent, *potential.internal, *potential.loads, *potential.volumes, *potential.free_energies]
+        if known_cells(self.space):
+            begin(self.comm, "moduli")
+        compile_ahead(self.comm, first)
         self._volumes = [form(own) for own in potential.volumes]
         self._loads = [[form(load)] for load in potential.loads]
         for term in potential.terms.values():
             term.compile(self)
         self._stored = [form(energy) for energy in potential.free_energies]
         self._internal = [form(force) for force in potential.internal]
-        self._products = TangentOperator(potential, self._internal, [load for (load,) in self._loads], form)
+        self._products = TangentOperator(potential, self._internal, [load for (load,) in self._loads], tangent, form)
         self.points, self._weights = basix.make_quadrature(self.body.mesh.basix_cell(), QUADRATURE_DEGREE)
         strain = Strain(self.body.deformation_gradient(potential.displacement))
         self._J = fem.Expression(strain.J, self.points, jit_options=JIT)
