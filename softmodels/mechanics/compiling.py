@@ -223,15 +223,13 @@ def compile_ahead(comm: MPI.Comm, objects: Sequence[ufl.Form | tuple[Expr, Array
         _ahead = False
 
 
-def _generate(
-    declared: str, objects: Sequence[object], names: object, module: str, options: object, folder: Path,
-    flags: Sequence[str], *more: object, **named: object,
-) -> str:  # fmt: skip
+def _generate(declared, objects, names, module, *rest, **more):  # type: ignore[no-untyped-def]
     """Write the C code of a module and start its compiler, in the place of FFCx's own function."""
     import cffi
     from cffi.recompiler import make_c_source  # type: ignore[import-untyped]
     from ffcx import codegeneration, compiler
 
+    options, folder, flags = rest[:3]
     code, _ = compiler.compile_ufl_objects(objects, namespace=module, options=options)
     ffi = cffi.FFI()
     ffi.cdef(declared)
@@ -239,7 +237,7 @@ def _generate(
     make_c_source(ffi, module, code[1], str(source))
     made, include = folder / f"{module}{sysconfig.get_config_var('EXT_SUFFIX')}", codegeneration.get_include_path()
     _running[module] = start_compiler(source, made, f"-I{include}", "-std=c17", *flags), source
-    return str(code[1])
+    return code[1]
 
 
 def _finish(name: str) -> None:
@@ -286,7 +284,7 @@ def use_cache() -> None:
 
     jit.get_cached_module = kept
     if sys.platform != "win32":
-        jit._compile_objects, jit._load_objects = _generate, when_ready
+        jit._compile_objects, jit._load_objects = _generate, when_ready  # type: ignore[assignment]
 
 
 @contextlib.contextmanager
