@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from softmodels.common.commands import drawing_options, stoppable, unswept
+from softmodels.common.commands import DrawingOptions, options, stoppable, unswept
 from softmodels.mechanics.mpi import speaks
 
 with stoppable("softmodels", speaks):
@@ -16,7 +16,7 @@ with stoppable("softmodels", speaks):
 
 PLACES = {
     "app": CommandPlace(
-        "softmodels.cli.app_command", "command",
+        "softmodels.cli.doctor", "app",
         "Open the bench as a page in the browser: photographs, material, device, mould.",
     ),
     "compare": CommandPlace(
@@ -43,11 +43,11 @@ PLACES = {
         "Write the case FILE for another program: the same mesh, silicones, supports, rigid parts, contact and loads.",
     ),
     "fit": CommandPlace(
-        "softmodels.cli.fit_command", "fit_material",
+        "softmodels.cli.material_commands", "fit_material",
         "Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.",
     ),
     "grasp": CommandPlace(
-        "softmodels.cli.grasp_command", "grasp_command",
+        "softmodels.cli.analyses", "grasp_command",
         "Close equal fingers around an object that is free in their plane, and load it.",
     ),
     "limit": CommandPlace(
@@ -74,7 +74,7 @@ PLACES = {
         "Reduce the results in FOLDER to the device's tip, for robot simulators.",
     ),
     "run": CommandPlace(
-        "softmodels.cli.run_command", "run",
+        "softmodels.cli.options", "run",
         "Run a case FILE, such as the case.toml in a folder of results, or a device by its options.",
     ),
     "score": CommandPlace(
@@ -82,11 +82,11 @@ PLACES = {
         "Score materials against held-out tensile curves, or against outlines of a device.",
     ),
     "silicones": CommandPlace(
-        "softmodels.cli.silicone_command", "silicones",
+        "softmodels.cli.material_commands", "silicones",
         "List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.",
     ),
     "study": CommandPlace(
-        "softmodels.cli.study_command", "study_command",
+        "softmodels.cli.design", "study_command",
         "Solve the case of a study FILE many times with some of its fields varied.",
     ),
 }  # fmt: skip
@@ -126,13 +126,13 @@ def softmodels() -> None:
 
 @softmodels.command("draw")
 @click.argument("folder", type=click.Path(path_type=Path))
-@drawing_options
-def draw(folder: Path, pictures: str, film: bool, colormap: str) -> None:
+@options(DrawingOptions, "wanted")
+def draw(folder: Path, wanted: DrawingOptions) -> None:
     """Redraw the pictures and the report of the results in FOLDER."""
-    from softmodels.pictures.draw import Wanted, draw_folder
+    from softmodels.pictures.draw import draw_folder
 
     with unswept():
-        draw_folder(folder, wanted=Wanted(pictures == "few", film, colormap))
+        draw_folder(folder, wanted=wanted)
 
 
 @softmodels.command("doctor")

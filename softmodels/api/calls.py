@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometries import Actuator
-from softmodels.api.run import InFolder, InMemory, Run
+from softmodels.api.run import Run
 from softmodels.case.case import Case, Values, case_of
 from softmodels.case.components import without_walls
 from softmodels.case.entries import CaseError, Probes
@@ -44,7 +44,8 @@ from softmodels.runs.model import AtRest, temporary_folder
 from softmodels.runs.notes import no_branch, sentences
 from softmodels.runs.outcomes import BAD_INPUT, Ended, Progress, RunError, UnwrittenError
 from softmodels.runs.recording import ResultsPlace, is_loaded, solved_into
-from softmodels.runs.simulation import Listener, PathEnded, Silent, Simulation, solve_sources
+from softmodels.runs.simulation import InMemory, Listener, PathEnded, Silent, Simulation, solve_sources
+from softmodels.runs.store import StoredStates
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -131,8 +132,8 @@ def run_of(folder: Path, ended: Ended, comm: MPI.Comm | None = None) -> Run:
         ResultsError: No results, or none that can be read.
         CaseError: No case file, or a wrong one.
     """
-    source = InFolder(folder)
-    aside = source.branch()
+    source = StoredStates(folder)
+    aside = source.branch_states()
     return Run(source, ended, comm, None if aside is None else Run(aside, Ended(), comm))
 
 

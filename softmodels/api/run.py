@@ -11,18 +11,18 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from softmodels.case.case import Case, one_value
 from softmodels.case.entries import NAME, CaseError, ProbeError, place_of
-from softmodels.case.materials import SourceBand, to_table
+from softmodels.case.materials import to_table
 from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import Spoken, known_are, spoken
-from softmodels.common.files import file_digest, hdf5_reason, is_same
+from softmodels.common.files import file_digest, is_same
 from softmodels.common.names import checked, keep_arrays, one_of, place, read_only, several
 from softmodels.common.processes import one_at_a_time
 from softmodels.common.schema import to_table as table_of
@@ -31,15 +31,15 @@ from softmodels.materials.laws import parameter_fields
 from softmodels.materials.silicones import named
 from softmodels.mechanics.mpi import is_root, on_root, start
 from softmodels.runs.analyses import KINDS, Limit
-from softmodels.runs.columns import in_order, load_columns, overlap_text, read_sources, state_labels, term
+from softmodels.runs.columns import load_columns, overlap_text, state_labels, term
 from softmodels.runs.fields import Row, requestable, split
-from softmodels.runs.formats import CELL_TYPES, TENSOR, Restart
+from softmodels.runs.formats import CELL_TYPES, TENSOR
 from softmodels.runs.lines import POINTS, Line, Probe
 from softmodels.runs.notes import notes_of, sentences
 from softmodels.runs.outcomes import DONE, NO_EQUILIBRIUM, STOPPED, Ended, RunError
 from softmodels.runs.recording import ResultsPlace, begin, begin_branch, gather, recall, stored_point
-from softmodels.runs.simulation import Simulation, Step
-from softmodels.runs.store import Results, ResultsError, States
+from softmodels.runs.simulation import InMemory, Simulation, Step
+from softmodels.runs.store import Results, States, StoredStates
 
 if TYPE_CHECKING:
     import pandas
@@ -59,131 +59,6 @@ if TYPE_CHECKING:
 
 type Place = str | Sequence[float] | Array
 """A place in the undeformed device: a text with its unit, the name of a probe or point, or three numbers in m."""
-
-
-class Source(Protocol):
-    """Storage of a run's states.
-
-    Attributes:
-        case: What was run.
-        rows: Rows of ``path.csv``, one for each state.
-        points: Undeformed nodes in device coordinates, m, shape (n, 3).
-        cells: Node numbers in VTK's order, shape (c, 6 or 10).
-        cell_name: ``"Triangle_6"`` or ``"Tetrahedron_10"``.
-        others: Rows of the silicone's other sources by name; empty where they were not asked for.
-    """
-
-    case: Case
-    rows: list[Row]
-    points: Array
-    cells: npt.NDArray[np.int64]
-    cell_name: str
-    others: dict[str, list[Row]]
-
-    def fields(self, step: int) -> Mapping[str, Array]:
-        """All nodal fields of a state."""
-
-    def restart(self, step: int) -> Restart:
-        """Return the numbers that a restart needs beside the fields."""
-
-    def mesh(self) -> bytes:
-        """Return the device's mesh as a Gmsh file."""
-
-
-class InMemory:
-    """States in memory, identical on all ranks; see `Source`.
-
-    Args:
-        simulation: Prepared, all ranks.
-        mesh: Reads its mesh's file; called on rank 0.
-    """
-
-    def __init__(self, simulation: Simulation, mesh: Callable[[], bytes]):
-        self.case, self._comm = simulation.case, simulation.comm
-        grid = simulation.fields.grid
-        self.cell_name = grid.cell_name
-        self.points: Array
-        self.cells: npt.NDArray[np.int64]
-        self._mesh: bytes
-        # Only rank 0 has the whole grid.
-        self.points, self.cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh()))
-        self.rows: list[Row] = []
-        self.others: dict[str, list[Row]] = {}
-        self._fields: list[dict[str, Array]] = []
-        self._restarts: list[Restart] = []
-
-    def add(self, step: Step) -> None:
-        """Keep a state."""
-        self.rows.append(step.row)
-        self._fields.append(on_root(self._comm, lambda: step.fields or {}))
-        self._restarts.append(step.restart)
-
-    def fields(self, step: int) -> Mapping[str, Array]:
-        return self._fields[step]
-
-    def restart(self, step: int) -> Restart:
-        return self._restarts[step]
-
-    def mesh(self) -> bytes:
-        return self._mesh
-
-
-class InFolder:
-    """States of a folder of results; see `Source`.
-
-    Args:
-        folder: Results with their ``case.toml``.
-        home: Where the mesh is; the same folder if None.
-
-    Raises:
-        ResultsError: No results, or none that can be read.
-        CaseError: No case file, or a wrong one.
-    """
-
-    def __init__(self, folder: Path, home: Path | None = None):
-        folder = _absolute(folder)  # the caller may change the working directory
-        states = States(folder, Case.from_file(folder / "case.toml").name)
-        self.folder, self._results = folder, states.results
-        self._mesh = (folder if home is None else home) / f"{states.case.name}.msh"
-        self.case, self.rows = states.case, states.rows
-        self.points, self.cells, self.cell_name = states.points, states.cells, states.cell_name
-        self.others = read_sources(folder) if isinstance(self.case.band, SourceBand) else {}
-
-    def branch(self) -> InFolder | None:
-        """Return the states of the followed branch; None if there is none."""
-        branch = self._results.branch()
-        if not branch.heavy.exists():
-            return None
-        branch.load()
-        return InFolder(branch.folder, self.folder) if branch.stored else None
-
-    def is_in(self, folder: Path) -> bool:
-        """Return whether these states are in a folder."""
-        return is_same(self.folder, folder)
-
-    def fields(self, step: int) -> Mapping[str, Array]:
-        try:
-            there = tuple(self._results.stored[step].shapes)
-            return {name: values.astype(float) for name, values in self._results.fields(step, there).items()}
-        except (OSError, KeyError, ResultsError) as error:
-            raise self._gone(error) from None
-
-    def restart(self, step: int) -> Restart:
-        return self._results.stored[step].restart
-
-    def mesh(self) -> bytes:
-        try:
-            return self._mesh.read_bytes()
-        except OSError as error:
-            raise self._gone(error) from None
-
-    def _gone(self, error: Exception) -> ResultsError:
-        """Return the error if the folder has changed since it was loaded."""
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else hdf5_reason(error)
-        return ResultsError(
-            f"the states in {self.folder} can no longer be read ({reason}); restore the folder, or "
-            f"load it from its new place"
-        )
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -397,21 +272,10 @@ class SolvedState(Shown):
     def _states(self) -> States:
         """This state as pictures take it."""
         grid = self.points, self.cells, self.cell_name
-        return States.of(self.case, [self.row], grid, lambda step, name: self._tensor(name))
+        return States(self.case, [self.row], grid, lambda step, name: self._tensor(name))
 
 
-def _absolute(folder: Path) -> Path:
-    """Return a folder's absolute path; `ResultsError` if the working directory was deleted."""
-    try:
-        return folder.absolute()
-    except OSError:
-        raise ResultsError(
-            f"{folder} is relative to the working directory, which no longer exists; change the working "
-            f"directory, or give an absolute path"
-        ) from None
-
-
-def state_of(source: Source, step: int) -> SolvedState:
+def state_of(source: States, step: int) -> SolvedState:
     """Return one of a source's states."""
     return SolvedState(
         source.case, source.rows[step], source.points, source.cells, source.cell_name, source.fields(step), source.mesh
@@ -433,7 +297,7 @@ def _computed(state: SolvedState, names: Sequence[str], mesh: Callable[[], bytes
         simulation.release()
 
 
-def write_states(source: Source, results: Results) -> None:
+def write_states(source: States, results: Results) -> None:
     """Store all states of a source in a prepared folder."""
     results.begin(source.points, source.cells, source.cell_name)
     for step, row in enumerate(source.rows):
@@ -444,7 +308,7 @@ def write_states(source: Source, results: Results) -> None:
 # States between two stored states of a run, solved on the run's own mesh.
 
 
-def solve_between(source: Source, quantity: str, wanted: float, values: Array) -> SolvedState:
+def solve_between(source: States, quantity: str, wanted: float, values: Array) -> SolvedState:
     """Solve for the first state of a run's path at a value; all ranks call it.
 
     The two stored states beside it are what Newton's method starts from, so nothing before them is solved again. Where there
@@ -475,7 +339,7 @@ def solve_between(source: Source, quantity: str, wanted: float, values: Array) -
     return state_of(states, len(states.rows) - 1)
 
 
-def _bracket(source: Source, values: Array, wanted: float) -> tuple[int, int] | None:
+def _bracket(source: States, values: Array, wanted: float) -> tuple[int, int] | None:
     """Return the first two neighbouring solved states on one continuous piece of the path that bracket a value."""
     # A bifurcation is interpolated, and snap-through leaves no path between its two ends.
     solved = [step for step, row in enumerate(source.rows) if not row["bifurcation"]]
@@ -488,21 +352,20 @@ def _bracket(source: Source, values: Array, wanted: float) -> tuple[int, int] | 
     return None
 
 
-def _between(simulation: Simulation, source: Source, ends: tuple[int, int], asked: tuple[str, float]) -> Step:
+def _between(simulation: Simulation, source: States, ends: tuple[int, int], asked: tuple[str, float]) -> Step:
     """Return the state at a value between two steps of a run."""
     from softmodels.mechanics.newton import NoConvergence
     from softmodels.path.continuation import Continuation
 
     fields, comm, (quantity, wanted) = simulation.fields, simulation.comm, asked
-    stored = _Stored(source)
     passed = [step for step, row in enumerate(source.rows[: ends[0]]) if row["bifurcation"]]
     *points, after = (
-        stored_point(stored, fields, comm, step, source.restart(step), step in passed) for step in (*passed, *ends)
+        stored_point(source, fields, comm, step, source.restart(step), step in passed) for step in (*passed, *ends)
     )
     followed = source.case.quantity if quantity in source.rows[0] else quantity
     path = Continuation(simulation.solver, simulation.quantity(followed), start=simulation.model.hanging())
     solved = dict.fromkeys((step for step in range(ends[0] + 1) if step not in passed), 0.0)
-    path.recall = functools.partial(recall, stored, fields, comm, solved)
+    path.recall = functools.partial(recall, source, fields, comm, solved)
     try:
         path.resume(points)
         tangent = path.corrector.tangent(after.state)
@@ -521,17 +384,6 @@ def _between(simulation: Simulation, source: Source, ends: tuple[int, int], aske
 def _figure(simulation: Simulation, point: Point, column: str) -> float:
     """Return the value of a column of ``path.csv`` at a point, on all ranks."""
     return float(simulation.step_of(point, 0).row[column])
-
-
-class _Stored:
-    """The fields of a run's steps, as a folder of results gives them."""
-
-    def __init__(self, source: Source):
-        self._source = source
-
-    def fields(self, step: int, names: tuple[str, ...]) -> Mapping[str, Array]:
-        known = self._source.fields(step)
-        return {name: known[name] for name in names}
 
 
 def _to_one(case: Case, quantity: str, wanted: float) -> Case:
@@ -640,7 +492,7 @@ class Run(Shown):
         branch: The branch that leaves the path at its first bifurcation, where that was asked for and there is one; else None.
     """
 
-    def __init__(self, source: Source, ended: Ended, comm: MPI.Comm | None = None, branch: Run | None = None):
+    def __init__(self, source: States, ended: Ended, comm: MPI.Comm | None = None, branch: Run | None = None):
         self.case, self.branch = source.case, branch
         self._source, self._ended, self._comm = source, ended, comm
         self._solved: dict[tuple[str, float], SolvedState] = {}
@@ -732,7 +584,7 @@ class Run(Shown):
     def sources(self) -> dict[str, Sequence[Row]]:
         """Rows of ``path.csv`` under each source of the silicone by name, from the softest to the stiffest, this run's own
         among them; empty unless the case's ``band`` is a silicone's."""
-        return in_order(self.case, self.rows, self._source.others)
+        return self._source.sources
 
     @property
     def notes(self) -> list[str]:
@@ -887,12 +739,8 @@ class Run(Shown):
     @property
     def _states(self) -> States:
         """The states as pictures take them."""
-        source = self._source
-        grid = source.points, source.cells, source.cell_name
-        found = States.of(self.case, source.rows, grid, lambda step, name: source.fields(step)[name])
-        found.branch = [] if self.branch is None else self.branch.rows
-        found.sources = self.sources
-        return found
+        self._source.branch = () if self.branch is None else self.branch.rows
+        return self._source
 
     @checked
     @one_at_a_time
@@ -985,7 +833,7 @@ class Run(Shown):
             RunError: It cannot be written.
         """
         output = place("folder", folder, "a folder")
-        if isinstance(self._source, InFolder) and self._source.is_in(output):
+        if isinstance(self._source, StoredStates) and is_same(self._source.folder, output):
             return output
         if self._comm is None:
             self._save(output)
@@ -1017,7 +865,7 @@ class Run(Shown):
         one_of("face", face, str, "the name of a face")
         if path is not None:
             kind_of(path, kind)
-        made = table_of(self._source, _Stored(self._source), face)
+        made = table_of(self._source, face)
         if path is not None:
             write(made, path, kind)
         return made

@@ -12,7 +12,7 @@ import numpy as np
 
 from geometries.actuator import is_length
 from softmodels.api.calls import limit as limit_of, run
-from softmodels.api.run import InFolder, Run, SolvedState
+from softmodels.api.run import Run, SolvedState
 from softmodels.app.drawing import Section, colours_of
 from softmodels.case.case import Case
 from softmodels.case.materials import SourceBand
@@ -29,6 +29,7 @@ from softmodels.mechanics.system import State, System
 from softmodels.runs.columns import span_sentence
 from softmodels.runs.model import Model
 from softmodels.runs.simulation import Simulation
+from softmodels.runs.store import StoredStates
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,7 +122,7 @@ class _Solved:
     """
 
     def __init__(self, folder: str):
-        self.source, comm = InFolder(Path(folder)), start()
+        self.source, comm = StoredStates(Path(folder)), start()
         case = self.source.case
         if case.timed or case.program or case.driven is not None:
             raise ValueError("states that depend on time or on a program of loads have no linear answer")
@@ -132,10 +133,8 @@ class _Solved:
     def state(self, pressure: float) -> State:
         """Return the state at a pressure in Pa, by Newton's method from the nearest stored one."""
         step = min(range(len(self.pressures)), key=lambda k: abs(self.pressures[k] - pressure))
-        fields, restart = self.source.fields(step), self.source.restart(step)
-        near = self.simulation.fields.state(
-            {name: fields[name] for name in ("displacement", "p")}, restart["P"], restart["V"]
-        )
+        fields, restart = self.source.fields(step, ("displacement", "p")), self.source.restart(step)
+        near = self.simulation.fields.state(fields, restart["P"], restart["V"])
         solver = self.simulation.solver
         return solver.solve(pressure_control(pressure / solver.system.stress_unit), near.w, near.P)
 

@@ -1,4 +1,4 @@
-"""``softmodels limit`` and ``softmodels modes``: limit pressure and its scatter over tolerances; natural frequencies."""
+"""``softmodels limit``, ``modes`` and ``grasp``: limit pressure and its scatter; natural frequencies; an object held."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ import dataclasses
 import io
 import json
 import math
-import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,36 +16,37 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from geometries import ACTUATORS, Actuator, GeometryError, HollowDisk, MeshingError
+from geometries import ACTUATORS, Actuator, HollowDisk
 from geometries.options import QuantityType, check_meaning, device_options, device_told
 from geometries.registry import to_table
 from softmodels.case.case import Case
-from softmodels.case.entries import INPUT_ERRORS, CaseError, SeriesError, one_of_text, series, split_text
+from softmodels.case.entries import CaseError, SeriesError, one_of_text, series, split_text
 from softmodels.case.materials import material_from
 from softmodels.cli.options import (
     DEVICE,
     CaseOptions,
+    Command,
     Values,
     by_device,
+    case_of_file,
+    command,
     fail,
     law_taken,
     material_options,
     open_on_root,
-    taken,
     write_into,
 )
-from softmodels.cli.run_command import case_of_file
-from softmodels.common.commands import FolderType
+from softmodels.common.commands import flag_option, option, options, output_option, quiet_option
 from softmodels.common.files import image_uri, read_text, write_bytes, write_text
 from softmodels.common.folders import ResultFolder
 from softmodels.common.pages import Bullets, Cell, Charts, Fact, Folded, Listing, Page, Picture, Provenance, Table, Text
 from softmodels.common.processes import say
 from softmodels.common.schema import shown
 from softmodels.common.units import WATER_DENSITY, UnitError, quantity, readable
-from softmodels.materials.laws import Material, MaterialError
+from softmodels.materials.laws import Material
 from softmodels.materials.silicones import extrapolated, publications
 from softmodels.materials.stability import check_rest, weakest, weakness
-from softmodels.mechanics.component import ComponentError
+from softmodels.mechanics.component import direction as unit_vector
 from softmodels.mechanics.mpi import abort_on_error, is_root, start
 from softmodels.runs.analyses import (
     LARGEST_STRETCH,
@@ -64,9 +64,9 @@ from softmodels.runs.analyses import (
     scatter,
     with_sources,
 )
+from softmodels.runs.grasp import STEPS, Grasp, Held, grasp
 from softmodels.runs.model import AtRest
-from softmodels.runs.notes import NEAR_STRETCH_LIMIT, unseen
-from softmodels.runs.outcomes import FAILED, Ended, RunError
+from softmodels.runs.notes import NEAR_STRETCH_LIMIT, sentences, unseen
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -271,19 +271,27 @@ SAMPLES = 32
 
 
 @dataclasses.dataclass(frozen=True)
-class LimitArguments:
-    """The command's options except those of devices and laws; see `_command`."""
+class LimitOptions:
+    """The options of the command except those of devices and laws."""
 
-    case_file: Path | None  # not called file: a device may have a field of that name
-    material: tuple[str, ...]
-    vary: tuple[str, ...]
-    count: int | None
-    normal: bool
-    working_pressure: str | None
-    hold: float | None
-    vacuum: bool
-    water_density: float | None
-    output: Path | None
+    working_pressure: str | None = option(metavar="PRESSURE", help="Working pressure, for the margin: cm of water (20), or "
+                                          "with a unit (2kPa).")  # fmt: skip
+    vacuum: bool = flag_option("How much vacuum it can take, instead of pressure.")
+    hold: float | None = option(type=QuantityType("s"), help="Time for which the pressure, applied at once, must be borne by "
+                                "a silicone with a memory; default: for ever.")  # fmt: skip
+    vary: tuple[str, ...] = option(multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
+                                   "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); "
+                                   "may be repeated.")  # fmt: skip
+    count: int | None = option("--samples", type=click.IntRange(2, 4096),
+                               help=f"Number of sampled devices.  [default: {SAMPLES}]")  # fmt: skip
+    normal: bool = flag_option("Tolerances are two standard deviations of a normal distribution; default: uniform.")
+    output: Path | None = output_option(  # noqa: RUF009
+        "Folder for tables and picture.  [default: with --vary results/limit, or results/limit-2 and so on]"
+    )
+    water_density: float | None = option(
+        type=QuantityType("kg/m^3"),
+        help=f"Density of the column's liquid.  [default: the case's, or {WATER_DENSITY:g}kg/m^3]",
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -309,34 +317,35 @@ class LimitRequest:
     hold: float
 
     @classmethod
-    def from_options(cls, kind: type[Actuator], given: LimitArguments, values: Mapping[str, object]) -> LimitRequest:
+    def from_options(
+        cls, kind: type[Actuator], file: Path | None, how: LimitOptions, names: Sequence[str], values: Values
+    ) -> LimitRequest:
         """Make it from the command's options.
 
         Args:
             kind: The device if no file names one.
-            given: Those of its own.
+            file: The case file, if one is given.
+            how: The command's own.
+            names: The materials.
             values: Those of the device and the law, None where not given.
 
         Raises:
             CaseError, GeometryError, MaterialError: Invalid input.
         """
-        file = given.case_file
         case = None if file is None else Case.from_file(file)
-        device, materials = _asked(kind, case, file, given.material, dict(values))
+        device, materials = _asked(kind, case, file, names, dict(values))
         for material in materials.values():
             check_rest(material)
-        tolerances = [Tolerance.parse(text, type(device)) for text in given.vary]
-        if not tolerances and (given.normal or given.count is not None):
+        tolerances = [Tolerance.parse(text, type(device)) for text in how.vary]
+        if not tolerances and (how.normal or how.count is not None):
             raise CaseError("--samples and --normal need a tolerance; give one with --vary")
-        hold = check_hold(given.hold or 0.0, list(materials.values()))
-        if hold and tolerances:
-            raise CaseError("--hold and --vary cannot be combined; leave out one of them")
-        if hold and given.vacuum:
-            raise CaseError("--hold and --vacuum cannot be combined; leave out one of them")
-        around = _as_asked(case, device, materials, given.water_density, -1.0 if given.vacuum else 1.0)
-        count = given.count or SAMPLES
-        working = _working_cm(given.working_pressure, around.cm)
-        return cls(around, materials, tolerances, count, given.normal, LimitColumn(around.cm, working), hold)
+        hold = check_hold(how.hold or 0.0, list(materials.values()))
+        for other in ("vary", "vacuum"):
+            if hold and getattr(how, other):
+                raise CaseError(f"--hold and --{other} cannot be combined; leave out one of them")
+        around = _as_asked(case, device, materials, how.water_density, -1.0 if how.vacuum else 1.0)
+        column = LimitColumn(around.cm, _working_cm(how.working_pressure, around.cm))
+        return cls(around, materials, tolerances, how.count or SAMPLES, how.normal, column, hold)
 
 
 def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
@@ -357,7 +366,9 @@ def _working_cm(text: str | None, pascal_in_cm: float) -> float | None:
     return value
 
 
-def limit(kind: type[Actuator], **values: object) -> None:
+def limit(
+    kind: type[Actuator], case_file: Path | None, how: LimitOptions, material: tuple[str, ...], values: Values
+) -> None:
     """Find the largest pressure a device can take, and the place of its largest strain.
 
     With --vacuum it is the largest vacuum. The device is that of a case FILE or of the options below (as a section, unless
@@ -378,64 +389,42 @@ def limit(kind: type[Actuator], **values: object) -> None:
       softmodels limit --variant shadow --shear-modulus 20kPa --vary membrane=2mm+-0.2mm --vary offset=0mm+-0.2mm
       softmodels limit results/seminar/case.toml --vary thickness=8mm+-0.2mm --vary offset=-1mm+-0.2mm --samples 8
     """
-    given = taken(LimitArguments, values)
-    try:
-        question = LimitRequest.from_options(kind, given, values)
-    except (CaseError, GeometryError, MaterialError) as error:
-        fail(str(error))
+    question = LimitRequest.from_options(kind, case_file, how, material, values)
     comm = start()
     abort_on_error(comm)
-    folder = _open(given, values, question, comm)
+    folder = None
+    if how.output is not None or question.tolerances:
+        asked = {"vary": how.vary, "count": how.count, "normal": how.normal, "cm": question.column.cm}
+        files = [path for path in (case_file, *map(Path, material)) if path is not None and path.is_file()]
+        recorded = {**values, **asked, "material": material}
+        folder = open_on_root(comm, how.output, Path("results/limit"), "limits", recorded, files)
     named, bands = with_sources(dict(question.materials))
-    limits, scattered = _answered(question, named, comm)
+    with sentences():
+        limits, scattered = _answered(question, named, comm)
     if not is_root(comm):
         return
-    for name, found in limits.items():
-        say(sentence(name, found, question.column))
-    for text in band_texts(bands, limits, question.column.cm):
-        say(text)
     notes = list(_notes(question, named, limits))
-    for text in notes:
+    for text in [
+        *(sentence(name, found, question.column) for name, found in limits.items()),
+        *band_texts(bands, limits, question.column.cm), *notes,
+        *([scatter_text(scattered, question.column)] if scattered.sampled else []),
+    ]:  # fmt: skip
         say(text)
-    if scattered.sampled:
-        say(scatter_text(scattered, question.column))
     if folder is not None:
         write_into(folder, lambda place: write_page(place, question, limits, scattered, notes), "the tables")
         say(f"tables and report.html in {folder.path}")
 
 
-def _open(
-    given: LimitArguments, values: Mapping[str, object], question: LimitRequest, comm: MPI.Comm
-) -> ResultFolder | None:
-    """Open the folder for the tables on rank 0; None elsewhere, or if nothing is to be written."""
-    if given.output is None and not question.tolerances:
-        return None
-    options = {
-        **values, "material": given.material, "vary": given.vary, "count": given.count, "normal": given.normal,
-        "cm": question.column.cm,
-    }  # fmt: skip
-    files = [path for path in (given.case_file, *map(Path, given.material)) if path is not None and path.is_file()]
-    return open_on_root(comm, given.output, Path("results/limit"), "limits", options, files)
-
-
 def _answered(
     question: LimitRequest, materials: Mapping[str, Material], comm: MPI.Comm
 ) -> tuple[dict[str, Limit], Scatter]:
-    """Return the limits by material and of the devices within the tolerances; exit on an error."""
+    """Return the limits by material and of the devices within the tolerances."""
     case, sampled = question.case, list[Sampled]()
-    try:
-        check_varied(case.actuator, question.tolerances, comm)
-        limits = find_limit(case, list(materials.values()), comm, question.hold)
-        if question.tolerances:
-            values = samples(question.tolerances, question.count, question.normal)
-            first = next(iter(materials.values()))
-            sampled = scatter(case, first, question.tolerances, values, comm)
-    except (CaseError, GeometryError, ComponentError) as error:
-        fail(str(error))
-    except (MeshingError, RunError) as error:
-        fail(str(error), Ended.by(error).status)
-    except OSError as error:  # the mesh is made in the temporary folder
-        fail(f"the mesh cannot be written ({error.strerror or error})", FAILED)
+    check_varied(case.actuator, question.tolerances, comm)
+    limits = find_limit(case, list(materials.values()), comm, question.hold)
+    if question.tolerances:
+        values = samples(question.tolerances, question.count, question.normal)
+        sampled = scatter(case, next(iter(materials.values())), question.tolerances, values, comm)
     return dict(zip(materials, limits, strict=True)), Scatter(question.tolerances, sampled)
 
 
@@ -507,34 +496,17 @@ def _asked(
     return device, {name: material_from(name, law) for name in names}
 
 
-def _limit_command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] = click.Command) -> click.Command:
-    def of_kind(**values: object) -> None:
-        limit(kind, **values)
+def _limit_command(kind: type[Actuator] = HollowDisk, cls: type[click.Command] = Command) -> click.Command:
+    @click.argument("case_file", metavar="[FILE]", required=False, type=click.Path(path_type=Path))
+    @options(LimitOptions)
+    def of_kind(case_file: Path | None, how: LimitOptions, material: tuple[str, ...], **values: object) -> None:
+        limit(kind, case_file, how, material, values)  # a device may have a field "file"
 
-    of_kind.__doc__ = limit.__doc__
-    made = material_options(of_kind, kind.silicone, several=True)
-    made = device_options(kind)(made)
-    text = f"Density of the column's liquid.  [default: the case's, or {WATER_DENSITY:g}kg/m^3]"
-    made = click.option("--water-density", type=QuantityType("kg/m^3"), help=text)(made)
-    text = "Folder for tables and picture.  [default: with --vary results/limit, or results/limit-2 and so on]"
-    made = click.option("-o", "--output", type=FolderType(), help=text)(made)
-    made = click.option("--normal", is_flag=True, help="Tolerances are two standard deviations of a normal "
-                        "distribution; default: uniform.")(made)  # fmt: skip
-    made = click.option("--samples", "count", type=click.IntRange(2, 4096),
-                        help=f"Number of sampled devices.  [default: {SAMPLES}]")(made)  # fmt: skip
-    made = click.option("--vary", multiple=True, metavar="NAME=VALUE+-HALF", help="A tolerance, such as "
-                        "membrane=2mm+-0.2mm (a thickness) or offset=0mm+-0.2mm (the cavity's height in the part); may be "
-                        "repeated.")(made)  # fmt: skip
-    text = "Working pressure, for the margin: cm of water (20), or with a unit (2kPa)."
-    made = click.option("--hold", type=QuantityType("s"), help="Time for which the pressure, applied at once, must be borne by "
-                        "a silicone with a memory; default: for ever.")(made)  # fmt: skip
-    made = click.option("--vacuum", is_flag=True, help="How much vacuum it can take, instead of pressure.")(made)
-    made = click.option("--working-pressure", metavar="PRESSURE", help=text)(made)
-    if cls is not click.Command:
+    made = device_options(kind)(material_options(of_kind, kind.silicone, several=True))
+    if cls is not Command:
         text = f"A device, with options of its own: {', '.join(ACTUATORS)}.  [default: {kind.__name__}]"
         made = click.option(DEVICE, metavar="NAME", expose_value=False, help=text)(made)
-    made = click.argument("case_file", metavar="[FILE]", required=False, type=click.Path(path_type=Path))(made)
-    return click.command(name="limit", cls=cls)(made)
+    return command("limit", cls=cls, help=limit.__doc__)(made)
 
 
 limit_command = _limit_command(cls=by_device(_limit_command))
@@ -546,25 +518,17 @@ limit_command = _limit_command(cls=by_device(_limit_command))
 
 @dataclasses.dataclass(frozen=True)
 class ModesOptions:
-    """The options of how to find modes, as `modes_options` adds them."""
+    """The options of how to find modes."""
 
-    count: int
-    sealed: bool
-    output: Path | None
-    quiet: bool
-    no_pictures: bool
-
-
-def modes_options[Command: Callable[..., object]](command: Command) -> Command:
-    """Add the options of `ModesOptions`."""
-    command = click.option("--no-pictures", is_flag=True, help="Draw nothing.")(command)
-    command = click.option("--quiet", is_flag=True, help="Print only errors.")(command)
-    text = "Folder for the results.  [default: results/modes, or results/modes-2 and so on]"
-    command = click.option("-o", "--output", type=FolderType(), help=text)(command)
-    text = "Close each cavity, with air that keeps its temperature; without it they keep their pressures."
-    command = click.option("--sealed", is_flag=True, help=text)(command)
-    text = "Number of modes."
-    return click.option("--count", type=click.IntRange(1, MOST_MODES), default=4, show_default=True, help=text)(command)
+    count: int = option(type=click.IntRange(1, MOST_MODES), default=4, show_default=True, help="Number of modes.")
+    sealed: bool = flag_option(
+        "Close each cavity, with air that keeps its temperature; without it they keep their pressures."
+    )
+    output: Path | None = output_option(  # noqa: RUF009
+        "Folder for the results.  [default: results/modes, or results/modes-2 and so on]"
+    )
+    quiet: bool = quiet_option()
+    no_pictures: bool = flag_option("Draw nothing.")
 
 
 MODES_HELP = """Find the natural frequencies of a device at rest and while it is inflated, and their modes.
@@ -591,66 +555,42 @@ Examples:
 
 def _modes_of(device: type[Actuator]) -> click.Command:
     """Return the command for a registered device."""
-    options = CaseOptions(device, device.silicone)
+    given = CaseOptions(device, device.silicone)
 
-    def command(**values: object) -> None:
-        given, how = dict(values), taken(ModesOptions, values)
-        _find_modes(lambda: case_for_modes(options.case(values, AtRest)), how, given, [])
+    @options(ModesOptions)
+    def of_device(how: ModesOptions, **values: object) -> None:
+        asked = {**values, "count": how.count, "sealed": how.sealed}
+        _find_modes(case_for_modes(given.case(values, AtRest)), how, asked, [])
 
-    command.__doc__ = MODES_HELP
-    made = options.add(modes_options(command))
-    return click.command(name=f"softmodels modes {DEVICE} {device.__name__}")(made)
-
-
-def _of_file(**values: object) -> None:
-    given, how = dict(values), taken(ModesOptions, values)
-    file, material, pressures = values["file"], values["material"], values["pressures"]
-    assert isinstance(file, Path)
-
-    def case() -> Case:
-        cm = series(pressures, "pressure") if pressures else ()
-        return case_for_modes(case_of_file(file, None if material is None else str(material)), cm)
-
-    _find_modes(case, how, given, [file])
+    return command(f"softmodels modes {DEVICE} {device.__name__}", help=MODES_HELP)(given.add(of_device))
 
 
-def _modes_command() -> click.Command:
-    made = modes_options(_of_file)
-    made = click.option("--pressure-cm", "pressures", metavar="SERIES", help="Pressures in cm of the column, instead of the "
-                        "case's load: 0:40, 0:40:10 or 0,10,40.")(made)  # fmt: skip
-    made = click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, or a TOML "
-                        "file.")(made)  # fmt: skip
-    text = f"A device, with options of its own, instead of a FILE: {', '.join(ACTUATORS)}."
-    made = click.option(DEVICE, metavar="NAME", expose_value=False, help=text)(made)
-    made = click.argument("file", type=click.Path(path_type=Path))(made)
-    return click.command("modes", cls=by_device(_modes_of), help=MODES_HELP)(made)
+@command("modes", cls=by_device(_modes_of), help=MODES_HELP)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(DEVICE, metavar="NAME", expose_value=False,
+              help=f"A device, with options of its own, instead of a FILE: {', '.join(ACTUATORS)}.")  # fmt: skip
+@click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, or a TOML "
+              "file.")  # fmt: skip
+@click.option("--pressure-cm", "pressures", metavar="SERIES", help="Pressures in cm of the column, instead of the "
+              "case's load: 0:40, 0:40:10 or 0,10,40.")  # fmt: skip
+@options(ModesOptions)
+def modes_command(file: Path, how: ModesOptions, material: str | None, pressures: str | None) -> None:
+    cm = series(pressures, "pressure") if pressures else ()
+    asked = {"material": material, "pressures": pressures, "count": how.count, "sealed": how.sealed}
+    _find_modes(case_for_modes(case_of_file(file, material), cm), how, asked, [file])
 
 
-modes_command = _modes_command()
-
-
-def _find_modes(
-    make: Callable[[], Case], how: ModesOptions, options: Mapping[str, object], files: Sequence[Path]
-) -> None:
+def _find_modes(case: Case, how: ModesOptions, asked: Mapping[str, object], files: Sequence[Path]) -> None:
     """Find the modes of a case, write and print them, and exit with the status."""
-    try:
-        case = make()
-    except INPUT_ERRORS as error:
-        fail(str(error))
     comm = start()
     abort_on_error(comm)
-    folder = open_on_root(comm, how.output, Path("results/modes"), "modes", options, files)
-    try:
+    folder = open_on_root(comm, how.output, Path("results/modes"), "modes", asked, files)
+    with sentences():
         found = find_frequencies(case, how.count, how.sealed, comm)
-    except (*INPUT_ERRORS, ComponentError, MeshingError, RunError) as error:
-        fail(str(error), Ended.by(error).status)
-    except OSError as error:  # the mesh is made in the temporary folder
-        fail(f"the mesh cannot be written ({error.strerror or error})", FAILED)
     if is_root(comm) and folder is not None:
         _report_modes(case, found, how, folder)
     if found.ended.status:
         fail(found.ended.message, found.ended.status)
-    sys.exit(0)
 
 
 def _report_modes(case: Case, found: NaturalFrequencies, how: ModesOptions, folder: ResultFolder) -> None:
@@ -753,3 +693,136 @@ def _draw_modes(case: Case, found: NaturalFrequencies, sealed: bool, place: Path
     if process.returncode:
         tell_not_drawn(out, errors, process.returncode, "the frequencies are complete")
     return figure
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``grasp``.
+
+
+USED_UP = 1e-2
+"""Reserve of the friction cones over the load below which the object slips."""
+
+
+@dataclasses.dataclass(frozen=True)
+class GraspOptions:
+    """The options of `grasp_command`."""
+
+    fingers: int = option(type=int, default=3, show_default=True, help="Number of equal fingers around the object.")
+    load: float = option(
+        type=QuantityType("N"), default=0.0, help="Force on the object, reached in steps, such as 5mN."
+    )
+    direction: str = option(
+        default="-z", show_default=True, help="Direction of that force, as the first finger sees it."
+    )
+    label: str = option(
+        "--object", default="", help="Name of the object's [contact.NAME], if the case has several shapes."
+    )
+    steps: int = option(
+        type=click.IntRange(1, 1000), default=STEPS, show_default=True,
+        help="Steps to each pressure and to the load; with friction more of them are more accurate.",
+    )  # fmt: skip
+    output: Path | None = output_option(  # noqa: RUF009
+        "Folder for the results.  [default: results/grasp, or results/grasp-2 …]"
+    )
+    quiet: bool = quiet_option()
+
+
+@command("grasp")
+@click.argument("file", type=click.Path(path_type=Path))
+@options(GraspOptions)
+def grasp_command(file: Path, how: GraspOptions) -> None:
+    """Close equal fingers around an object that is free in their plane, and load it.
+
+    FILE is the case of one finger with a rigid cylinder that it presses on ([contact.NAME]); the others are its copies, turned
+    around the cylinder's axis. At each pressure, and then at each step of the load, displacement and rotation of the object
+    are those of equilibrium.
+
+    Results: grasp.csv, with pose, force of each finger, force closure (1: friction can balance any force and moment in the
+    plane) and the load that friction can balance as the fingers press now (bears_N); grasp.png.
+
+    \b
+    Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium of the object at a requested pressure or load.
+
+    \b
+    Examples:
+      softmodels grasp examples/grasp.toml --load 8mN
+      softmodels grasp examples/grasp.toml --fingers 4 --load 5mN --direction x
+    """
+    case, way = case_of_file(file, None), np.array(unit_vector(how.direction, "--direction"))
+    comm = start()
+    abort_on_error(comm)
+    asked = {"file": file, **vars(how)}
+    folder = open_on_root(comm, how.output, Path("results/grasp"), "grasp", asked, [file])
+    with sentences():
+        made, found = grasp(case, how.fingers, how.load, way, how.label, how.steps)
+    outlines = [made.outlines(held) for held in found]
+    if is_root(comm) and folder is not None:
+
+        def write(place: Path) -> None:
+            from softmodels.pictures.analyses import grasp_figure
+            from softmodels.pictures.style import png
+
+            write_text(place / "grasp.csv", grasp_table(made, found))
+            write_bytes(place / "grasp.png", png(grasp_figure(made, found, outlines)))
+
+        write_into(folder, write, "the results")
+        if not how.quiet:
+            for text in [*told(made, found), f"results in {folder.path}: grasp.csv, grasp.png"]:
+                say(text)
+    if found[-1].load < how.load * (1 - 1e-9):
+        fail(
+            f"no equilibrium of the object at a load of {how.load:.4g} N: beyond {found[-1].load:.4g} N it leaves the fingers; "
+            "use a higher pressure, more friction or more fingers",
+            3,
+        )
+
+
+def grasp_table(made: Grasp, found: Sequence[Held]) -> str:
+    """Return ``grasp.csv``."""
+    fingers = range(1, len(made.angles) + 1)
+    parts = ("along_N", "across_N", "press_N", "sliding")
+    head = [
+        "pressure_cm",
+        "pressure_Pa",
+        "load_N",
+        "moved_along_mm",
+        "moved_across_mm",
+        "turned_deg",
+        "closure",
+        "bears_N",
+    ]
+    rows = [[*head, *(f"finger{k}_{part}" for k in fingers for part in parts)]]
+    for held in found:
+        numbers = [held.pressure / made.case.cm, held.pressure, held.load, *held.moved * 1e3, math.degrees(held.turned),
+                   float(held.closed(made.shape.friction)), held.bears(made.shape.friction)]  # fmt: skip
+        for force, press, sliding in zip(held.forces, held.press, held.sliding, strict=True):
+            numbers += [*force, press, sliding]
+        rows.append([f"{number:.9g}" for number in numbers])
+    return "".join(",".join(row) + "\n" for row in rows)
+
+
+def told(made: Grasp, found: Sequence[Held]) -> list[str]:
+    """Return what a user wants to know, as sentences."""
+    friction, lines = made.shape.friction, []
+    for held in found if not found[-1].load else [held for held in found if not held.load] + [found[-1]]:
+        forces = ", ".join(f"{force:.4g}" for force in held.press)
+        closed = "force closure" if held.closed(friction) else "no force closure"
+        lines.append(
+            f"{held.pressure / made.case.cm:.4g} cm, load {held.load:.4g} N: the fingers press with {forces} N, {closed}; the "
+            f"object has moved {_zero(held.moved[0] * 1e3):.4g} mm along and {_zero(held.moved[1] * 1e3):.4g} mm across the "
+            f"load and turned by {_zero(math.degrees(held.turned)):.3g} deg"
+        )
+    loaded = [held for held in found if held.load]
+    slipped = next((held for held in loaded if held.bears(friction) < (1 + USED_UP) * held.load), None)
+    if friction and loaded:
+        lines.append(
+            f"it slips at a load of about {slipped.load:.4g} N, where friction is used up"
+            if slipped
+            else f"it does not slip up to {loaded[-1].load:.4g} N"
+        )
+    return lines
+
+
+def _zero(value: float) -> float:
+    """Return a value without the rounding errors of zero."""
+    return value if abs(value) > 1e-9 else 0.0

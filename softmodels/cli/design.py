@@ -1,24 +1,41 @@
-"""``softmodels design``: find the parameters of a device that meet a design problem."""
+"""``softmodels design`` and ``study``: the parameters of a device that meet a problem; a case solved many times."""
 
 from __future__ import annotations
 
+import dataclasses
 import sys
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, Unpack
+from typing import TYPE_CHECKING
 
 import click
 
 from geometries import MeshFileError, MeshingError
-from softmodels.cli.options import fail
+from softmodels.cli.options import command, fail
 from softmodels.cli.run import end, start_drawing, tell_not_drawn
-from softmodels.common.commands import STOPPED, FolderType, asked_to_stop, colormap_option, stoppable
+from softmodels.common.commands import (
+    COLORMAP_OPTION,
+    STOPPED,
+    RunOptions,
+    asked_to_stop,
+    flag_option,
+    option,
+    options,
+    output_option,
+    quiet_option,
+    status_of,
+    stoppable,
+)
+from softmodels.common.errors import reason
+from softmodels.common.files import write_bytes, write_text
 from softmodels.common.folders import OwnFolderError
 from softmodels.common.processes import say
 from softmodels.design.problem import DesignProblem
+from softmodels.design.study import DATASET, PAGE, Study, StudyFolder, StudyPlan, open_folder, solve_into
 from softmodels.design.trials import DesignError
-from softmodels.mechanics.mpi import abort_on_error, is_root, on_root, petsc_reason, speaks, start
+from softmodels.mechanics.mpi import abort_on_error, is_root, launched, on_root, petsc_reason, speaks, start
 from softmodels.runs.columns import StateLabels
-from softmodels.runs.outcomes import DONE, FAILED, NO_EQUILIBRIUM, Progress, RunError, no_memory
+from softmodels.runs.outcomes import DONE, FAILED, NO_EQUILIBRIUM, Progress, no_memory
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -32,40 +49,29 @@ FINER = 2.0
 """Refinement factor between two mesh levels."""
 
 
-class DesignArguments(TypedDict):
-    """Option values, by name."""
+@dataclasses.dataclass(frozen=True)
+class DesignOptions:
+    """The options of `design`."""
 
-    output: Path | None
-    resume: bool
-    starts: int
-    evaluations: int
-    seed: int
-    confirm_finer: bool
-    no_pictures: bool
-    colormap: str
-    quiet: bool
+    output: Path | None = output_option(  # noqa: RUF009
+        "Folder for the results.  [default: results/NAME; results/NAME-2 and so on if that holds another problem]"
+    )
+    resume: bool = flag_option("Resume an interrupted run; no design is evaluated again.")
+    starts: int = option(type=click.IntRange(1, 50), default=1, show_default=True, help="Number of searches: the first from "
+                         "the given device, the others from points spread over the bounds.")  # fmt: skip
+    evaluations: int = option(type=click.IntRange(1, 1000), default=40, show_default=True,
+                              help="Maximum number of designs per start.")  # fmt: skip
+    seed: int = option(type=click.IntRange(0), default=1, show_default=True, help="Seed of the further starts.")
+    confirm_finer: bool = flag_option("Confirm the design on a finer mesh, with cells half as large.")
+    no_pictures: bool = flag_option("Skip the runs before and after, the pictures and the report.")
+    colormap: str = option(**COLORMAP_OPTION)
+    quiet: bool = quiet_option()
 
 
-@click.command("design")
+@command("design")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/NAME; results/NAME-2 "
-              "and so on if that holds another problem]")  # fmt: skip
-@click.option("--resume", is_flag=True, help="Resume an interrupted run; no design is evaluated again.")
-@click.option("--starts", type=click.IntRange(1, 50), default=1, show_default=True, help="Number of searches: the first from "
-              "the given device, the others from points spread over the bounds.")  # fmt: skip
-@click.option(
-    "--evaluations",
-    type=click.IntRange(1, 1000),
-    default=40,
-    show_default=True,
-    help="Maximum number of designs per start.",
-)
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the further starts.")
-@click.option("--confirm-finer", is_flag=True, help="Confirm the design on a finer mesh, with cells half as large.")
-@click.option("--no-pictures", is_flag=True, help="Skip the runs before and after, the pictures and the report.")
-@colormap_option
-@click.option("--quiet", is_flag=True, help="Print only errors.")
-def design(file: Path, **options: Unpack[DesignArguments]) -> None:
+@options(DesignOptions)
+def design(file: Path, how: DesignOptions) -> None:
     """Find the device that best meets the objective of a problem FILE, within its limits.
 
     The file names a case, the parameters that may change with their bounds, an objective (maximise, minimise) or
@@ -86,23 +92,20 @@ def design(file: Path, **options: Unpack[DesignArguments]) -> None:
     """
     try:
         problem = DesignProblem.from_file(file)
-    except DesignError as error:
-        fail(str(error))
-    with stoppable("softmodels", speaks):
-        from softmodels.design.optimise import open_folder
+        with stoppable("softmodels", speaks):
+            from softmodels.design.optimise import open_folder as open_designs
 
-        comm = start()
-    abort_on_error(comm)
-    how: SearchOptions = {
-        "starts": options["starts"], "evaluations": options["evaluations"], "seed": options["seed"],
-        "resume": options["resume"], "finer": FINER if options["confirm_finer"] else 1.0, "inputs": [file],
-    }  # fmt: skip
-    try:
-        folder = open_folder(problem, options["output"], comm, how)
+            comm = start()
+        abort_on_error(comm)
+        search: SearchOptions = {
+            "starts": how.starts, "evaluations": how.evaluations, "seed": how.seed, "resume": how.resume,
+            "finer": FINER if how.confirm_finer else 1.0, "inputs": [file],
+        }  # fmt: skip
+        folder = open_designs(problem, how.output, comm, search)
     except DesignError as error:
         fail(str(error))
     try:
-        status = _design(problem, folder, comm, how, options)
+        status = _design(problem, folder, comm, search, how)
     finally:
         if folder is not None:
             folder.leave()
@@ -110,14 +113,14 @@ def design(file: Path, **options: Unpack[DesignArguments]) -> None:
 
 
 def _design(
-    problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, how: SearchOptions, options: DesignArguments
+    problem: DesignProblem, folder: DesignFolder | None, comm: MPI.Comm, search: SearchOptions, how: DesignOptions
 ) -> int:
     """Optimise, report, draw; return the exit status."""
     from petsc4py import PETSc
 
     from softmodels.design.optimise import run_in
 
-    quiet = options["quiet"] or not is_root(comm)
+    quiet = how.quiet or not is_root(comm)
     progress = Progress(1.0, "", StateLabels(""), quiet)
     if folder is not None:
         progress.say(f"writing results to {folder.path}")
@@ -125,12 +128,10 @@ def _design(
         progress.say(f"note: {note}")
     try:
         with asked_to_stop() as stopped:
-            how["progress"], how["stopped"] = progress.say, stopped
-            result = run_in(problem, folder, comm, **how)
+            search["progress"], search["stopped"] = progress.say, stopped
+            result = run_in(problem, folder, comm, **search)
     except DesignError as error:
         fail(str(error))
-    except RunError as error:
-        fail(str(error), error.status)
     except (MeshingError, MeshFileError) as error:
         fail(str(error), FAILED)
     except PETSc.Error as error:
@@ -139,7 +140,7 @@ def _design(
         fail(no_memory(error), FAILED)
     except (OwnFolderError, OSError) as error:
         fail(f"the designs cannot be written ({error}); continue with --resume", FAILED)
-    return _close(result, folder, comm, quiet, None if options["no_pictures"] else options["colormap"])
+    return _close(result, folder, comm, quiet, None if how.no_pictures else how.colormap)
 
 
 def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, quiet: bool, colormap: str | None) -> int:
@@ -148,25 +149,19 @@ def _close(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
 
     if folder is not None:
         folder.write({FILE: summary(result)})
-    drawn = False
-    if colormap is not None and not result.stopped:
-        drawn = _drawn(result, folder, comm, quiet, colormap)
+    drawn = colormap is not None and not result.stopped and _drawn(result, folder, comm, quiet, colormap)
     status = STOPPED if result.stopped else FAILED if result.trouble else DONE if result.feasible else NO_EQUILIBRIUM
     if not is_root(comm) or folder is None:
         return status
     if result.trouble or not result.feasible:
         say(f"softmodels: {result.trouble or result.reasons[0]}", err=True)
     if not quiet:
-        found = result.recovered
-        told = [
-            *(found.sentences if found else []),
-            *result.missed,
-            *result.reasons[0 if result.feasible else 1 :],
-            *result.margins,
-            *result.confirmation,
-        ]
         say(result.headline)
-        for text in [*told, *filter(None, [result.agreement]), *(f"note: {note}" for note in notes(result))]:
+        for text in [
+            *(result.recovered.sentences if result.recovered else []), *result.missed,
+            *result.reasons[0 if result.feasible else 1 :], *result.margins, *result.confirmation,
+            *filter(None, [result.agreement]), *(f"note: {note}" for note in notes(result)),
+        ]:  # fmt: skip
             say(f"  {text}")
         more = "; before/ and after/ are the runs, report.html has the pictures" if drawn else ""
         say(f"{folder.path}: design.toml is the optimised device, iterates.csv lists all designs{more}")
@@ -184,21 +179,118 @@ def _drawn(result: DesignResult, folder: DesignFolder | None, comm: MPI.Comm, qu
         if not quiet:
             say("running and drawing the initial and the final device (skip with --no-pictures)", err=True)
     for name, case in (("before", result.given), ("after", result.case)):
-        status = run(case, result.folder / name, quiet=True, draw=False, interrupts=asked_to_stop)
+        status = run(case, result.folder / name, RunOptions(quiet=True, no_pictures=True), interrupts=asked_to_stop)
         if status not in (DONE, NO_EQUILIBRIUM):
             return False
     return bool(on_root(comm, lambda: _draw(result, colormap)))
 
 
 def _draw(result: DesignResult, colormap: str) -> bool:
-    """Return the draw in a separate process, because VTK and DOLFINx each bring their own HDF5."""
+    """Draw in a separate process, because VTK and DOLFINx each bring their own HDF5; return whether that succeeded."""
     words = str(result.folder), "--colormap", colormap
     process = start_drawing(result.problem.case, "softmodels.pictures.draw_design", *words)
     try:
         out, errors = process.communicate()
     finally:
         end(process)
-    if process.returncode == 0:
-        return True
-    tell_not_drawn(out, errors, process.returncode, "the design is complete")
-    return False
+    if process.returncode:
+        tell_not_drawn(out, errors, process.returncode, "the design is complete")
+    return process.returncode == 0
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``study``.
+
+
+@dataclasses.dataclass(frozen=True)
+class StudyOptions:
+    """The options of `study_command`."""
+
+    output: Path | None = output_option(  # noqa: RUF009
+        "Folder for the results.  [default: results/NAME; results/NAME-2 and so on if that holds another study]"
+    )
+    resume: bool = flag_option("Resume an interrupted study; no sample is solved again.")
+    jobs: int | None = option(type=click.IntRange(1, 256),
+                              help="Samples solved at a time.  [default: the number of cores]")  # fmt: skip
+    scheduler: str = option(default="", metavar="ADDRESS", help="Solve on the workers of a dask scheduler, such as "
+                            "tcp://10.0.0.1:8786.")  # fmt: skip
+    no_pictures: bool = flag_option("Skip the pictures and the report.")
+    quiet: bool = quiet_option()
+
+
+@command("study")
+@click.argument("file", type=click.Path(path_type=Path))
+@options(StudyOptions)
+def study_command(file: Path, how: StudyOptions) -> None:
+    """Solve the case of a study FILE many times with some of its fields varied.
+
+    The file names a case, how many samples there are and how they are drawn (latin-hypercube, sobol, saltelli, grid), and
+    under [vary] the fields of the case file: "1.8:2.2 mm" (uniform), "2 mm +- 0.2 mm" (normal, 95 %), "1:2:0.25 mm" (steps),
+    or a list. Every sample is solved in a process of its own and kept as soon as it is solved; one that fails keeps its
+    sentence. Results: study.nc (netCDF: all columns over the samples, with units), study.csv, report.html with response
+    surfaces and Sobol indices.
+
+    \b
+    Examples:
+      softmodels study examples/study.toml
+      softmodels study examples/study.toml --resume --jobs 2
+      softmodels study examples/study.toml --scheduler tcp://10.0.0.1:8786
+
+    \b
+    Exit status: 0 done; 1 failed; 2 bad input; 130 stopped (continue with --resume).
+    """
+    begun = time.monotonic()
+    if (launched() or 1) > 1:
+        fail("a study shares its samples among its own processes (--jobs, --scheduler); start it without mpirun")
+    plan = StudyPlan.from_file(file)
+    kept = open_folder(plan, how.output, how.resume, [file])
+    assert kept.own is not None
+    folder = kept.own.path
+    try:
+        found = _solved(kept, plan, how, folder)
+        try:
+            found.save(folder / DATASET)
+            if not how.no_pictures:
+                _draw_study(found, folder, time.monotonic() - begun)
+        except OSError as error:
+            fail(f"the results cannot be written into {folder} ({reason(error)})", status_of(error))
+    finally:
+        kept.leave()
+    if not how.quiet:
+        for name, text in found._figures():
+            say(f"{name}: {text}")
+        for k, text in list(found.failures.items())[:5]:
+            say(f"sample {k} has no result: {text}")
+        say(f"{folder}: {DATASET} has all results" + ("" if how.no_pictures else f", {PAGE} the pictures"))
+    sys.exit(DONE)
+
+
+def _solved(kept: StudyFolder, plan: StudyPlan, how: StudyOptions, folder: Path) -> Study:
+    """Solve the study; exit with a sentence if that fails."""
+    before, started = len(kept.answers), time.monotonic()
+    if not how.quiet:
+        say(f"writing results to {folder}" + (f"; {before} samples are there" if before else ""), err=True)
+
+    def progress(text: str) -> None:
+        done = len(kept.answers) - before
+        left = (len(plan.points) - len(kept.answers)) * (time.monotonic() - started) / max(done, 1)
+        say(f"{text}, about {left:.0f} s left", err=True)
+
+    try:
+        return solve_into(kept, plan, how.jobs or 0, how.scheduler, None if how.quiet else progress)
+    except OSError as error:
+        fail(f"a sample cannot be written ({reason(error)}); continue with --resume", FAILED)
+    except KeyboardInterrupt:
+        fail("stopped by the user; continue with --resume", STOPPED)
+
+
+def _draw_study(found: Study, folder: Path, seconds: float) -> None:
+    """Write the table, the report and its pictures."""
+    from softmodels.pictures.study import page, table
+    from softmodels.pictures.style import png
+
+    html, figures = page(found, seconds)
+    write_text(folder / "study.csv", table(found))
+    write_text(folder / PAGE, html)
+    if "parallel" in figures:
+        write_bytes(folder / "parallel.png", png(figures["parallel"]))

@@ -1,4 +1,4 @@
-"""``softmodels doctor``: list installed versions and what is missing, and test a small solve."""
+"""``softmodels doctor`` and ``app``: the installation checked by a small solve; the bench on a page."""
 
 from __future__ import annotations
 
@@ -13,8 +13,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import click
 import numpy as np
 
+from softmodels.cli.options import command, fail
+from softmodels.common.commands import status_of
+from softmodels.common.errors import reason
 from softmodels.mechanics.mpi import mpich_file
 
 PACKAGES = {
@@ -158,3 +162,31 @@ def _solve() -> str:
         f"apex {rise:.4f} mm at 5.15 kPa; kernels ready in {prepared - started:.1f} s, "
         f"path in {time.perf_counter() - prepared:.2f} s"
     )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``app``.
+
+
+@command("app", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("project", type=click.Path(path_type=Path, file_okay=False), default=Path("project"))
+@click.option("--port", type=click.IntRange(1, 65535), help="Port of the page.  [default: a free one from 8700]")
+@click.option("--no-browser", is_flag=True, help="Only print the address.")
+@click.option(
+    "--lan", is_flag=True, help="Let other machines of the network connect with the key, such as a phone's camera."
+)
+def app(project: Path, port: int | None, no_browser: bool, lan: bool) -> None:
+    """Open the bench as a page in the browser: photographs, material, device, mould.
+
+    Everything lies in the folder PROJECT (./project if not given) as plain files, which all other commands read. The page is
+    served on this machine only, to those who hold the key in its address; it needs no network.
+    """
+    try:
+        from softmodels.app.server import serve
+    except ImportError:
+        fail("the page needs NiceGUI; install it by: pip install 'softmodels[app]'")
+    try:
+        serve(project, port, browser=not no_browser, lan=lan)
+    except OSError as error:
+        where = f"port {port}" if port and not isinstance(error, FileNotFoundError | PermissionError) else str(project)
+        fail(f"{where} cannot be used ({reason(error)}); give another one", status_of(error))

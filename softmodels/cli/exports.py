@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,18 +12,13 @@ import click
 
 from geometries.options import field_option
 from softmodels.api.calls import export
-from softmodels.case.entries import INPUT_ERRORS
-from softmodels.casting.settings import Asked, MouldError, Workshop, asked_of
-from softmodels.cli.options import fail, write_into
-from softmodels.common.commands import FolderType, open_folder, status_of
-from softmodels.common.errors import MeshingError
-from softmodels.common.folders import OwnFolderError, check_output_file
+from softmodels.casting.settings import Asked, Workshop, asked_of
+from softmodels.cli.options import command, unwritable, write_into
+from softmodels.common.commands import flag_option, open_folder, option, options, output_option, quiet_option
+from softmodels.common.folders import check_output_file
 from softmodels.common.processes import say
 from softmodels.common.schema import about
-from softmodels.mechanics.body import BodyError
-from softmodels.mechanics.compiling import CompilingError
 from softmodels.mechanics.mpi import launched, speaks, start
-from softmodels.runs.outcomes import FAILED
 
 if TYPE_CHECKING:
     from softmodels.casting.make import Made
@@ -30,9 +27,19 @@ if TYPE_CHECKING:
 # The command ``mould``.
 
 
-def mould(
-    file: Path, silicone: str | None, output: Path | None, quiet: bool, no_pictures: bool, **settings: object
-) -> None:
+@dataclasses.dataclass(frozen=True)
+class MouldOptions:
+    """The options of the command except those of the workshop."""
+
+    output: Path | None = output_option(  # noqa: RUF009
+        "Folder for the mould.  [default: results/NAME-mould, or results/NAME-mould-2 and so on]"
+    )
+    silicone: str | None = option(help="Silicone product, such as ecoflex-00-30.  [default: the case's]")
+    quiet: bool = quiet_option()
+    no_pictures: bool = flag_option("Skip the pictures.")
+
+
+def mould(file: Path, how: MouldOptions, settings: Mapping[str, object]) -> None:
     """Make the mould of the device in a case FILE: cups and lids as STEP and STL, in mm, and a sheet for the bench.
 
     A device is cast in one piece or in several that are bonded, as its recipe says: a cup forms the outside of a piece, a
@@ -50,17 +57,12 @@ def mould(
     \b
     Exit status: 0 done; 1 failed; 2 bad input; 130 stopped.
     """
-    try:
-        asked = asked_of(file, silicone, **settings)
-        given = {"silicone": silicone, **settings}
-        files = [file, *map(Path, asked.device.files.values())]
-        folder = (
-            open_folder(output, Path("results") / f"{asked.name}-mould", "mould", given, files) if speaks() else None
-        )
-    except (MouldError, OwnFolderError, *INPUT_ERRORS) as error:
-        fail(str(error))
-    if folder is None:
+    asked = asked_of(file, how.silicone, **settings)
+    files = [file, *map(Path, asked.device.files.values())]
+    if not speaks():
         return
+    given = {"silicone": how.silicone, **settings}
+    folder = open_folder(how.output, Path("results") / f"{asked.name}-mould", "mould", given, files)
     from softmodels.casting.files import write_bodies, write_sheet
     from softmodels.casting.make import made
 
@@ -69,19 +71,14 @@ def mould(
     def write(place: Path) -> None:
         nonlocal drawn
         write_bodies(place, asked, found)
-        drawn = write_sheet(place, asked, found, not no_pictures)
+        drawn = write_sheet(place, asked, found, not how.no_pictures)
 
-    try:
-        found = made(asked.device, asked.workshop)
-        write_into(folder, write, "the mould")
-    except (MouldError, *INPUT_ERRORS) as error:
-        fail(str(error))
-    except MeshingError as error:
-        fail(str(error), FAILED)
-    if not quiet:
+    found = made(asked.device, asked.workshop)
+    write_into(folder, write, "the mould")
+    if not how.quiet:
         for text in mould_summary(asked, found):
             say(text)
-        if not drawn and not no_pictures:
+        if not drawn and not how.no_pictures:
             say("no pictures: this machine cannot render; see softmodels doctor")
         say(f"mould in {folder.path}; sheet.html is the casting sheet")
 
@@ -104,19 +101,15 @@ def mould_summary(asked: Asked, found: Made) -> list[str]:
 
 
 def _mould_command() -> click.Command:
-    command = mould
-    command = click.option("--no-pictures", is_flag=True, help="Skip the pictures.")(command)
-    command = click.option("--quiet", is_flag=True, help="Print only errors.")(command)
+    @click.argument("file", type=click.Path(path_type=Path))
+    @options(MouldOptions)
+    def made(file: Path, how: MouldOptions, **settings: object) -> None:
+        mould(file, how, settings)
+
     for name, field in reversed(list(about(Workshop).items())):
         default = getattr(Workshop, name)
-        command = field_option(name, field, None if default == "" else default)(command)
-    command = click.option("--silicone", help="Silicone product, such as ecoflex-00-30.  [default: the case's]")(
-        command
-    )
-    text = "Folder for the mould.  [default: results/NAME-mould, or results/NAME-mould-2 and so on]"
-    command = click.option("-o", "--output", type=FolderType(), help=text)(command)
-    command = click.argument("file", type=click.Path(path_type=Path))(command)
-    return click.command(name="mould")(command)
+        made = field_option(name, field, None if default == "" else default)(made)
+    return command("mould", help=mould.__doc__)(made)
 
 
 mould_command = _mould_command()
@@ -126,7 +119,7 @@ mould_command = _mould_command()
 # The command ``export``.
 
 
-@click.command(name="export")
+@command("export")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Deck: NAME.inp or NAME.feb.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
@@ -148,14 +141,8 @@ def export_command(file: Path, output: Path, quiet: bool) -> None:
         start()
     if not speaks():
         return
-    try:
+    with unwritable(output):
         deck = export(file, output)
-    except INPUT_ERRORS as error:
-        fail(str(error))
-    except (MeshingError, BodyError, CompilingError) as error:
-        fail(str(error), FAILED)
-    except OSError as error:
-        fail(f"{output} cannot be written ({error.strerror or error})", status_of(error))
     if not quiet:
         steps, mesh = len(deck.pressures), deck.mesh
         say(f"{output}: {len(mesh.cells)} cells, {len(mesh.points)} nodes, {steps} pressure{'s' * (steps > 1)}")
@@ -168,7 +155,7 @@ def export_command(file: Path, output: Path, quiet: bool) -> None:
 # The command ``reduce``.
 
 
-@click.command(name="reduce")
+@command("reduce")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File: NAME.csv, NAME.json, NAME.xml "
               "(MuJoCo) or NAME.py (SOFA).")  # fmt: skip
@@ -195,19 +182,11 @@ def reduce_command(folder: Path, output: Path, kind: str, face: str, quiet: bool
     """
     from softmodels.api.calls import load
     from softmodels.decks.chains import is_own, kind_of
-    from softmodels.runs.outcomes import RunError
-    from softmodels.runs.store import ResultsError
 
-    try:
+    with unwritable(output):
         kind_of(output, kind)
         check_output_file(output, [], is_own, "a reduced model", "--output")
         made = load(folder).reduce(output, kind=kind, face=face)
-    except (OwnFolderError, ResultsError, *INPUT_ERRORS) as error:
-        fail(str(error))
-    except (MeshingError, BodyError, CompilingError, RunError) as error:
-        fail(str(error), FAILED)
-    except OSError as error:
-        fail(f"{output} cannot be written ({error.strerror or error})", status_of(error))
     if not quiet:
         say(f"{output}: {made._line()}, tip {made.face}")
         for name, text in made._figures():

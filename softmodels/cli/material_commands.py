@@ -1,4 +1,4 @@
-"""The commands ``curve`` and ``score``, and the options of all commands that read tensile curves."""
+"""The commands about materials: ``fit``, ``curve``, ``score`` and ``silicones``, and the options with which they read tests."""
 
 from __future__ import annotations
 
@@ -7,117 +7,134 @@ import csv
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, Unpack
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 
 from geometries.options import QuantityType
+from softmodels.case.case import Case
 from softmodels.case.materials import material_from
-from softmodels.cli.options import fail, write_into
-from softmodels.common.commands import FolderType, open_folder
+from softmodels.cli.options import command, fail, write_into
+from softmodels.common.commands import flag_option, open_folder, option, options, output_option, quiet_option
+from softmodels.common.errors import known_are
 from softmodels.common.files import read_text, write_text
-from softmodels.common.folders import OwnFolderError
+from softmodels.common.folders import ResultFolder
 from softmodels.common.pages import Fact, Page, Provenance, Table
 from softmodels.common.processes import say
 from softmodels.common.units import UnitError, brief, exact_text, number, quantity, with_prefix
+from softmodels.fitting.comparison import FitReport, separate_file
 from softmodels.fitting.curves.curve import EQUILIBRIUM, Specimen, TensileCurve, TensileError, read_curve
-from softmodels.fitting.curves.fit import prepared
-from softmodels.fitting.problem import HEIGHTS_FROM, FitError
+from softmodels.fitting.curves.fit import fit_curves, prepared
+from softmodels.fitting.curves.residuals import StressError
+from softmodels.fitting.outlines.fit import device_names, fit, fit_heights
+from softmodels.fitting.outlines.shapes import OutlineFitError
+from softmodels.fitting.problem import (
+    BENCH,
+    HEIGHTS_FROM,
+    USUAL_GAUGE_ERROR,
+    CannotEvaluate,
+    Change,
+    FitError,
+    FitOptions,
+    LawChoice,
+    Prior,
+    UnsoundError,
+    all_parameters,
+    known_laws,
+    law_choices,
+)
 from softmodels.fitting.scoring import Score, against_outlines, error_of, score_curve, write_scores
+from softmodels.fitting.tables import as_json, as_text, material_toml, name_of, retire, write_curves, write_materials
 from softmodels.materials.laws import Material, MaterialError
-from softmodels.materials.silicones import publications
-from softmodels.materials.specimens import MODE_NAMES
+from softmodels.materials.silicones import (
+    PRODUCTS,
+    SILICONE_DENSITY,
+    SILICONES,
+    Silicone,
+    casting_of,
+    full_name,
+    product_of,
+    publications,
+    spread_sentence,
+)
+from softmodels.materials.specimens import FLOW, MODE_NAMES, SOFTENING, nominal_stress
 from softmodels.materials.stability import MaterialCurves
-from softmodels.mechanics.mpi import speaks
+from softmodels.mechanics.mpi import abort_on_error, on_root, speaks, start
+from softmodels.runs.columns import StateLabels
+from softmodels.runs.notes import sentences
+from softmodels.runs.outcomes import DONE, FAILED, Progress
 
 if TYPE_CHECKING:
     from measurement.outline.outline import Outline
     from softmodels.case.materials import MaterialErrors
     from softmodels.fitting.outlines.device import MeasuredDevice
 
-
-class CurveFiles(TypedDict):
-    """Values of the options of `tensile_option` and `specimen_options`."""
-
-    tensile: tuple[str, ...]
-    columns: str
-    gauge_length: float | None
-    cross_section: float | None
+# ----------------------------------------------------------------------------------------------------------------------
+# Options of several of these commands.
 
 
-def tensile_option[Command: Callable[..., object]](
-    text: str = "Curve of a test, FILE[:TEST][:RATE], CSV or Excel (.xlsx); may be given several times.",
-) -> Callable[[Command], Command]:
-    return click.option("--tensile", "tensile", multiple=True, metavar="FILE[:TEST][:RATE]", help=text)
+TENSILE = "FILE[:TEST][:RATE]"
+MATERIAL = "NAME[:KEY=VALUE,...]"
 
 
-def specimen_options[Command: Callable[..., object]](command: Command) -> Command:
-    """Add the options for what a curve's file does not contain."""
-    for flag, unit, text in (
-        ("--gauge-length", "m", "Undeformed length, for files with extensions."),
-        ("--cross-section", "m^2", "Undeformed cross-section, such as 18mm^2, for files with forces."),
-    ):
-        command = click.option(flag, type=QuantityType(unit), help=text)(command)
-    text = "Columns of the files, if the headers do not name them: 'strain=1[%],stress=Load[kPa]'."
-    return click.option("--columns", default="", metavar="KIND=COLUMN[UNIT],...", help=text)(command)
+@dataclasses.dataclass(frozen=True)
+class CurveFiles:
+    """Tests, and what their files do not contain."""
 
+    tensile: tuple[str, ...] = option(multiple=True, metavar=TENSILE, help="Curve of a test, FILE[:TEST][:RATE], CSV or Excel "
+                                      "(.xlsx); may be given several times.")  # fmt: skip
+    columns: str = option(default="", metavar="KIND=COLUMN[UNIT],...", help="Columns of the files, if the headers do not name "
+                          "them: 'strain=1[%],stress=Load[kPa]'.")  # fmt: skip
+    gauge_length: float | None = option(type=QuantityType("m"), help="Undeformed length, for files with extensions.")
+    cross_section: float | None = option(
+        type=QuantityType("m^2"), help="Undeformed cross-section, such as 18mm^2, for files with forces."
+    )
+    radius: float | None = option(type=QuantityType("m"), help="A balloon's undeformed radius.")
+    thickness: float | None = option(type=QuantityType("m"), help="Its undeformed thickness.")
 
-def check_curves_given(options: Mapping[str, object]) -> None:
-    """Reject options about curves if no curve is given.
+    def check_given(self, *more: str) -> None:
+        """Reject options about curves, ``more`` of a command's own among them, if no curve is given.
 
-    Raises:
-        TensileError: The first of them.
-    """
-    if options["tensile"]:
-        return
-    usual = {"columns": "", "gauge_length": None, "cross_section": None, "stretch": None, "radius": None, "thickness": None,
-             "stress_error": "auto", "gauge_error": "auto"}  # fmt: skip
-    for name, default in usual.items():
-        if options.get(name, default) != default:
-            raise TensileError(
-                f"--{name.replace('_', '-')} applies to curves only; give one with --tensile, or leave it out"
-            )
+        Raises:
+            TensileError: The first of them.
+        """
+        for field in () if self.tensile else dataclasses.fields(self):
+            named = field.name in ("columns", "gauge_length", "cross_section", *more)
+            if named and getattr(self, field.name) != field.default:
+                name = field.name.replace("_", "-")
+                raise TensileError(f"--{name} applies to curves only; give one with --tensile, or leave it out")
 
+    def read(self, stretch: str | None = None, history: bool = False) -> list[TensileCurve]:
+        """Read the curves within a range of stretch as typed (None for all), and average dense ones (see `thinned`).
 
-def read_curves(
-    files: CurveFiles,
-    radius: float | None,
-    thickness: float | None,
-    stretch: str | None = None,
-    history: bool = False,
-) -> list[TensileCurve]:
-    """Read the curves of ``--tensile`` within ``--stretch``, and average dense ones (see `thinned`).
+        Args:
+            stretch: The range.
+            history: Whether the whole tests are needed, with their times.
 
-    Args:
-        files: The curves.
-        radius, thickness: Of a balloon, undeformed, in m.
-        stretch: Range of stretch as typed; None for all.
-        history: Whether the whole tests are needed, with their times.
+        Raises:
+            TensileError: A curve cannot be used, or they do not go together.
+        """
+        if not self.tensile:
+            raise TensileError("nothing to fit to; give a curve with --tensile FILE")
+        specimen = Specimen(self.cross_section, self.gauge_length, self.radius, self.thickness)
+        curves = []
+        for text in self.tensile:
+            file, test, rate = parts(text)
+            pace = rate_of(rate, self.gauge_length)
+            curves.append(read_curve(file, test, self.columns, specimen, history=history, rate=pace))
+        names = [curve.name for curve in curves]
+        if len(set(names)) < len(names):  # files of one name in different folders
+            texts = [text if names.count(name) > 1 else name for text, name in zip(self.tensile, names, strict=True)]
+            curves = [dataclasses.replace(curve, name=text) for curve, text in zip(curves, texts, strict=True)]
+        return prepared(curves, stretch_range(stretch) if stretch else None, history)
 
-    Raises:
-        TensileError: A curve cannot be used, or they do not go together.
-    """
-    if not files["tensile"]:
-        raise TensileError("nothing to fit to; give a curve with --tensile FILE")
-    specimen = Specimen(files["cross_section"], files["gauge_length"], radius, thickness)
-    curves = []
-    for text in files["tensile"]:
-        file, test, rate = parts(text)
-        pace = rate_of(rate, files["gauge_length"])
-        curves.append(read_curve(file, test, files["columns"], specimen, history=history, rate=pace))
-    names = [curve.name for curve in curves]
-    if len(set(names)) < len(names):  # files of one name in different folders
-        texts = [text if names.count(name) > 1 else name for text, name in zip(files["tensile"], names, strict=True)]
-        curves = [dataclasses.replace(curve, name=text) for curve, text in zip(curves, texts, strict=True)]
-    return prepared(curves, stretch_range(stretch) if stretch else None, history)
-
-
-def curve_file(text: str) -> Path:
-    """Return the file of ``FILE[:TEST][:RATE]``."""
-    return parts(text)[0]
+    @property
+    def files_read(self) -> list[Path]:
+        return [parts(text)[0] for text in self.tensile]
 
 
 def parts(text: str) -> tuple[Path, str, str]:
@@ -165,10 +182,9 @@ def stretch_range(text: str) -> tuple[float, float]:
     """Read ``"1.02:6"``."""
     try:
         low, high = (number(part) for part in text.split(":"))
-    except UnitError as error:
-        raise TensileError(f"stretch {brief(text)} is not a range ({error}); write it like 1.02:3") from None
-    except ValueError:
-        raise TensileError(f"stretch {brief(text)} is not a range; write it like 1.02:3") from None
+    except ValueError as error:
+        why = f" ({error})" if isinstance(error, UnitError) else ""
+        raise TensileError(f"stretch {brief(text)} is not a range{why}; write it like 1.02:3") from None
     if not 0.0 < low < high < 100.0:
         raise TensileError(f"stretch {text!r}: the range must rise, from above 0 to below 100")
     if high <= 1.0 <= low or low == high:
@@ -176,12 +192,344 @@ def stretch_range(text: str) -> tuple[float, float]:
     return low, high
 
 
-height_datum_option = click.option(
-    "--height-datum", type=click.Choice(HEIGHTS_FROM), default=None,
-    help="Zero of the heights if the case has gravity or forces, or a top that is not flat (balloon, bellows): the "
-    "upper edge of the shadow at zero pressure, the apex there, or the undeformed top.  [default: the shadow; if the "
-    "undeformed top is not flat the apex, which outlines have to name]",
-)  # fmt: skip
+@dataclasses.dataclass(frozen=True)
+class OutlineOptions:
+    """How outlines are read."""
+
+    untrusted: bool = flag_option("Also use outlines that the measurement flags as untrusted.")
+    height_datum: str | None = option(
+        type=click.Choice(HEIGHTS_FROM),
+        help="Zero of the heights if the case has gravity or forces, or a top that is not flat (balloon, bellows): the "
+        "upper edge of the shadow at zero pressure, the apex there, or the undeformed top.  [default: the shadow; if the "
+        "undeformed top is not flat the apex, which outlines have to name]",
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``fit``: read the measurements, fit the laws, write the result files.
+
+
+BENCH_UNITS = {"pressure_offset": "Pa", "zero": "m", "centre": "m"}
+"""Units of the bench corrections that have one."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FitGiven(OutlineOptions, CurveFiles):
+    """The options of `fit_material`."""
+
+    heights: Path | None = option(  # noqa: RUF009
+        type=click.Path(path_type=Path), metavar="HEIGHTS.csv",
+        help="Fit the largest deflections at each pressure, as in the thesis, instead of outlines.",
+    )  # fmt: skip
+    free: tuple[str, ...] = option(
+        multiple=True, metavar="NAME", help="With a case: free poisson, or a length such as membrane."
+    )
+    exclude: tuple[str, ...] = option(
+        multiple=True, metavar="PHOTOGRAPH", help="Exclude a photograph, such as 4.jpg; may be repeated."
+    )
+    silicone: str | None = option(
+        metavar="NAME", help="Silicone the part was cast from, such as ecoflex-00-30: its published moduli reveal pressures in "
+        "a wrong unit. any: unlisted.  [default: the case's material]",
+    )  # fmt: skip
+    laws: str = option("--material", default="yeoh", show_default=True, metavar="LAW,...",
+                       help=f"Laws to compare: {known_laws()}, or all.")  # fmt: skip
+    memory: bool = flag_option(
+        "Fit relaxation too, and softening where the data show it, to tests with a column of times, or a RATE such as 0.05/s, "
+        "50mm/min or equilibrium."
+    )
+    stretch: str | None = option(metavar="FROM:TO", help="Range of stretch to fit over.  [default: the whole curves]")
+    stress_error: str = option(
+        default="auto", show_default=True, metavar="ERROR", help="2%+0.5kPa; constant (unweighted); auto weights by 2 % and "
+        "the curve's noise. The last two are scaled by the scatter.",
+    )  # fmt: skip
+    gauge_error: str = option(
+        default="auto", show_default=True, metavar="SHARE", help="Standard error of a factor on each test (cross-section, load "
+        "cell), such as 5%; auto takes 3 % and 1 %, 3.2 % together; none omits it, which makes the intervals much too narrow.",
+    )  # fmt: skip
+    poisson: float = option(
+        type=QuantityType(""), default=0.5, show_default=True, help="Poisson's ratio of the fitted material."
+    )
+    fix: tuple[str, ...] = option(multiple=True, metavar="NAME=VALUE", help="Fix a parameter, such as c3=0.")
+    bounds: tuple[str, ...] = option(
+        multiple=True, metavar="NAME=FROM:TO", help="Bound a parameter; an end may be empty."
+    )
+    prior: tuple[str, ...] = option(multiple=True, metavar="NAME=VALUE+-ERROR", help="Prior knowledge of a parameter.")
+    robust: bool = flag_option("Robust loss: outliers count by their size, not its square.")
+    no_profiles: bool = flag_option("Skip the profile likelihoods: intervals from the covariance only.")
+    no_pictures: bool = flag_option("Skip the pictures and the report.")
+    quiet: bool = quiet_option()
+    output: Path | None = output_option(  # noqa: RUF009
+        "Folder for the results.  [default: results/fit; results/fit-2 and so on if that holds another fit]"
+    )
+
+    def fit_options(self, changes: Mapping[str, Change]) -> FitOptions:
+        """Return them as `FitOptions`.
+
+        Raises:
+            FitError: A gauge error that is no share, or a parameter that is to be both free and fixed.
+        """
+        gauge = {"auto": USUAL_GAUGE_ERROR, "none": 0.0}
+        return FitOptions(
+            poisson=self.poisson, changes=changes, robust=self.robust, profiles=not self.no_profiles,
+            silicone=self.silicone, stress_error=self.stress_error,
+            gauge_error=gauge[self.gauge_error] if self.gauge_error in gauge else quantity(self.gauge_error, ""),
+            free=self.free_of_bench, exclude=self.exclude, untrusted=self.untrusted,
+            height_datum=self.height_datum or "", memory=self.memory,
+        )  # fmt: skip
+
+    @property
+    def free_of_bench(self) -> tuple[str, ...]:
+        """The free bench and device parameters: the defaults plus ``--free`` minus ``--fix``; `OutlineFitError` for one that is
+        to be both."""
+        fixed = {text.partition("=")[0].strip() for text in self.fix}
+        if both := [name for name in self.free if name in fixed]:
+            raise OutlineFitError(f"{both[0]} cannot be both free (--free) and fixed (--fix)")
+        return tuple(dict.fromkeys(name for name in (*BENCH, *self.free) if name not in fixed))
+
+
+def curve_changes(options: FitGiven, choices: Sequence[LawChoice]) -> dict[str, Change]:
+    """Return the changes that ``--fix``, ``--bounds`` and ``--prior`` make to parameters of laws fitted to curves.
+
+    Raises:
+        FitError: A text that is no such change, or a name that none of the laws has.
+    """
+    units = {name: choice.unit(name) for choice in choices for name in choice.names}
+    laws, known = ", ".join(choice.name for choice in choices), ", ".join(units)
+    return _changes(options, units, lambda name: f"{laws}: no parameter {name!r}; there is {known}", value_needed=True)
+
+
+def device_changes(options: FitGiven, lengths: Mapping[str, Sequence[str]]) -> dict[str, Change]:
+    """Return the same for devices, with variable lengths by name; ``--fix leak`` keeps its nominal value.
+
+    Of several devices ``leak`` is that of each, and ``NAME.leak`` that of one.
+
+    Raises:
+        FitError: A text that is no such change, or a name that nothing has.
+    """
+    bench = {name: BENCH_UNITS.get(name, "") for name in BENCH}
+    of = {device: {**bench, **dict.fromkeys(names, "m")} for device, names in lengths.items()}
+    own = {"poisson": "", **{name: unit for units in of.values() for name, unit in units.items()}}
+    known = ", ".join(own)
+    if len(of) > 1:
+        own |= {f"{device}.{name}": unit for device, units in of.items() for name, unit in units.items()}
+        known += f", each of them also of one device, such as {next(reversed(of))}.leak"
+    return _changes(
+        options,
+        {**all_parameters(), **own},
+        lambda name: f"there is no parameter {name!r}; the bench and the device have {known}",
+        value_needed=False,
+    )
+
+
+def _changes(
+    options: FitGiven, units: Mapping[str, str], unknown: Callable[[str], str], value_needed: bool
+) -> dict[str, Change]:
+    """Return the changes by parameter; the curves' factors ``gauge1`` and so on are known to all laws, and with ``--memory``
+    the weights of its branches, its softening and what its viscosity depends on."""
+    changes: dict[str, Change] = {}
+    remembered = ("share_", *SOFTENING, *FLOW) if options.memory else ()
+    if remembered:
+        units = {**units, SOFTENING[1]: "Pa"}
+    kinds: tuple[tuple[tuple[str, ...], Callable[[str, str], Change]], ...] = (
+        (options.fix, _read_fixed), (options.bounds, read_bounds), (options.prior, read_prior),
+    )  # fmt: skip
+    for texts, read in kinds:
+        for text in texts:
+            name, equals, value = (part.strip() for part in text.partition("="))
+            if name not in units and not name.startswith(("gauge", *remembered)):
+                raise FitError(unknown(name))
+            if value_needed and not equals:
+                raise FitError(f"{text!r} is not NAME=VALUE")
+            try:
+                changes.setdefault(name, {}).update(read(value, units.get(name, "")) if equals or read is not _read_fixed
+                                                    else {"fixed": True})  # fmt: skip
+            except (UnitError, FitError) as error:
+                raise FitError(f"{text!r}: {error}") from None
+    return changes
+
+
+def _read_fixed(value: str, unit: str) -> Change:
+    return {"start": quantity(value, unit), "fixed": True}
+
+
+def read_bounds(value: str, unit: str) -> Change:
+    """Read ``FROM:TO``; an end may be empty."""
+    low, colon, high = value.partition(":")
+    if not colon:
+        raise FitError(f"{value!r} is not FROM:TO")
+    change: Change = {}
+    if low.strip():
+        change["lower"] = quantity(low, unit)
+    if high.strip():
+        change["upper"] = quantity(high, unit)
+    return change
+
+
+def read_prior(value: str, unit: str) -> Change:
+    """Read ``VALUE+-ERROR``."""
+    mean, separator, error = value.partition("+-")
+    if not separator:
+        raise FitError(f"{value!r} is not VALUE+-ERROR")
+    return {"prior": Prior(quantity(mean, unit), quantity(error, unit))}
+
+
+@command("fit")
+@click.argument("files", metavar="[CASE.toml [OUTLINES...]]...", nargs=-1, type=click.Path(path_type=Path))
+@options(FitGiven)
+def fit_material(files: tuple[Path, ...], how: FitGiven) -> None:
+    """Fit laws to measurements: parameters with 95 % intervals, and a material file for a simulation.
+
+    With --tensile, to curves of test machines. With a CASE (such as the case.toml in a folder of results), to outlines of that
+    device at all pressures (files or folders that python -m measurement photos has made), alone or together with curves.
+    Systematic
+    errors of the bench are fitted too, within plausible bounds: an offset and a unit of pressure, a leak, a unit of
+    length, the zero plane, the axis. --fix leak keeps one of them at its nominal value, --prior 'leak=0+-5%' sets an expected
+    error. Gravity, masses and forces of the case are taken as known; they act in every photograph, also at zero pressure.
+
+    With several CASEs, each followed by its OUTLINES, one material is fitted to all of them, as to parts of one cast. The
+    errors
+    of the bench are fitted per device: --fix leak applies to all of them, --fix disk.leak to the one whose case is named disk.
+    For each device the misfit is reported.
+
+    TEST is uniaxial (default), planar (pure shear), equibiaxial or balloon (pressure against stretch or radius). A file's
+    headers name its columns, such as 'strain (%)' and 'stress (kPa)'; only the loading ramp up to the break is used.
+    A modulus is valid only in its fit range: choose the stretches of the device with --stretch.
+
+    With --memory the whole tests are used: cycles, holds, several rates at once. The law is then that of equilibrium, and
+    fitted.toml has [material.memory]: relaxing branches, one per decade of time that the data cover, and Mullins softening
+    where a second loading, or a hold after an unloading, shows it. --bounds onset=0.01:10 also fits a viscosity that
+    depends on stress. Without --memory the law is that of the tests' rate.
+
+    \b
+    Examples:
+      softmodels fit --tensile curve.csv --material yeoh --stretch 1.02:3
+      softmodels fit --tensile ut.csv --tensile ps.csv:planar --tensile et.csv:equibiaxial --material all
+      softmodels fit --tensile cycle.csv --tensile slow.csv:uniaxial:equilibrium --memory
+      softmodels fit --tensile pull.csv --columns 'extension=1[mm],force=2[N]' --gauge-length 33mm --cross-section 18mm^2
+      softmodels fit results/disk/case.toml outlines/ --material yeoh --fix c3=0Pa
+      softmodels fit results/disk/case.toml outlines/ --tensile curve.csv --material neo-hookean,yeoh --poisson 0.49
+      softmodels fit a/case.toml outlines_a/ b/case.toml outlines_b/ --material yeoh
+      softmodels fit results/disk/case.toml --heights outlines/heights.csv --material neo-hookean
+      python -m softmodels.disk --material results/fit/fitted.toml
+
+    \b
+    Exit status: 0 done; 1 no law was accepted: the reason is reported, and the rejected fit is in unsound.toml, not
+    in fitted.toml; 2 bad input.
+    """
+    comm = start() if files else None
+    folder: list[ResultFolder] = []  # of rank 0
+
+    def open_here() -> None:
+        """Before anything is computed."""
+        read = [*files, *how.files_read, *([how.heights] if how.heights else [])]
+        asked = {**vars(how), "files": files}
+        folder.append(open_folder(how.output, Path("results/fit"), "fit", asked, read))
+
+    if comm is not None:
+        on_root(comm, open_here)
+    elif speaks():
+        open_here()
+    try:
+        with sentences():
+            report = _device_report(files, how) if files else _curves_report(how)
+    except (UnsoundError, CannotEvaluate) as error:
+        for one in folder:  # the files of an earlier fit are not mistaken for this one's
+            with contextlib.suppress(OSError):
+                retire(one.path)
+        fail(str(error), FAILED)
+    if not folder:
+        sys.exit(DONE if report.chosen.sound else FAILED)
+    write_into(folder[0], lambda place: _write_fit(report, folder[0].path, place, how), "the results")
+    if not how.quiet:
+        say(as_text(report))
+    if report.separate:
+        say(f"softmodels: {report.separate.pairs[0].sentence}; {report.separate.spread}", err=True)
+    if not how.quiet:
+        for text in [*report.chosen.judgement.notes, _closing(report, folder[0].path)]:
+            say(text)
+    if not report.chosen.sound:
+        say(f"softmodels: {report.chosen.choice.name}: {report.chosen.warnings[0]}", err=True)
+    sys.exit(DONE if report.chosen.sound else FAILED)
+
+
+def _closing(report: FitReport, folder: Path) -> str:
+    file = folder / name_of(report.chosen)
+    if report.chosen.sound:
+        return f"written to {folder}; use it with --material {file}"
+    return f"written to {folder}; no fitted.toml, because the fit was rejected: inspect {file}, do not simulate with it"
+
+
+def _curves_report(how: FitGiven) -> FitReport:
+    if how.heights or how.free or how.untrusted or how.exclude or how.height_datum:
+        raise FitError(
+            "--heights, --free, --untrusted, --exclude and --height-datum need a device; give its case file first"
+        )
+    curves = how.read(how.stretch, how.memory)
+    choices = law_choices(how.laws, how.poisson)
+    StressError.from_text(how.stress_error)
+    progress = Progress(len(choices), "laws", StateLabels(""), how.quiet or not speaks())
+    return fit_curves(curves, how.laws, how.fit_options(curve_changes(how, choices)), progress=progress.say)
+
+
+def _device_report(files: Sequence[Path], how: FitGiven) -> FitReport:
+    how.check_given("stretch", "radius", "thickness", "stress_error", "gauge_error")
+    curves = how.read(how.stretch, how.memory) if how.tensile else []
+    StressError.from_text(how.stress_error)
+    pairs = _devices(files)
+    if how.heights is not None and (len(pairs) > 1 or pairs[0][1]):
+        raise OutlineFitError("fit either outlines or --heights, not both: the same data would count twice")
+    if how.heights is not None and how.tensile:
+        raise OutlineFitError(
+            "heights without outlines have no errors to weigh tensile curves with; add outlines, or fit the two separately"
+        )
+    devices = []
+    for file, outlines in pairs:
+        devices.append((Case.from_file(file), outlines))
+        if how.heights is None and not outlines:
+            raise OutlineFitError(f"{file} describes only the device; add its outlines, or --heights heights.csv")
+    cases = [case for case, _ in devices]
+    lengths = {
+        name: case.actuator.variable
+        for name, case in zip(device_names([case.name for case in cases]), cases, strict=True)
+    }
+    chosen = how.fit_options(device_changes(how, lengths))
+    comm = start()
+    abort_on_error(comm)
+    if how.heights is not None:
+        return fit_heights(cases[0], how.heights, how.laws, chosen, comm=comm)
+    return fit(devices, material=how.laws, options=chosen, curves=curves, comm=comm)
+
+
+def _devices(files: Sequence[Path]) -> list[tuple[Path, list[Path]]]:
+    """Return the case files, each with the outlines that follow it."""
+    pairs: list[tuple[Path, list[Path]]] = []
+    for file in files:
+        if not pairs or file.suffix == ".toml":
+            pairs.append((file, []))
+        else:
+            pairs[-1][1].append(file)
+    return pairs
+
+
+def _write_fit(report: FitReport, folder: Path, place: Path, how: FitGiven) -> None:
+    """Write the material files, every number, the curves, the pictures and the page; put away those of an earlier fit."""
+    own: dict[str, str] = {}
+    if report.separate:
+        for curve, one in zip(report.separate.curves, report.separate.own, strict=True):
+            alone = dataclasses.replace(report, curves=(curve,), separate=None)
+            own[separate_file(report.separate, curve)] = material_toml(one, alone)
+    write_materials(report, place, own)
+    (place / "fit.json").write_text(as_json(report), encoding="utf-8")
+    write_curves(place / "curves.csv", report.laws, report.curves)
+    if not how.no_pictures:
+        from softmodels.pictures.fits import as_png, figures, page
+
+        drawn = figures(report)
+        for name, figure in drawn.items():
+            (place / f"{name}.png").write_bytes(as_png(figure))
+        tables = {file.name: read_text(file) for file in [place / "curves.csv"] if file.exists()}
+        (place / "report.html").write_text(page(report, drawn, tables), encoding="utf-8")
+    retire(folder, {file.name for file in place.iterdir()})
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -192,30 +540,31 @@ POINTS = 201
 TABLE_POINTS = 11
 
 
-class CurveGiven(CurveFiles):
-    """Values of the command's further options, by name."""
+@dataclasses.dataclass(frozen=True)
+class CurveOptions(CurveFiles):
+    """The options of `curve`."""
 
-    radius: float
-    thickness: float
+    tensile: tuple[str, ...] = option(
+        multiple=True, metavar=TENSILE, help="Measured curve to plot for comparison, FILE[:TEST]."
+    )
+    radius: float = option(
+        type=QuantityType("m"), default=0.02, help="The balloon's undeformed radius.  [default: 20mm]"
+    )
+    thickness: float = option(type=QuantityType("m"), default=0.001, help="Its undeformed thickness.  [default: 1mm]")
+    material: tuple[str, ...] = option(multiple=True, metavar=MATERIAL, help="Silicone, TOML file, or law with numbers "
+                                       "(yeoh:c1=8kPa,c2=90Pa); several are compared.")  # fmt: skip
+    stretch: str = option(default="1:4", show_default=True, metavar="FROM:TO", help="Range of stretch.")
+    incompressible: bool = flag_option("Use a Poisson's ratio of 0.5 instead of the material's.")
+    no_pictures: bool = flag_option("Do not draw the picture.")
+    quiet: bool = quiet_option()
+    output: Path | None = output_option(  # noqa: RUF009
+        "Folder for the results.  [default: results/curve; results/curve-2 and so on if that holds other curves]"
+    )
 
 
-@click.command("curve")
-@click.option("--material", "names", multiple=True, metavar="NAME[:KEY=VALUE,...]",
-              help="Silicone, TOML file, or law with numbers (yeoh:c1=8kPa,c2=90Pa); several are compared.")  # fmt: skip
-@click.option("--stretch", default="1:4", show_default=True, metavar="FROM:TO", help="Range of stretch.")
-@click.option("--incompressible", is_flag=True, help="Use a Poisson's ratio of 0.5 instead of the material's.")
-@click.option(
-    "--radius", type=QuantityType("m"), default=0.02, help="The balloon's undeformed radius.  [default: 20mm]"
-)
-@click.option("--thickness", type=QuantityType("m"), default=0.001, help="Its undeformed thickness.  [default: 1mm]")
-@tensile_option("Measured curve to plot for comparison, FILE[:TEST].")
-@specimen_options
-@click.option("--no-pictures", is_flag=True, help="Do not draw the picture.")
-@click.option("--quiet", is_flag=True, help="Print only errors.")
-@click.option("-o", "--output", type=FolderType(), help="Folder for the results.  [default: results/curve; "
-              "results/curve-2 and so on if that holds other curves]")  # fmt: skip
-def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Path | None, no_pictures: bool, quiet: bool,
-          **options: Unpack[CurveGiven]) -> None:  # fmt: skip
+@command("curve")
+@options(CurveOptions)
+def curve(how: CurveOptions) -> None:
     """Show materials in uniaxial tension, pure shear and equibiaxial tension, and as a balloon.
 
     Each is drawn with its own Poisson's ratio. Where a law stops being stable, is said. Ogden's factors take commas:
@@ -230,39 +579,33 @@ def curve(names: tuple[str, ...], stretch: str, incompressible: bool, output: Pa
     \b
     Exit status: 0 done; 2 bad input.
     """
-    try:
-        low, high = stretch_range(stretch)
-        if not names:
-            raise MaterialError("nothing to show; give a material with --material NAME")
-        materials = [read_material(text, incompressible) for text in names]
-        check_curves_given({name: value for name, value in options.items() if name not in ("radius", "thickness")})
-        asked = {**options, "names": names, "stretch": stretch, "incompressible": incompressible}
-        files = [*map(Path, names), *map(curve_file, options["tensile"])]
-        folder = open_folder(output, Path("results/curve"), "curves", asked, files) if speaks() else None
-        measured = []
-        if options["tensile"]:
-            measured = read_curves(options, options["radius"], options["thickness"])
-        if min(options["radius"], options["thickness"]) <= 0.0 or options["thickness"] > options["radius"]:
-            raise TensileError(
-                "the balloon's radius and thickness must be above zero, and the thickness less than the radius"
-            )
-    except (MaterialError, OwnFolderError, TensileError) as error:
-        fail(str(error))
+    low, high = stretch_range(how.stretch)
+    if not how.material:
+        raise MaterialError("nothing to show; give a material with --material NAME")
+    materials = [read_material(text, how.incompressible) for text in how.material]
+    how.check_given()
+    files = [*map(Path, how.material), *how.files_read]
+    folder = open_folder(how.output, Path("results/curve"), "curves", vars(how), files) if speaks() else None
+    measured = how.read() if how.tensile else []
+    if min(how.radius, how.thickness) <= 0.0 or how.thickness > how.radius:
+        raise TensileError(
+            "the balloon's radius and thickness must be above zero, and the thickness less than the radius"
+        )
     stretches = np.linspace(low, high, POINTS)
-    many = [MaterialCurves.of(name, material, stretches) for name, material in zip(names, materials, strict=True)]
-    ratio = options["thickness"] / options["radius"]
+    many = [MaterialCurves.of(name, one, stretches) for name, one in zip(how.material, materials, strict=True)]
+    ratio = how.thickness / how.radius
     if folder is None:
         return
 
     def write(place: Path) -> None:
         _write_curves(place / "curves.csv", many, ratio)
-        if not no_pictures:
+        if not how.no_pictures:
             from softmodels.pictures.fits import draw
 
-            (place / "curves.png").write_bytes(draw(many, measured, options["radius"], options["thickness"]))
+            (place / "curves.png").write_bytes(draw(many, measured, how.radius, how.thickness))
 
     write_into(folder, write, "the results")
-    if not quiet:
+    if not how.quiet:
         for one in many:
             say(table_of(one, ratio))
         say(f"written to {folder.path}")
@@ -315,36 +658,25 @@ def _write_curves(path: Path, many: list[MaterialCurves], thickness_over_radius:
 # The command ``score``: compare materials with measurements they were not fitted to.
 
 
-class ScoreGiven(CurveFiles):
-    """Values of the command's further options, by name."""
+@dataclasses.dataclass(frozen=True)
+class ScoreOptions(OutlineOptions, CurveFiles):
+    """The options of `score`."""
 
-    stretch: str | None
-    stress_error: str
-    untrusted: bool
-    height_datum: str | None
-    radius: float | None
-    thickness: float | None
+    material: tuple[str, ...] = option(multiple=True, metavar=MATERIAL, help="Silicone, TOML file such as fitted.toml, or law "
+                                       "with numbers; several are compared.")  # fmt: skip
+    stretch: str | None = option(metavar="FROM:TO", help="Range of stretch of the curves.  [default: the whole curves]")
+    stress_error: str = option(default="auto", show_default=True, metavar="ERROR", help="Standard error of the measured "
+                               "stress, 2%+0.5kPa; auto is 2 % and the curve's noise.")  # fmt: skip
+    quiet: bool = quiet_option()
+    output: Path | None = output_option(  # noqa: RUF009
+        "Folder for the table scores.csv.  [default: results/score; results/score-2 and so on if that holds other scores]"
+    )
 
 
-@click.command("score")
+@command("score")
 @click.argument("files", metavar="[CASE.toml OUTLINES...]", nargs=-1, type=click.Path(path_type=Path))
-@click.option("--material", "names", multiple=True, metavar="NAME[:KEY=VALUE,...]",
-              help="Silicone, TOML file such as fitted.toml, or law with numbers; several are compared.")  # fmt: skip
-@tensile_option()
-@click.option("--stretch", metavar="FROM:TO", help="Range of stretch of the curves.  [default: the whole curves]")
-@click.option("--stress-error", default="auto", show_default=True, metavar="ERROR",
-              help="Standard error of the measured stress, 2%+0.5kPa; auto is 2 % and the curve's noise.")  # fmt: skip
-@click.option("--untrusted", is_flag=True, help="Also use outlines that the measurement flags as untrusted.")
-@height_datum_option
-@specimen_options
-@click.option("--radius", type=QuantityType("m"), help="A balloon's undeformed radius.")
-@click.option("--thickness", type=QuantityType("m"), help="Its undeformed thickness.")
-@click.option("--quiet", is_flag=True, help="Print only errors.")
-@click.option("-o", "--output", type=FolderType(), help="Folder for the table scores.csv.  [default: results/score; "
-              "results/score-2 and so on if that holds other scores]")  # fmt: skip
-def score(
-    files: tuple[Path, ...], names: tuple[str, ...], output: Path | None, quiet: bool, **options: Unpack[ScoreGiven]
-) -> None:
+@options(ScoreOptions)
+def score(files: tuple[Path, ...], how: ScoreOptions) -> None:
     """Score materials against held-out tensile curves, or against outlines of a device.
 
     The material is not fitted. For each measurement these are reported: the root mean square of predicted minus measured;
@@ -363,33 +695,30 @@ def score(
     \b
     Exit status: 0 done; 1 a material has no states to compare; 2 bad input.
     """
-    try:
-        materials = _materials(names)
-        if not files and not options["tensile"]:
-            raise TensileError(
-                "nothing to score against; give a curve with --tensile FILE, or a case with its outlines"
-            )
-        if len(files) == 1:
-            raise TensileError(f"{files[0]} describes only the device; add its outlines")
-        error = error_of(options["stress_error"])
-        curves = []
-        if options["tensile"]:
-            remembers = any(one.memory is not None for one in materials.values())
-            curves = read_curves(options, options["radius"], options["thickness"], options["stretch"], remembers)
-        device, outlines = _device(files, options) if files else (None, [])
-        read = [*files, *map(Path, names), *map(curve_file, options["tensile"])]
-        asked = {**options, "names": names, "files": [str(file) for file in files]}
-        folder = open_folder(output, Path("results/score"), "scores", asked, read) if speaks() else None
-        errors = _errors(names)
-        scores = [
-            score_curve(name, one, curve, error, errors.get(name))
-            for curve in curves
-            for name, one in materials.items()
-        ]
-    except (FitError, MaterialError, OwnFolderError, TensileError, UnitError) as trouble:
-        fail(str(trouble))
+    materials = _materials(how.material)
+    if not files and not how.tensile:
+        raise TensileError("nothing to score against; give a curve with --tensile FILE, or a case with its outlines")
+    if len(files) == 1:
+        raise TensileError(f"{files[0]} describes only the device; add its outlines")
+    error = error_of(how.stress_error)
+    curves = []
+    if how.tensile:
+        curves = how.read(how.stretch, any(one.memory is not None for one in materials.values()))
+    device, outlines = _device(files, how) if files else (None, [])
+    read = [*files, *map(Path, how.material), *how.files_read]
+    asked = {**vars(how), "files": [str(file) for file in files]}
+    folder = open_folder(how.output, Path("results/score"), "scores", asked, read) if speaks() else None
+    errors = _errors(how.material)
+    scores = [
+        score_curve(name, one, curve, error, errors.get(name)) for curve in curves for name, one in materials.items()
+    ]
     if device is not None:
-        scores += _outline_scores(materials, device, outlines, errors)
+        comm = start()
+        abort_on_error(comm)
+        try:
+            scores += against_outlines(materials, device, outlines, comm, errors)
+        except FitError as trouble:
+            fail(str(trouble), FAILED)
     if folder is None:
         return
 
@@ -398,7 +727,7 @@ def score(
         write_text(place / "report.html", score_page(scores, materials, read_text(place / "scores.csv")))
 
     write_into(folder, write, "the results")
-    if not quiet:
+    if not how.quiet:
         say(score_table(scores))
         say(f"written to {folder.path}")
 
@@ -411,18 +740,12 @@ def _materials(names: tuple[str, ...]) -> dict[str, Material]:
     return {name: read_material(name) for name in names}
 
 
-def _device(files: tuple[Path, ...], options: ScoreGiven) -> tuple[MeasuredDevice, list[Outline]]:
-    from softmodels.case.case import Case
-    from softmodels.case.entries import CaseError
+def _device(files: tuple[Path, ...], how: ScoreOptions) -> tuple[MeasuredDevice, list[Outline]]:
     from softmodels.fitting.outlines.device import MeasuredDevice
     from softmodels.fitting.outlines.shapes import read_outlines
 
-    try:
-        case = Case.from_file(files[0])
-    except CaseError as error:
-        raise FitError(str(error)) from None
-    device = MeasuredDevice.of(case).counting_from(options["height_datum"] or "")
-    return device, read_outlines(files[1:], options["untrusted"])
+    device = MeasuredDevice.of(Case.from_file(files[0])).counting_from(how.height_datum or "")
+    return device, read_outlines(files[1:], how.untrusted)
 
 
 def _errors(names: tuple[str, ...]) -> dict[str, MaterialErrors]:
@@ -435,24 +758,6 @@ def _errors(names: tuple[str, ...]) -> dict[str, MaterialErrors]:
             with contextlib.suppress(MaterialError):  # a material without a fit, or a fit without intervals
                 found[name] = MaterialErrors.from_file(Path(name))
     return found
-
-
-def _outline_scores(
-    materials: dict[str, Material],
-    device: MeasuredDevice,
-    outlines: list[Outline],
-    errors: dict[str, MaterialErrors],
-) -> list[Score]:
-    from softmodels.mechanics.mpi import abort_on_error, start
-    from softmodels.runs.outcomes import FAILED
-
-    comm = start()
-    abort_on_error(comm)
-    try:
-        return against_outlines(materials, device, outlines, comm, errors)
-    except FitError as error:
-        fail(str(error), FAILED)
-        raise
 
 
 def score_page(scores: list[Score], materials: Mapping[str, Material], table: str) -> str:
@@ -502,3 +807,70 @@ def score_table(scores: list[Score]) -> str:
             numbers = f"{one.count:6d} {_rms(one):>11s} {chi2} {100 * one.coverage:11.1f} %"
             lines.append(f"  {one.material:34s} {numbers}  {one.worst}")
     return "\n".join(lines)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The command ``silicones``: every named silicone with all its sources.
+
+
+HEAD = f"  {'--material':42s} {'modulus':>10s} {'stress at stretch 1.5, 2':>26s}   {'fitted over stretch':20s}"
+PLAIN = "*"
+"""Mark of the source used for the plain name."""
+
+
+@command("silicones")
+@click.argument("products", nargs=-1, metavar="[PRODUCT...]")
+def silicones(products: tuple[str, ...]) -> None:
+    """List the named silicones: shear modulus at small strain, stresses in uniaxial tension, range and source.
+
+    With a PRODUCT, such as ecoflex-00-30, where and how each of its sources was measured, and its density. A product's plain
+    name means the source with a star: of its sources in tension, from the softest to the stiffest by their secant modulus at
+    stretch 1.5, the middle one, and of an even number the stiffer of the two in the middle.
+
+    \b
+    Exit status: 0 done; 2 no such silicone.
+    """
+    names = [product_of(name) for name in products]
+    for name in names:
+        if name not in PRODUCTS:
+            fail(f"{name!r} is not a silicone of the library; {known_are(name, PRODUCTS)}")
+    say(HEAD)
+    for name in names or PRODUCTS:
+        for one in PRODUCTS[name]:
+            say(_silicone_line(name, one))
+            if names:
+                say(_origin(one))
+        if names:
+            say(f"  {spread_sentence(name)}")
+            say(f"  {_weight(name)}")
+    if not names:
+        say(f"{PLAIN} source used for the plain name: the median one by tensile stress at stretch "
+                   "1.5 (the stiffer of the middle two)")  # fmt: skip
+        say("softmodels silicones PRODUCT prints how each source was measured")
+
+
+def _silicone_line(product: str, one: Silicone) -> str:
+    stresses = "only in compression"
+    if one.pulled:
+        stresses = ", ".join(f"{stress / 1e3:.4g}" for stress in nominal_stress(one.material, [1.5, 2.0])) + " kPa"
+    span = "not published" if one.stretches is None else f"{one.stretches[0]:g} to {one.stretches[1]:g}"
+    modulus = f"{one.material.shear_modulus_0 / 1e3:.4g} kPa"
+    mark = PLAIN if one is SILICONES[product] else " "
+    return f"{mark} {full_name(product, one):42s} {modulus:>10s} {stresses:>26s}   {span:20s}"
+
+
+def _weight(product: str) -> str:
+    """Return the density used under gravity."""
+    sheet = casting_of(product)
+    return (
+        f"density {sheet.density:g} kg/m^3: {sheet.source}"
+        if sheet
+        else f"density not published, {SILICONE_DENSITY:g} kg/m^3 assumed"
+    )
+
+
+def _origin(one: Silicone) -> str:
+    o = one.origin
+    return "\n".join(
+        f"      {text}" for text in (o.text, f"laboratory: {o.laboratory}", f"test: {o.test}", o.history, o.made)
+    )

@@ -1,9 +1,10 @@
-"""The command line common to all actuators, generated from the fields of their geometry and of the laws."""
+"""The command line common to all actuators, generated from the fields of their geometry and of the laws; ``softmodels run``."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import gc
 import importlib
 import itertools
@@ -13,7 +14,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -24,32 +25,31 @@ from geometries import ACTUATORS, Actuator, GeometryError, MeshFileError, Meshin
 from geometries.options import device_options, device_told, field_option, flag
 from softmodels.case.case import Case, entries
 from softmodels.case.components import OwnModuleError, import_own_modules
-from softmodels.case.entries import INPUT_ERRORS, MISSING, CaseError
-from softmodels.case.materials import DEFAULT, material_from, material_options_of
+from softmodels.case.entries import MISSING, CaseError
+from softmodels.case.materials import DEFAULT, material_from, material_options_of, to_table
 from softmodels.common.commands import (
     STOPPED,
     STOPS,
     CommandGroup,
-    FolderType,
+    RunOptions,
     asked_to_stop,
     bounded,
-    drawing_options,
     open_folder,
+    options,
     status_of,
     stoppable,
     written,
 )
-from softmodels.common.errors import meant
-from softmodels.common.folders import OwnFolderError
+from softmodels.common.errors import Spoken, meant, reason
 from softmodels.common.processes import COLUMNS, columns, cores, end_with_parent, say
-from softmodels.common.units import exact_text
+from softmodels.common.units import UnitError, exact_text
 from softmodels.materials.laws import LAWS
-from softmodels.materials.silicones import PRODUCTS
+from softmodels.materials.silicones import PRODUCTS, product_of, silicone_called
 from softmodels.mechanics.mpi import StartError, launched, mpich_file, on_root, speaks, start
-from softmodels.runs.outcomes import FAILED, no_memory
+from softmodels.mechanics.solver import METHODS
+from softmodels.runs.outcomes import FAILED, Ended, no_memory
 
 if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
     from mpi4py import MPI
 
     from softmodels.common.folders import ResultFolder
@@ -84,11 +84,6 @@ def material_options[Command: Callable[..., object]](
     return click.option("--material", "material", metavar="NAME", multiple=several, help=text)(command)
 
 
-def taken[Given: DataclassInstance](given: type[Given], values: Values) -> Given:
-    """Pop the options that are fields of a dataclass from a command's values."""
-    return given(**{field.name: values.pop(field.name) for field in dataclasses.fields(given)})
-
-
 def law_taken(values: Values) -> dict[str, object]:
     """Pop the material parameters from a command's values; None where not given."""
     return {name: values.pop(name) for name in material_options_of()}
@@ -108,9 +103,9 @@ class CaseOptions:
 
     def add[Command: Callable[..., object]](self, command: Command) -> Command:
         """Add to a click command the options of the load, the device, its material and all other fields of a case."""
-        options = {name: list(entry.options()) for name, entry in entries().items()}
-        first = [*options.pop("pressures_cm"), *options.pop("volumes_ml")]
-        for option in reversed([option for group in options.values() for option in group]):
+        groups = {name: list(entry.options()) for name, entry in entries().items()}
+        first = [*groups.pop("pressures_cm"), *groups.pop("volumes_ml")]
+        for option in reversed([option for group in groups.values() for option in group]):
             command = field_option(option.name, option.about, option.default, option.metavar)(command)
         command = device_options(self.device)(material_options(command, self.silicone))
         for option in reversed(first):
@@ -143,29 +138,11 @@ class CaseOptions:
 # single process does.
 
 
-AUTO = "auto"
 EACH = 30_000
 """Unknowns per rank above which another rank pays off: on two cores, a path with 25,000 unknowns is as fast on one core while
 the other draws; one with 88,000 takes two thirds of the time on two."""
 PER_NODE = 3.2
 """Unknowns per node of a solid mesh: three displacements, and the pressure at its corners."""
-
-
-class RanksType(click.ParamType):
-    """``auto`` or a number of ranks."""
-
-    name = "auto|N"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int | None:
-        if value is None or value == AUTO:
-            return None
-        try:
-            ranks = int(str(value))
-        except ValueError:
-            ranks = 0
-        if ranks < 1:
-            self.fail(f"{value!r} is neither {AUTO} nor a number of ranks, 1 or more", param, ctx)
-        return ranks
 
 
 def ranks_for(case: Case, wanted: int | None, quiet: bool = False) -> int:
@@ -231,14 +208,7 @@ def _launcher() -> str | None:
 
 
 def start_again(ranks: int) -> int:
-    """Run this command again on several ranks; return its exit status.
-
-    Returns:
-        Its exit status.
-
-    Raises:
-        StartError: The launcher does not start.
-    """
+    """Run this command again on several ranks; return its exit status, or raise `StartError`."""
     environment = dict(os.environ)
     for stream, variable in COLUMNS.items():  # the ranks see pipes of the launcher's
         if (width := columns(stream)) is not None:
@@ -260,19 +230,14 @@ def start_again(ranks: int) -> int:
 
     before = {number: signal.signal(number, forward) for number in STOPS}
     try:
-        return _status(process.wait())
+        returned = process.wait()
+        return 128 - returned if returned < 0 else returned
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-def _status(returned: int) -> int:
-    """Return the exit status of the ranks from the launcher's."""
-    return 128 - returned if returned < 0 else returned
-
-
 def _children(parents: list[int]) -> list[int]:
-    """Return the child processes of these."""
     found = []
     for status in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError, ValueError, IndexError):
@@ -302,54 +267,6 @@ Exit status: 0 done; 1 failed; 2 bad input; 3 no equilibrium at a requested valu
 """
 
 
-@dataclasses.dataclass(frozen=True)
-class RunOptions:
-    """The options of how to run, as `run_options` adds them.
-
-    Attributes:
-        output: Folder for the results; None for the default.
-        resume: Resume an interrupted run.
-        quiet: Print only errors.
-        pictures: How much is drawn: all, few or none.
-        no_pictures: Draw nothing.
-        film: Draw the film too.
-        colormap: Colour map of fields in pictures.
-        branch: Also follow the branch at the first bifurcation.
-        ranks: Number of processes; None to choose by the model's size.
-        petsc: Words for PETSc.
-    """
-
-    output: Path | None
-    resume: bool
-    quiet: bool
-    pictures: str
-    no_pictures: bool
-    film: bool
-    colormap: str
-    branch: bool
-    ranks: int | None
-    petsc: tuple[str, ...]
-
-
-def run_options[Command: Callable[..., object]](command: Command) -> Command:
-    """Add the run options, without those of the case: ``--output``, ``--resume``, ``--quiet``, what is drawn, ``--ranks``,
-    PETSc."""
-    command = click.argument("petsc", nargs=-1, type=click.UNPROCESSED)(command)
-    command = click.option("--no-pictures", is_flag=True, help="The same as --pictures none.")(command)
-    command = drawing_options(command, none=True)
-    text = "Processes to solve on; auto: a core for each 30,000 unknowns of a solid, as far as there are cores."
-    command = click.option("--ranks", type=RanksType(), default=AUTO, show_default=True, help=text)(command)
-    text = "Also follow the branch at the first bifurcation; its results go to the folder branch."
-    command = click.option("--branch", is_flag=True, help=text)(command)
-    command = click.option("--quiet", is_flag=True, help="Print only errors.")(command)
-    command = click.option("--resume", is_flag=True, help="Resume an interrupted run.")(command)
-    text = (
-        "Folder for the results: new, empty, or of an earlier run, whose files are replaced.  [default: results/NAME; "
-        "results/NAME-2 and so on if that holds another case]"
-    )
-    return click.option("-o", "--output", type=FolderType(), help=text)(command)
-
-
 def device_command(
     device: type[Actuator],
     module: str,
@@ -364,18 +281,34 @@ def device_command(
         examples: Options of further examples in the help.
         pressures: The pressures shown in the help; the device's own if empty.
     """
-    options = CaseOptions(device, device.silicone)
-    pressures = pressures or device.pressures
+    given = CaseOptions(device, device.silicone)
 
-    def command(**values: object) -> None:
-        how = taken(RunOptions, values)
-        execute(lambda: options.case(values), how)
+    @options(RunOptions)
+    def run_device(how: RunOptions, **values: object) -> None:
+        execute(lambda: given.case(values), how)
 
     what = (device.__doc__ or "").strip().split("\n")[0].rstrip(".").lower()
-    command.__doc__ = HELP.format(what=what, pressures=pressures, module=module,
-                                  examples="\n".join(f"  python -m {module} {words}" for words in examples))  # fmt: skip
-    made = options.add(run_options(command))
-    return click.command(name=module, context_settings={"help_option_names": ["-h", "--help"]})(made)
+    text = HELP.format(what=what, pressures=pressures or device.pressures, module=module,
+                       examples="\n".join(f"  python -m {module} {words}" for words in examples))  # fmt: skip
+    return command(module, help=text, context_settings={"help_option_names": ["-h", "--help"]})(given.add(run_device))
+
+
+def command_of(device: type[Actuator]) -> click.Command:
+    """Return the command that runs a registered device."""
+    words = tuple(f"--pressure-cm {device.pressures} {words}" for words in device.examples)
+    return device_command(device, f"softmodels run {DEVICE} {device.__name__}", words)
+
+
+def case_of_file(file: Path, material: str | None, band: str | None = None, solver: str | None = None) -> Case:
+    """Return a case file's case, with the given material, band or solver."""
+    more: dict[str, Mapping[str, object]] = {}
+    if material is not None:
+        more["material"] = to_table(material_from(material, {}))
+    if band is not None:
+        product = product_of(band) if silicone_called(band) else ""
+        more["band"] = {"silicone": product} if product else {"file": str(Path(band).absolute())}
+    case = Case.from_file(file, more)
+    return case if solver is None else dataclasses.replace(case, solver=solver)
 
 
 def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = ()) -> None:
@@ -386,33 +319,23 @@ def execute(case: Callable[[], Case], how: RunOptions, inputs: Sequence[Path] = 
         how: The options of the command.
         inputs: Files that the user has given: they are never written.
     """
+    ready = case()
+    _check_words(how.petsc)
+    if how.branch:
+        ready.load.check_branch()
+    if how.film and not how.draws:
+        raise CaseError("--film has no effect without pictures; leave out --no-pictures and --pictures none")
     try:
-        ready = case()
-        _check_words(how.petsc)
-        if how.branch:
-            ready.load.check_branch()
-        if how.film and (how.no_pictures or how.pictures == "none"):
-            raise CaseError("--film has no effect without pictures; leave out --no-pictures and --pictures none")
-    except INPUT_ERRORS as error:
-        fail(str(error))
-    with stoppable("softmodels", speaks):
-        from softmodels.cli.run import run
+        with stoppable("softmodels", speaks):
+            from softmodels.cli.run import run
 
-    try:
         if (ranks := ranks_for(ready, how.ranks, how.quiet)) > 1:
             sys.exit(start_again(ranks))
         with stoppable("softmodels", speaks):
             start(how.petsc)
-        status = run(
-            ready, how.output, resume=how.resume, quiet=how.quiet, petsc=how.petsc,
-            draw=how.pictures != "none" and not how.no_pictures, few=how.pictures == "few",
-            film=how.film, colormap=how.colormap, branch=how.branch, inputs=inputs, interrupts=asked_to_stop,
-        )  # fmt: skip
-    except StartError as error:
-        fail(str(error), error.status)
+        sys.exit(run(ready, how.output, how, inputs, asked_to_stop))
     except ImportError as error:
         fail(f"{error}; the simulation needs FEniCSx (softmodels doctor lists what is missing)", 1)
-    sys.exit(status)
 
 
 def _check_words(petsc: tuple[str, ...]) -> None:
@@ -431,16 +354,42 @@ def fail(message: str, status: int = 2) -> NoReturn:
     sys.exit(status)
 
 
+class Command(click.Command):
+    """A command that ends with a sentence and a status where an error has a sentence for the user."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except MemoryError as error:
+            fail(no_memory(error), FAILED)
+        except (StartError, OwnModuleError) as error:
+            fail(str(error), getattr(error, "status", 2))
+        except Exception as error:
+            if not isinstance(error, Spoken | UnitError):
+                raise
+            fail(str(error), Ended.by(error).status)
+
+
+command = functools.partial(click.command, cls=Command)
+"""As `click.command`."""
+
+
 def open_on_root(
     comm: MPI.Comm, output: Path | None, default: Path, kind: str, options: Mapping[str, object], files: Sequence[Path]
 ) -> ResultFolder | None:
-    """Open a results folder on rank 0, see `open_folder`; return None elsewhere. Exit if it cannot be used."""
+    """Open a results folder on rank 0, see `open_folder`; return None elsewhere."""
     folder: list[ResultFolder] = []
-    try:
-        on_root(comm, lambda: folder.append(open_folder(output, default, kind, options, files)))
-    except OwnFolderError as error:
-        fail(str(error))
+    on_root(comm, lambda: folder.append(open_folder(output, default, kind, options, files)))
     return folder[0] if folder else None
+
+
+@contextlib.contextmanager
+def unwritable(what: str | Path, does: str = "cannot be written") -> Iterator[None]:
+    """Exit with a sentence where a file cannot be opened or written in here."""
+    try:
+        yield
+    except OSError as error:
+        fail(f"{what} {does} ({reason(error)})", status_of(error))
 
 
 def write_into(folder: ResultFolder, write: Callable[[Path], None], what: str) -> None:
@@ -451,13 +400,8 @@ def write_into(folder: ResultFolder, write: Callable[[Path], None], what: str) -
         write: Writes them into the folder that it is given.
         what: What they are, such as "the tables".
     """
-    try:
-        with folder.writing() as place:
-            write(place)
-    except OwnFolderError as error:
-        fail(str(error))
-    except OSError as error:
-        fail(f"{what} cannot be written into {folder.path} ({error.strerror or error})", status_of(error))
+    with unwritable(what, f"cannot be written into {folder.path}"), folder.writing() as place:
+        write(place)
 
 
 def _tell(message: str) -> None:
@@ -490,10 +434,6 @@ def main(command: click.Command) -> None:
             fail(str(error))
         except (click.exceptions.Abort, KeyboardInterrupt):
             fail("stopped by the user", STOPPED)
-        except StartError as error:
-            fail(str(error), error.status)
-        except MemoryError as error:
-            fail(no_memory(error), FAILED)
         except click.exceptions.NoArgsIsHelpError as error:
             print(error.format_message())
             sys.exit(2)
@@ -596,7 +536,7 @@ def device_named(name: str) -> type[Actuator]:
 def by_device(made_for: Callable[[type[Actuator]], click.Command]) -> type[click.Command]:
     """Return a class of commands that delegates to ``made_for(device)`` if the arguments hold ``--device NAME``."""
 
-    class ByDevice(click.Command):
+    class ByDevice(Command):
         def make_context(
             self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: object
         ) -> click.Context:
@@ -622,3 +562,32 @@ def _named(args: list[str]) -> str | None:
         if word.startswith(f"{DEVICE}="):
             return word.removeprefix(f"{DEVICE}=")
     return None
+
+
+@command("run", cls=by_device(command_of))
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    DEVICE, metavar="NAME", expose_value=False, help="A device with its own options, instead of a FILE: "
+    f"{', '.join(ACTUATORS)}. softmodels run {DEVICE} NAME --help shows them.",
+)  # fmt: skip
+@click.option("--material", metavar="NAME", help="Material, instead of the case's [material]: a silicone, "
+              "or a TOML file such as fitted.toml of softmodels fit.")  # fmt: skip
+@click.option("--band", metavar="FILE|NAME", help="fitted.toml of a fitted material, instead of the case's [band]: "
+              "adds the 95 % band from its errors to path.csv and the curves. Or a silicone's name: each of its sources "
+              "is solved, and the curves show the band they span.")  # fmt: skip
+@click.option("--solver", type=click.Choice(METHODS), help="Linear solver, instead of the case's: direct "
+              "(factorisation), iterative (multigrid), or auto by the available memory.")  # fmt: skip
+@options(RunOptions)
+def run(file: Path, how: RunOptions, material: str | None, band: str | None, solver: str | None) -> None:
+    """Run a case FILE, such as the case.toml in a folder of results, or a device by its options.
+
+    Results are written to --output, by default results/NAME with the case's name. Words after -- go to PETSc.
+
+    \b
+    Examples:
+      softmodels run results/disk/case.toml
+      softmodels run lifted.toml --material results/fit/fitted.toml --band results/fit/fitted.toml
+      softmodels run --device HollowDisk --pressure-cm 0:177 --section axisymmetric
+      softmodels run --device HollowDisk --help
+    """
+    execute(lambda: case_of_file(file, material, band, solver), how, [file])

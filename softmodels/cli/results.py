@@ -14,17 +14,13 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from softmodels.case.components import OwnModuleError, import_own_modules
-from softmodels.case.entries import INPUT_ERRORS
-from softmodels.cli.options import fail
-from softmodels.common.commands import status_of
-from softmodels.common.errors import reason
+from softmodels.case.components import import_own_modules
+from softmodels.cli.options import command, fail, unwritable
+from softmodels.common.commands import DrawingOptions
 from softmodels.common.files import check_file, read_file, write_bytes, write_text
-from softmodels.common.folders import OwnFolderError, check_output_file, is_drawn
+from softmodels.common.folders import check_output_file, is_drawn
 from softmodels.common.processes import say
 from softmodels.runs.lines import POINTS, Line
-from softmodels.runs.outcomes import RunError
-from softmodels.runs.store import ResultsError
 
 if TYPE_CHECKING:
     from softmodels.api.run import SolvedState
@@ -45,7 +41,7 @@ TABLES = (
 MARK = b'<meta name="generator" content="softmodels">'
 
 
-@click.command("open")
+@command("open")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--no-browser", is_flag=True, help="Only print the address.")
 def open_command(folder: Path, no_browser: bool) -> None:
@@ -57,11 +53,8 @@ def open_command(folder: Path, no_browser: bool) -> None:
     \b
     Exit status: 0 opened; 2 the folder holds no results.
     """
-    try:
-        file = report_of(folder)
-    except OSError as error:
-        fail(f"{folder} cannot be read ({reason(error)})")
-    address = file.resolve().as_uri()
+    with unwritable(folder, "cannot be read"):
+        address = report_of(folder).resolve().as_uri()
     say(address)
     if not no_browser:
         webbrowser.open(address)
@@ -96,22 +89,19 @@ def _made(folder: Path) -> bool:
         from softmodels.pictures.draw_design import draw
 
         import_own_modules()
-        try:
-            draw(folder)
-        except (ResultsError, OwnModuleError, *INPUT_ERRORS) as error:
-            fail(str(error))
+        draw(folder)
         return True
     if (folder / "case.toml").is_file() and any(folder.glob("*.h5")):
-        from softmodels.pictures.draw import Wanted, draw_folder
+        from softmodels.pictures.draw import draw_folder
 
         say(f"softmodels: making the report of {folder} (softmodels draw makes all pictures)", err=True)
         with contextlib.redirect_stdout(sys.stderr):  # the names of the files it draws
-            draw_folder(folder, wanted=Wanted(few=True))
+            draw_folder(folder, wanted=DrawingOptions("few"))
         return True
     return False
 
 
-@click.command("compare")
+@command("compare")
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write a report as HTML to this file.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
@@ -129,26 +119,22 @@ def compare_command(folders: Sequence[Path], output: Path | None, quiet: bool) -
     \b
     Exit status: 0 compared; 2 a folder holds no results, or they cannot be compared.
     """
-    from softmodels.pictures.comparison import Compared, ComparisonError, compared
+    from softmodels.pictures.comparison import Compared, compared
 
-    try:
+    with unwritable(output or folders[0], "cannot be read or written"):
         import_own_modules()
         if output is not None:
             check_output_file(output, folders, _is_page, "a report", "--output")
         found = compared([Compared.from_folder(folder) for folder in folders])
         if output is not None:
             found.save(output)
-    except (ComparisonError, OwnFolderError, OwnModuleError, ResultsError, *INPUT_ERRORS) as error:
-        fail(str(error))
-    except OSError as error:
-        fail(f"{output or folders[0]} cannot be read or written ({reason(error)})", status_of(error))
     if not quiet:
         say(str(found))
         if output is not None:
             say(f"report in {output}")
 
 
-@click.command("line")
+@command("line")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option(
     "--from", "begin", metavar="PLACE", help="Where the line begins: a place such as '0, 0, 10 mm', or a probe."
@@ -186,7 +172,7 @@ def line_command(
     begin, end, through = (places[name] for name in ("begin", "end", "through"))
     if (begin is None, end is None, through is None) not in ((False, False, True), (True, True, False)):
         fail("give the line's ends (--from and --to), or a place whose wall it goes through (--through)")
-    try:
+    with unwritable(output or folder, "cannot be read or written"):
         import_own_modules()
         if output is not None and output.suffix.lower() != ".csv":
             fail(f"{output} ends in {output.suffix or 'nothing'}; values along a line are written as .csv (--output)")
@@ -198,10 +184,6 @@ def line_command(
         line = state.through(through, points) if through is not None else state.along(begin or "", end or "", points)
         if output is not None:
             _write_line(output, line, state)
-    except (OwnFolderError, OwnModuleError, ResultsError, RunError, *INPUT_ERRORS) as error:
-        fail(str(error))
-    except OSError as error:
-        fail(f"{output or folder} cannot be read or written ({reason(error)})", status_of(error))
     if not quiet:
         say(line_text(line))
         if output is not None:

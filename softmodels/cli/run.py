@@ -17,12 +17,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TypedDict, Unpack
 
 from geometries.meshing import interpreter
 from softmodels.case.case import Case
 from softmodels.case.components import VARIABLE, own_modules
-from softmodels.common.commands import COLORMAP, bounded
+from softmodels.common.commands import ALL_PICTURES, USUAL, DrawingOptions, RunOptions, bounded
 from softmodels.common.errors import reason, spoken
 from softmodels.common.processes import COLUMNS, columns, cores, environment_alone, say
 from softmodels.materials.silicones import stretch_at_break
@@ -97,25 +96,23 @@ class DrawingProcess:
 
     Args:
         case: What is run.
-        few: Draw only the curves, the stress and the report.
-        film: Draw the film too.
-        colormap: Colour map of fields.
+        wanted: What is drawn of it.
     """
 
-    def __init__(self, case: Case, few: bool = False, film: bool = False, colormap: str = COLORMAP):
-        self.case, self.few, self.film, self.colormap = case, few, film, colormap
+    def __init__(self, case: Case, wanted: DrawingOptions = ALL_PICTURES):
+        self.case, self.wanted = case, wanted
         self._process: subprocess.Popen[str] | None = None
 
     @property
     def begins(self) -> str:
         """Return the message before drawing."""
-        if self.few:
+        if self.wanted.few:
             return "drawing curves, stress and report (--pictures all for everything, --pictures none to skip)"
         return "drawing pictures and report (--pictures few for less, --pictures none to skip)"
 
     def made(self, folder: Path) -> str:
         """Return which files were drawn into a folder, in a few words, and how to get the film."""
-        if self.film:
+        if self.wanted.film:
             return "pictures (*.png), film.gif, film.webp and report.html"
         return f"pictures (*.png) and report.html (the film: softmodels draw {shlex.quote(str(folder))} --film)"
 
@@ -126,12 +123,13 @@ class DrawingProcess:
                 self._process = self._started()
 
     def _started(self) -> subprocess.Popen[str]:
-        words = ["--pictures", "few" if self.few else "all", "--colormap", self.colormap]
-        return start_drawing(self.case, "softmodels.pictures.draw", *words, *(["--film"] if self.film else []))
+        wanted = self.wanted
+        words = ["--pictures", wanted.pictures, "--colormap", wanted.colormap, *(["--film"] if wanted.film else [])]
+        return start_drawing(self.case, "softmodels.pictures.draw", *words)
 
     def begin(self, results: Results) -> None:
         """Draw the pictures of the first state, if the process runs; called once that state is stored."""
-        if self._process is not None and not self.few:
+        if self._process is not None and not self.wanted.few:
             self._order(results, complete=False)
 
     def _order(self, results: Results, complete: bool) -> None:
@@ -183,36 +181,13 @@ class DrawingProcess:
 # What a run prints on the way and at the end.
 
 
-class RunOptions(TypedDict, total=False):
-    """Options of a run; none changes a number.
-
-    Attributes:
-        resume: Resume an interrupted run of the same case in the folder.
-        quiet: Only errors are reported.
-        petsc: Words for PETSc's option database.
-        draw: Make the pictures at the end, which is the default.
-        few: Only the curves, the stress and the report of them.
-        film: The film too.
-        colormap: Colour map of fields in pictures.
-        branch: Also follow the branch at the first bifurcation, into the folder ``branch``.
-        inputs: Files that the user has given: they are never written.
-        interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
-            here, as a command does by `asked_to_stop`.
-    """
-
-    resume: bool
-    quiet: bool
-    petsc: Sequence[str]
-    draw: bool
-    few: bool
-    film: bool
-    colormap: str
-    branch: bool
-    inputs: Sequence[Path]
-    interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]]
-
-
-def run(case: Case, folder: Path | None, **how: Unpack[RunOptions]) -> int:
+def run(
+    case: Case,
+    folder: Path | None,
+    how: RunOptions = USUAL,
+    inputs: Sequence[Path] = (),
+    interrupts: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]] = unstopped,
+) -> int:
     """Run a case and return the exit status; all messages go to standard error, the summary to standard output.
 
     May be called in any thread.
@@ -221,27 +196,28 @@ def run(case: Case, folder: Path | None, **how: Unpack[RunOptions]) -> int:
         case: What to run.
         folder: Where the results go; None for the first of ``results/NAME``, ``results/NAME-2`` ... that is free or holds
             a run of this very case.
-        how: See `RunOptions`.
+        how: Its options, without ``output`` and ``ranks``.
+        inputs: Files that the user has given: they are never written.
+        interrupts: Entered while states are solved; gives whether to stop, asked between them. No signal is handled unless
+            here, as a command does by `asked_to_stop`.
 
     Raises:
         StartError: PETSc cannot take the words.
     """
-    comm = start(how.get("petsc", ()))
+    comm = start(how.petsc)
     abort_on_error(comm)
-    draw, quiet = how.get("draw", True), how.get("quiet", False)
-    progress = Progress(case.values[-1], case.unit, state_labels(case), quiet or not is_root(comm))
-    looks = how.get("few", False), how.get("film", False), how.get("colormap", COLORMAP)
-    drawing = DrawingProcess(case, *looks) if draw and is_root(comm) else None
-    teller = Teller(case, progress, drawing, comm.size, quiet, bool(how.get("petsc")))
+    progress = Progress(case.values[-1], case.unit, state_labels(case), how.quiet or not is_root(comm))
+    drawing = DrawingProcess(case, how) if how.draws and is_root(comm) else None
+    teller = Teller(case, progress, drawing, comm.size, how)
 
     @contextlib.contextmanager
     def solving() -> Iterator[Callable[[], bool]]:
-        with progress, how.get("interrupts", unstopped)() as stopped:
+        with progress, interrupts() as stopped:
             yield stopped
 
-    place = ResultsPlace(folder, how.get("resume", False), how.get("inputs", ()), draw)
+    place = ResultsPlace(folder, how.resume, inputs, how.draws)
     try:
-        solved_into(place, case, comm, progress, branch=how.get("branch", False), observer=teller, solving=solving)
+        solved_into(place, case, comm, progress, branch=how.branch, observer=teller, solving=solving)
     finally:
         if drawing is not None:
             drawing.leave()
@@ -251,23 +227,13 @@ def run(case: Case, folder: Path | None, **how: Unpack[RunOptions]) -> int:
 class Teller(Observer):
     """Prints how a run goes on, and has its results drawn at the end; on rank 0.
 
-    Args:
-        case: What is run.
-        progress: Takes sentences while it is solved.
-        drawing: Draws it; None for no pictures.
-        ranks: How many solve.
-        quiet: Print errors alone.
-        petsc: Whether PETSc was given words of the user's own.
-
     Attributes:
         status: The exit status, once the run has ended.
     """
 
-    def __init__(
-        self, case: Case, progress: Progress, drawing: DrawingProcess | None, ranks: int, quiet: bool, petsc: bool
-    ):
+    def __init__(self, case: Case, progress: Progress, drawing: DrawingProcess | None, ranks: int, how: RunOptions):
         self.case, self.progress, self.drawing, self.ranks = case, progress, drawing, ranks
-        self.quiet, self.petsc, self.status = quiet, petsc, DONE
+        self.quiet, self.petsc, self.status = how.quiet, bool(how.petsc), DONE
 
     def opened(self, results: Results) -> None:
         self.progress.say(f"writing results to {results.own.path}")

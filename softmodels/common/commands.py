@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import dataclasses
 import errno
+import functools
 import gc
 import io
 import os
@@ -63,6 +65,58 @@ def unswept() -> Iterator[None]:
         atexit.register(gc.freeze)  # what a process leaves behind goes with it
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# Options of a command as the fields of a dataclass: each stands once, with its type, its default and its help.
+
+
+def option(*flags: str, argument: bool = False, **how: Any) -> Any:
+    """Return a field of a dataclass of options; its option is ``--`` and the field's name unless flags are given.
+
+    Args:
+        flags: Such as ``"-o", "--output"``.
+        argument: Whether it is an argument, without a name.
+        how: What `click.option` takes.
+    """
+    empty = False if how.get("is_flag") else () if how.get("multiple") or argument else None
+    return dataclasses.field(default=how.get("default", empty), metadata={"option": (flags, argument, how)})
+
+
+def options[C: Callable[..., object]](kind: type, name: str = "how") -> Callable[[C], C]:
+    """Add the fields of a dataclass as options to a command's function, which gets a value of it as an argument."""
+
+    def add(function: Any) -> Any:
+        fields = dataclasses.fields(kind)
+
+        @functools.wraps(function)
+        def command(*args: object, **values: Any) -> object:
+            given = {field.name: values.pop(field.name) for field in fields}
+            return function(*args, **{name: kind(**given)}, **values)
+
+        for field in reversed(fields):  # click lists the option added last first
+            flags, argument, how = field.metadata["option"]
+            if argument:
+                command = click.argument(field.name, **how)(command)
+            else:
+                command = click.option(*(flags or [f"--{field.name.replace('_', '-')}"]), field.name, **how)(command)
+        return command
+
+    return add
+
+
+def flag_option(text: str) -> Any:
+    """Return the field of an option without a value."""
+    return option(is_flag=True, help=text)
+
+
+def quiet_option() -> Any:
+    return flag_option("Print only errors.")
+
+
+def output_option(text: str) -> Any:
+    """Return the field of ``--output``, the folder for results."""
+    return option("-o", "--output", type=FolderType(), help=text)
+
+
 class ColormapType(click.ParamType):
     """A colour map by its name in matplotlib."""
 
@@ -78,28 +132,111 @@ class ColormapType(click.ParamType):
         return str(value)
 
 
+class FolderType(click.Path):
+    """Type of a folder's name; an empty one, such as from an unset variable, is an error."""
+
+    name = "folder"
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if not str(value).strip():
+            self.fail("the name of the folder is empty", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class RanksType(click.ParamType):
+    """``auto`` or a number of ranks."""
+
+    name = "auto|N"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int | None:
+        if value is None or value == AUTO:
+            return None
+        try:
+            ranks = int(str(value))
+        except ValueError:
+            ranks = 0
+        if ranks < 1:
+            self.fail(f"{value!r} is neither {AUTO} nor a number of ranks, 1 or more", param, ctx)
+        return ranks
+
+
+AUTO = "auto"
 COLORMAP = "viridis"
 """Colour map of fields in pictures, unless another one is asked for."""
+COLORMAP_OPTION: dict[str, Any] = {
+    "type": ColormapType(), "default": COLORMAP, "show_default": True,
+    "help": "Colour map of stress and stretch, by matplotlib's name: viridis, cividis, gray.",
+}  # fmt: skip
 
 
-def colormap_option[Command: Callable[..., object]](command: Command) -> Command:
-    """Add the option ``--colormap``."""
-    text = "Colour map of stress and stretch, by matplotlib's name: viridis, cividis, gray."
-    return click.option("--colormap", type=ColormapType(), default=COLORMAP, show_default=True, help=text)(command)
-
-
-def drawing_options[Command: Callable[..., object]](command: Command, none: bool = False) -> Command:
-    """Add the options of what is drawn of a run: ``--pictures``, ``--film`` and ``--colormap``.
-
-    Args:
-        command: The command.
-        none: Whether ``--pictures none`` is there too.
-    """
-    command = colormap_option(command)
-    command = click.option("--film", is_flag=True, help="Also the film: film.gif and film.webp.")(command)
-    choice = click.Choice(("all", "few", "none") if none else ("all", "few"))
+def _pictures(*choices: str) -> Any:
     text = "Pictures and report; few: only the curves, the stress and the report."
-    return click.option("--pictures", type=choice, default="all", show_default=True, help=text)(command)
+    return option(type=click.Choice(choices), default="all", show_default=True, help=text)
+
+
+@dataclasses.dataclass(frozen=True)
+class DrawingOptions:
+    """What is drawn of a run.
+
+    Attributes:
+        pictures: How much: all, few (only the curves, the stress and the report) or none.
+        film: The film too.
+        colormap: Colour map of fields, by matplotlib's name.
+    """
+
+    pictures: str = _pictures("all", "few")
+    film: bool = flag_option("Also the film: film.gif and film.webp.")
+    colormap: str = option(**COLORMAP_OPTION)
+
+    @property
+    def few(self) -> bool:
+        return self.pictures == "few"
+
+
+@dataclasses.dataclass(frozen=True)
+class SolvingOptions:
+    """How a run is solved.
+
+    Attributes:
+        output: Folder for the results; None for the default.
+        resume: Resume an interrupted run of the same case in the folder.
+        quiet: Print only errors.
+        branch: Also follow the branch at the first bifurcation, into the folder ``branch``.
+        ranks: Number of processes; None to choose by the model's size.
+        no_pictures: Draw nothing.
+        petsc: Words for PETSc's option database.
+    """
+
+    output: Path | None = output_option(  # noqa: RUF009
+        "Folder for the results: new, empty, or of an earlier run, whose files are replaced.  [default: results/NAME; "
+        "results/NAME-2 and so on if that holds another case]"
+    )
+    resume: bool = flag_option("Resume an interrupted run.")
+    quiet: bool = quiet_option()
+    branch: bool = flag_option("Also follow the branch at the first bifurcation; its results go to the folder branch.")
+    ranks: int | None = option(
+        type=RanksType(), default=AUTO, show_default=True,
+        help="Processes to solve on; auto: a core for each 30,000 unknowns of a solid, as far as there are cores.",
+    )  # fmt: skip
+    no_pictures: bool = flag_option("The same as --pictures none.")
+    petsc: tuple[str, ...] = option(argument=True, nargs=-1, type=click.UNPROCESSED)
+
+
+@dataclasses.dataclass(frozen=True)
+class RunOptions(DrawingOptions, SolvingOptions):
+    """The options of a run, none of which changes a number."""
+
+    pictures: str = _pictures("all", "few", "none")
+
+    @property
+    def draws(self) -> bool:
+        return self.pictures != "none" and not self.no_pictures
+
+
+ALL_PICTURES, USUAL = DrawingOptions(), RunOptions()
 
 
 @contextlib.contextmanager
@@ -228,21 +365,7 @@ def run_command(command: click.Command, name: str) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The option that names a folder for a command's results, and that folder for as long as the command runs.
-
-
-class FolderType(click.Path):
-    """Type of a folder's name; an empty one, such as from an unset variable, is an error."""
-
-    name = "folder"
-
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if not str(value).strip():
-            self.fail("the name of the folder is empty", param, ctx)
-        return super().convert(value, param, ctx)
+# The folder for a command's results, for as long as the command runs.
 
 
 def open_folder(

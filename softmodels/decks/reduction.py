@@ -12,7 +12,7 @@ import dataclasses
 import math
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -32,11 +32,11 @@ from softmodels.materials.silicones import density_of, extrapolated
 from softmodels.mechanics.mpi import start
 from softmodels.mechanics.regions import RegionPart
 from softmodels.runs.fields import Row
-from softmodels.runs.formats import Restart
 from softmodels.runs.notes import sentences
 from softmodels.runs.outcomes import RunError
-from softmodels.runs.recording import StoredRun, stored_state
+from softmodels.runs.recording import stored_state
 from softmodels.runs.simulation import Simulation
+from softmodels.runs.store import States
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
@@ -241,19 +241,6 @@ class TipState:
     stretch: float
 
 
-class Source(Protocol):
-    """The states of a run; see `softmodels.api.run.Source`."""
-
-    case: Case
-    rows: list[Row]
-
-    def restart(self, step: int) -> Restart:
-        """Return the numbers that a restart needs beside the fields."""
-
-    def mesh(self) -> bytes:
-        """Return the device's mesh as a Gmsh file."""
-
-
 def usable(rows: Sequence[Row]) -> tuple[list[int], str]:
     """Return the steps of the first rising piece of a path, and why it ends, if not by the last requested value."""
     chosen, top = list[int](), -math.inf
@@ -291,12 +278,11 @@ def tip_of(case: Case, face: str, roles: Sequence[str]) -> str:
     return chosen
 
 
-def table_of(source: Source, stored: StoredRun, face: str = "") -> ReducedModel:
+def table_of(source: States, face: str = "") -> ReducedModel:
     """Return the reduced model of a run's first rising piece.
 
     Args:
         source: The run.
-        stored: Its fields.
         face: The tip's face; the device's own if empty.
 
     Raises:
@@ -326,7 +312,7 @@ def table_of(source: Source, stored: StoredRun, face: str = "") -> ReducedModel:
             states = []
             for step in steps:
                 restart = source.restart(step)
-                state = stored_state(stored, simulation.fields, comm, step, restart["P"], restart["V"])
+                state = stored_state(source, simulation.fields, comm, step, restart["P"], restart["V"])
                 states.append(responses.at(state, rows[step]))
             base = responses.base()
             responses.release()

@@ -29,7 +29,7 @@ from softmodels.pictures.curves import drawing, limits, over_of, profile, smooth
 from softmodels.pictures.style import DPI, LINE_COLOURS, STYLE, WIDTH
 from softmodels.runs.columns import term
 from softmodels.runs.fields import Row
-from softmodels.runs.store import ResultsError, States
+from softmodels.runs.store import ResultsError, States, StoredStates
 
 COMPARED = ("added_volume_ml", "max_stretch", "peak_stretch", "max_von_mises_kPa", "blocked_force_N", "contact_force_N")
 """Columns compared at the highest common load, beside the rise."""
@@ -76,8 +76,8 @@ class Compared:
         """
         if not (folder / "case.toml").is_file():
             raise ResultsError(f"{folder} holds no results of a run (there is no case.toml in it)")
-        states = States(folder, Case.from_file(folder / "case.toml").name)
-        made = Provenance.from_table(states.results.own.about.get("made"))
+        states = StoredStates(folder)
+        made = states.made
         name, field = folder.resolve().name, functools.partial(_displacement, states)
         return cls(name, states.case, states.rows, states.points, len(states.cells), field, made)
 

@@ -6,7 +6,6 @@ and need no rendering, so machines that cannot render still get them, and the re
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 import sys
@@ -22,7 +21,7 @@ from softmodels.case.case import Case
 from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
-from softmodels.common.commands import COLORMAP, drawing_options, unswept
+from softmodels.common.commands import ALL_PICTURES, DrawingOptions, options, unswept
 from softmodels.common.folders import PATIENCE, InUseError, OwnFolderError
 from softmodels.common.processes import say
 from softmodels.components.contact import obstacle_of
@@ -30,25 +29,10 @@ from softmodels.pictures import curves, film, report, solid
 from softmodels.pictures.offscreen import Look, can_render, draw_outlines, look
 from softmodels.pictures.solid import AtRest
 from softmodels.pictures.style import STYLE, DrawnFolder
-from softmodels.runs.store import ResultsError, States, axes_of, cut_line, picture_files, picture_folder
+from softmodels.runs.store import ResultsError, States, StoredStates, axes_of, cut_line, picture_files, picture_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-@dataclasses.dataclass(frozen=True)
-class Wanted:
-    """What is to be drawn of a folder.
-
-    Attributes:
-        few: Only the curves, the stress and the report.
-        film: The film too.
-        colormap: Colour map of fields, by matplotlib's name.
-    """
-
-    few: bool = False
-    film: bool = False
-    colormap: str = COLORMAP
 
 
 def orders() -> Iterator[list[Any]]:
@@ -68,7 +52,7 @@ def draw(
     name: str,
     say: Callable[[str], object] = print,
     *,
-    wanted: Wanted = Wanted(),
+    wanted: DrawingOptions = ALL_PICTURES,
     at_rest: AtRest | None = None,
     each: Callable[[Path], object] = lambda path: None,
 ) -> list[Path]:
@@ -97,7 +81,7 @@ def draw(
     own = picture_folder(folder)
     own.take(PATIENCE)
     try:
-        states = States(folder, name)
+        states = StoredStates(folder, name)
         # Check all files before removing any, so that a foreign file does not cost the earlier pictures.
         own.check_names(picture_files(states.actuator.gauge))
         own.remove(own.files)
@@ -110,7 +94,7 @@ def draw(
         own.leave()
 
 
-def _draw(shown: Look, out: DrawnFolder, wanted: Wanted, at_rest: AtRest, say: Callable[[str], object]) -> None:
+def _draw(shown: Look, out: DrawnFolder, wanted: DrawingOptions, at_rest: AtRest, say: Callable[[str], object]) -> None:
     """Draw what is wanted; ``say`` gets a sentence if something had to be left out."""
     states = shown.states
     _curves(states, out)
@@ -221,7 +205,7 @@ def _solids(shown: Look, out: DrawnFolder, few: bool) -> None:
 
 
 def draw_folder(
-    folder: Path, name: str | None = None, wanted: Wanted = Wanted(), at_rest: AtRest | None = None
+    folder: Path, name: str | None = None, wanted: DrawingOptions = ALL_PICTURES, at_rest: AtRest | None = None
 ) -> None:
     """Draw a folder's pictures and report for a command; print the files, or the error and exit with status 2.
 
@@ -256,8 +240,8 @@ def draw_folder(
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("folder", type=click.Path(path_type=Path), required=False)
 @click.option("--name", help="Stem of the result files.  [default: the case's name]")
-@drawing_options
-def main(folder: Path | None, name: str | None, pictures: str, film: bool, colormap: str) -> None:
+@options(DrawingOptions, "wanted")
+def main(folder: Path | None, name: str | None, wanted: DrawingOptions) -> None:
     """Draw the pictures and the report of the results in FOLDER.
 
     Without FOLDER: get ready, then read orders from standard input, each a list in JSON on a line: a folder, the results'
@@ -266,7 +250,7 @@ def main(folder: Path | None, name: str | None, pictures: str, film: bool, color
 
     Exit status: 0 drawn, 2 the folder holds no results that can be drawn.
     """
-    wanted, at_rest = Wanted(pictures == "few", film, colormap), AtRest()
+    at_rest = AtRest()
     with unswept():
         if folder is not None:
             draw_folder(folder, name, wanted)

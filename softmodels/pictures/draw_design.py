@@ -19,11 +19,10 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from softmodels.case.case import Case
 from softmodels.case.components import OwnModuleError, import_own_modules
 from softmodels.case.entries import CaseError
 from softmodels.common.arrays import Array
-from softmodels.common.commands import COLORMAP, colormap_option
+from softmodels.common.commands import COLORMAP, COLORMAP_OPTION
 from softmodels.common.files import image_uri, read_text, write_text
 from softmodels.common.pages import Bullets, Charts, Fact, Folded, Listing, Page, Part, Picture, Provenance, Table, Text
 from softmodels.common.processes import say
@@ -51,7 +50,7 @@ from softmodels.pictures.style import (
 )
 from softmodels.runs.fields import Row
 from softmodels.runs.grid import outline
-from softmodels.runs.store import ResultsError, States
+from softmodels.runs.store import ResultsError, States, StoredStates
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -341,12 +340,12 @@ def page(folder: Path, told: DesignTold, drawn: Sequence[Part], pair: tuple[Stat
 
 
 def _states(folder: Path) -> States:
-    return States(folder, Case.from_file(folder / "case.toml").name)
+    return StoredStates(folder)
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("folder", type=click.Path(path_type=Path))
-@colormap_option
+@click.option("--colormap", **COLORMAP_OPTION)
 def main(folder: Path, colormap: str) -> None:
     """Draw the pictures and the report of the design in FOLDER."""
     try:

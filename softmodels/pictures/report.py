@@ -37,7 +37,6 @@ from softmodels.common.pages import (
     Page,
     Picture,
     Program,
-    Provenance,
     Section,
     Table,
     Terms,
@@ -350,7 +349,7 @@ class Report:
             ]),
         ]  # fmt: skip
         made, repeat = (
-            Provenance.from_table(states.results.own.about.get("made")),
+            states.made,
             ["softmodels", "run", f"{folder}/case.toml"],
         )
         if made.date and not made.command:  # run by a Python program

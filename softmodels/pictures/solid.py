@@ -62,7 +62,7 @@ from softmodels.pictures.style import (
     wrapped,
 )
 from softmodels.runs.grid import CUT, OUTSIDE, Cells, Surface, edge_curves, fine_triangles, outer_faces, outline
-from softmodels.runs.store import ResultsError, States
+from softmodels.runs.store import ResultsError, States, StoredStates
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -541,7 +541,7 @@ class AtRest:
             name: Stem of the result files.
         """
         with contextlib.suppress(ResultsError, CaseError, OSError):
-            self.pictures(look(States(folder, name)))
+            self.pictures(look(StoredStates(folder, name)))
 
     def pictures(self, shown: Look) -> dict[str, bytes]:
         """Return PNG files by their stems, drawn now unless already drawn of this device."""

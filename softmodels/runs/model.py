@@ -496,7 +496,7 @@ class Equilibrium(Shown):
             "requested": 1, "limit": 0,
         })  # fmt: skip
         nodes = self.points, grid.cells, grid.cell_name
-        return States.of(case, [row], nodes, lambda step, name: self.fields[name])
+        return States(case, [row], nodes, lambda step, name: self.fields[name])
 
     @functools.cached_property
     def figures(self) -> Figures:

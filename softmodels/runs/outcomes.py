@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 from softmodels.common.errors import MeshingError, Spoken, spoken, written
 from softmodels.common.processes import COLUMNS, columns, in_notebook, wrapped
+from softmodels.mechanics.body import BodyError
+from softmodels.mechanics.compiling import CompilingError
 from softmodels.mechanics.mpi import TooLargeError
 
 if TYPE_CHECKING:
@@ -58,9 +60,8 @@ class Ended:
     @classmethod
     def by(cls, error: Exception) -> Ended:
         """The end by an error whose message is a sentence for the user; all but runs and meshers were given bad input."""
-        status = (
-            error.status if isinstance(error, RunError) else FAILED if isinstance(error, MeshingError) else BAD_INPUT
-        )
+        failed = FAILED if isinstance(error, MeshingError | BodyError | CompilingError) else BAD_INPUT
+        status = error.status if isinstance(error, RunError) else failed
         return cls(status, written(error), error)
 
 

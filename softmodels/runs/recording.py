@@ -14,12 +14,11 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Protocol, TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
 from softmodels.case.case import Case, difference, identity
-from softmodels.common.arrays import Array
 from softmodels.common.commands import FULL
 from softmodels.common.errors import Spoken, reason
 from softmodels.common.files import file_digest, is_same, read_text, write_text
@@ -33,7 +32,7 @@ from softmodels.runs.fields import Row
 from softmodels.runs.notes import events, no_branch, notes_of, sentences, stability_text, unwritten
 from softmodels.runs.outcomes import BAD_INPUT, DONE, FAILED, Ended, RunError, UnwrittenError
 from softmodels.runs.simulation import FROM_REST, Begun, Listener, PathEnded, Simulation, Step, solve_sources
-from softmodels.runs.store import BRANCH, RUN, Results, picture_files, picture_folder
+from softmodels.runs.store import BRANCH, RUN, Results, States, picture_files, picture_folder
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -123,7 +122,7 @@ def stored_points(results: Results, fields: Fields, comm: MPI.Comm) -> list[Poin
     return [stored_point(results, fields, comm, i, records[i], i in branching) for i in chosen]
 
 
-def recall(results: StoredRun, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
+def recall(results: Results | States, fields: Fields, comm: MPI.Comm, steps: Mapping[int, float]) -> None:
     """Restore what friction, silicone and motion remember, by going through stored steps, whose times in s are given."""
     potential, last = fields.system.potential, 0.0
     for step, time in steps.items() if potential.remembers else ():
@@ -134,14 +133,8 @@ def recall(results: StoredRun, fields: Fields, comm: MPI.Comm, steps: Mapping[in
         last = time
 
 
-class StoredRun(Protocol):
-    """Access to the fields of stored steps, such as a `Results`."""
-
-    def fields(self, step: int, names: tuple[str, ...]) -> Mapping[str, Array]: ...
-
-
 def stored_point(
-    results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, restart: Restart, branching: bool
+    results: Results | States, fields: Fields, comm: MPI.Comm, step: int, restart: Restart, branching: bool
 ) -> Point:
     """The point of a stored step; of its tangent the changes of P and V alone are stored."""
     from softmodels.mechanics.controls import Tangent
@@ -162,7 +155,7 @@ def stored_point(
     )  # fmt: skip
 
 
-def stored_state(results: StoredRun, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float) -> State:
+def stored_state(results: Results | States, fields: Fields, comm: MPI.Comm, step: int, P: float, V: float) -> State:
     """A stored step's state."""
     return fields.state(results.fields(step, ("displacement", "p")) if is_root(comm) else None, P, V)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -22,6 +22,7 @@ from softmodels.runs.formats import Restart, restart_of
 from softmodels.runs.model import Model, body_of, temporary_folder
 from softmodels.runs.notes import explain, explain_failure, explain_step, sentences
 from softmodels.runs.outcomes import FAILED, NO_EQUILIBRIUM, STOPPED, RunError
+from softmodels.runs.store import States
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -389,6 +390,41 @@ def _own_words() -> bool:
     from petsc4py import PETSc
 
     return bool(PETSc.Options().getAll())
+
+
+class InMemory(States):
+    """States in memory, identical on all ranks.
+
+    Args:
+        simulation: Prepared, all ranks.
+        mesh: Reads its mesh's file; called on rank 0.
+    """
+
+    def __init__(self, simulation: Simulation, mesh: Callable[[], bytes]):
+        self._comm, grid = simulation.comm, simulation.fields.grid
+        # Only rank 0 has the whole grid.
+        points, cells, self._mesh = on_root(self._comm, lambda: (grid.points, grid.cells, mesh()))
+        super().__init__(
+            simulation.case, (), (points, cells, grid.cell_name), lambda step, name: self._fields[step][name]
+        )
+        self._fields: list[dict[str, Array]] = []
+        self._restarts: list[Restart] = []
+
+    def add(self, step: Step) -> None:
+        """Keep a state."""
+        self.rows.append(step.row)
+        self._fields.append(on_root(self._comm, lambda: step.fields or {}))
+        self._restarts.append(step.restart)
+
+    def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
+        there = self._fields[step]
+        return there if names is None else {name: there[name] for name in names}
+
+    def restart(self, step: int) -> Restart:
+        return self._restarts[step]
+
+    def mesh(self) -> bytes:
+        return self._mesh
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -7,13 +7,14 @@ finished run merges the steps into one HDF5 file. Used on rank 0 only, without M
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import errno
 import functools
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import h5py
@@ -28,6 +29,7 @@ from softmodels.common.arrays import Array
 from softmodels.common.errors import Spoken
 from softmodels.common.files import hdf5_reason, remove_steps, replace, replace_hdf5
 from softmodels.common.folders import PATIENCE, OwnFolder
+from softmodels.common.pages import Provenance
 from softmodels.runs import formats
 from softmodels.runs.columns import (
     FILE as SOURCES,
@@ -280,7 +282,7 @@ class Results:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# The states of a results folder for drawing: fields on one mesh, and which states to show.
+# The states of a run: fields on one mesh, and which of them to show.
 
 
 STILLS = 4
@@ -292,62 +294,45 @@ type NodalGrid = tuple[Array, npt.NDArray[np.int64], str]
 
 
 class States:
-    """The states of a folder of results.
+    """States on one mesh, for pictures, tables and what is solved from them.
 
     Args:
-        folder: Results with their ``case.toml``.
-        name: Stem of the result files.
+        case: What was run.
+        rows: Their rows of ``path.csv``.
+        grid: Their mesh.
+        read: Returns a nodal field of a state by its number and the field's name; KeyError where there is none.
 
     Attributes:
-        case: The case.
-        rows: Rows of ``path.csv``, one per state.
         points: Undeformed nodes in device coordinates, m, shape (n, 3).
         cells: Node numbers in VTK's order, shape (c, 10 or 6).
         cell_name: XDMF's name of the cells.
-
-    Raises:
-        ResultsError: No results, or none that can be read.
-        CaseError: No case file, or a wrong one.
+        others: Rows of the silicone's other sources by name; empty where they were not asked for.
+        branch: Rows of the branch followed from the first bifurcation; empty if none was.
+        made: Where they come from.
     """
 
-    def __init__(self, folder: Path, name: str):
-        self.folder, self.results = folder, Results(folder, name)
-        if not self.results.heavy.exists():
-            raise ResultsError(f"{folder} holds no {self.results.heavy.name}, so there is nothing to draw")
-        self.results.load()
-        self.rows: list[Row] = self.results.rows
-        if not self.rows:
-            raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
-        self.case = Case.from_file(folder / "case.toml")
-        with opened(self.results.heavy) as file:
-            self.points, self.cells = (
-                np.asarray(read_values(file, "mesh/points")),
-                np.asarray(read_values(file, "mesh/cells")),
-            )
-            self.cell_name = str(file["mesh"].attrs["cell_name"])
-        self._read: Callable[[int, str], Array] = functools.lru_cache(maxsize=24)(
-            lambda step, field: self.results.fields(step, (field,))[field].astype(float)
-        )
-
-    @classmethod
-    def of(cls, case: Case, rows: Sequence[Row], grid: NodalGrid, read: Callable[[int, str], Array]) -> States:
-        """Return states that lie in no folder of their own, such as a run's in memory.
-
-        Args:
-            case: The case.
-            rows: Their rows of ``path.csv``.
-            grid: Their mesh.
-            read: Returns a nodal field of a state by its number and the field's name.
-        """
-        made = cls.__new__(cls)
-        made.case, made.rows, made._read = case, list(rows), read
-        made.points, made.cells, made.cell_name = grid
-        made.branch, made.sources = [], {}
-        return made
+    def __init__(self, case: Case, rows: Sequence[Row], grid: NodalGrid, read: Callable[[int, str], Array]):
+        self.case, self.rows, self._read = case, list(rows), read
+        self.points, self.cells, self.cell_name = grid
+        self.others: SourceRows = {}
+        self.branch: Sequence[Row] = ()
+        self.made = Provenance()
 
     @property
     def name(self) -> str:
-        return self.results.name
+        return self.case.name
+
+    def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
+        """Return nodal fields of a state by name, all of them for None."""
+        raise NotImplementedError
+
+    def restart(self, step: int) -> formats.Restart:
+        """Return the numbers that a restart needs beside the fields."""
+        raise NotImplementedError
+
+    def mesh(self) -> bytes:
+        """Return the device's mesh as a Gmsh file."""
+        raise NotImplementedError
 
     @property
     def actuator(self) -> Actuator:
@@ -369,17 +354,9 @@ class States:
         return next((step for step, row in enumerate(self.rows) if row.get("bifurcation")), None)
 
     @functools.cached_property
-    def branch(self) -> list[Row]:
-        """Rows of the branch followed from there; empty if none was."""
-        branch = self.results.branch()
-        if branch.heavy.exists():
-            branch.load()
-        return branch.rows
-
-    @functools.cached_property
     def sources(self) -> dict[str, Sequence[Row]]:
         """Rows of each source of the silicone, the run's own among them; none where no others were solved."""
-        return self.results.sources(self.case)
+        return in_order(self.case, self.rows, self.others)
 
     def field(self, step: float, name: str) -> Array:
         """Return a nodal field of a state, shape (n,) or (n, 3), SI units; of step 2.5 the mean of steps 2 and 3."""
@@ -452,6 +429,80 @@ class States:
         places = self.along[self.loaded]
         found = {self.loaded[int(np.argmin(np.abs(places - value)))] for value in wanted}
         return list[float](sorted(found | set(asked))[-most:])
+
+
+class StoredStates(States):
+    """The states of a folder of results.
+
+    Args:
+        folder: Results with their ``case.toml``.
+        name: Stem of the result files; None for the case's own.
+        home: Where the mesh is; the same folder if None.
+
+    Raises:
+        ResultsError: No results, or none that can be read.
+        CaseError: No case file, or a wrong one.
+    """
+
+    def __init__(self, folder: Path, name: str | None = None, home: Path | None = None):
+        try:
+            folder = folder.absolute()  # the caller may change the working directory
+        except OSError:
+            raise ResultsError(
+                f"{folder} is relative to the working directory, which no longer exists; change the working "
+                f"directory, or give an absolute path"
+            ) from None
+        case = Case.from_file(folder / "case.toml") if name is None else None
+        self.folder, self.results = folder, Results(folder, name or (case.name if case else ""))
+        if not self.results.heavy.exists():
+            raise ResultsError(f"{folder} holds no {self.results.heavy.name}, so there is nothing to draw")
+        self.results.load()
+        if not self.results.rows:
+            raise ResultsError(f"the results in {folder} hold no step yet, so there is nothing to draw")
+        case = case or Case.from_file(folder / "case.toml")
+        with opened(self.results.heavy) as file:
+            points, cells = (np.asarray(read_values(file, f"mesh/{name}")) for name in ("points", "cells"))
+            grid = points, cells, str(file["mesh"].attrs["cell_name"])
+        read = functools.lru_cache(maxsize=24)(lambda step, field: self.fields(step, (field,))[field])
+        super().__init__(case, self.results.rows, grid, read)
+        self._mesh = (home or folder) / f"{case.name}.msh"
+        self.others = read_sources(folder) if isinstance(case.band, SourceBand) else {}
+        aside = self.results.branch()
+        if aside.heavy.exists():
+            aside.load()
+        self.branch = aside.rows
+        self.made = Provenance.from_table(self.results.own.about.get("made"))
+
+    def branch_states(self) -> StoredStates | None:
+        """Return the states of the followed branch; None if there is none."""
+        return StoredStates(self.results.branch().folder, None, self.folder) if self.branch else None
+
+    def fields(self, step: int, names: Sequence[str] | None = None) -> Mapping[str, Array]:
+        there = self.results.stored[step].shapes
+        if missing := [name for name in names or () if name not in there]:
+            raise KeyError(missing[0])
+        with self._readable():
+            found = self.results.fields(step, tuple(there if names is None else names))
+        return {name: values.astype(float) for name, values in found.items()}
+
+    def restart(self, step: int) -> formats.Restart:
+        return self.results.stored[step].restart
+
+    def mesh(self) -> bytes:
+        with self._readable():
+            return self._mesh.read_bytes()
+
+    @contextlib.contextmanager
+    def _readable(self) -> Iterator[None]:
+        """Raise `ResultsError` if the folder has changed since it was loaded."""
+        try:
+            yield
+        except (OSError, KeyError, ResultsError) as error:
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else hdf5_reason(error)
+            raise ResultsError(
+                f"the states in {self.folder} can no longer be read ({reason}); restore the folder, or "
+                f"load it from its new place"
+            ) from None
 
 
 def row_at(rows: Sequence[Row], step: float) -> Row:

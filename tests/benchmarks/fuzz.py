@@ -167,12 +167,12 @@ class Bench:
 
         solve = softmodels.cli.run.run
 
-        def run(case: Any, folder: Path, **how: Any) -> int:
+        def run(case: Any, folder: Path, *how: Any) -> int:
             small = case.actuator.dimension == 2 and _cells(case.actuator) < MOST_CELLS
             if not small or len(case.values) > MOST_STEPS or case.values[-1] > 50.0:
                 return 0
             self.runs += 1
-            return solve(case, folder, **how) if self.runs % SOLVED == 0 else 0
+            return solve(case, folder, *how) if self.runs % SOLVED == 0 else 0
 
         def accepted(*_: Any, **__: Any) -> None:
             raise SystemExit(0)
@@ -185,9 +185,9 @@ class Bench:
         wrote = Actuator.write
         with (
             mock.patch("softmodels.cli.run.run", run), mock.patch("softmodels.cli.analyses.find_limit", accepted),
-            mock.patch("softmodels.cli.fit_command.fit_curves", accepted),
-            mock.patch("softmodels.cli.fit_command.fit", accepted),
-            mock.patch("softmodels.cli.fit_command.fit_heights", accepted),
+            mock.patch("softmodels.cli.material_commands.fit_curves", accepted),
+            mock.patch("softmodels.cli.material_commands.fit", accepted),
+            mock.patch("softmodels.cli.material_commands.fit_heights", accepted),
             mock.patch.object(Actuator, "write", write),
         ):  # fmt: skip
             yield

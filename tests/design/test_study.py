@@ -10,7 +10,7 @@ import softmodels as sm
 from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors
-from softmodels.cli.study_command import study_command
+from softmodels.cli.design import study_command
 from softmodels.common import workers
 from softmodels.design.study import (
     SAMPLES,

@@ -12,6 +12,7 @@ import pytest
 from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.cli.run import run
+from softmodels.common.commands import RunOptions
 from softmodels.materials.laws import NeoHookean
 from softmodels.runs.columns import PathColumn, term
 from softmodels.runs.fields import OUTPUTS, Extreme, ForceMeasure, OutputField, register_output
@@ -39,7 +40,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("added") / "disk"
     case = Case("disk", HollowDisk(section="axisymmetric"), NeoHookean(28e3), pressures_cm=(0.0, 10.0))
     try:
-        assert run(case, folder, quiet=True, draw=False) == 0
+        assert run(case, folder, RunOptions(quiet=True, no_pictures=True)) == 0
         assert term("min_stretch").text == SMALLEST.extremes[0].text and term("nodes_here").name == "nodes"
         yield folder
     finally:

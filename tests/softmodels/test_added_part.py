@@ -13,6 +13,7 @@ import softmodels as sm
 from softmodels.case.case import Case, difference, identity
 from softmodels.case.entries import CaseError
 from softmodels.cli.run import run
+from softmodels.common.commands import RunOptions
 from softmodels.common.schema import Quantity, Words, field_of
 from softmodels.mechanics.component import COMPONENTS, ComponentError, EnergyComponent, EnergyTerm, register_component
 from softmodels.runs.columns import term
@@ -108,7 +109,7 @@ def test_another_stiffness_is_another_run():
 
 
 def test_its_energy_is_in_the_file_and_in_the_stored_energy(tmp_path):
-    assert run(case(Springs("top", 1e7)), tmp_path, quiet=True, draw=False) == 0
+    assert run(case(Springs("top", 1e7)), tmp_path, RunOptions(quiet=True, no_pictures=True)) == 0
     rows = list(csv.DictReader((tmp_path / "path.csv").open()))
     free = sm.inflate(DISK, LAW, "0:20 cm")
     assert 0.0 < float(rows[-1]["apex_mm"]) < 0.5 * free.apex[-1] * 1e3
@@ -149,7 +150,7 @@ def test_what_only_the_mesh_refuses_is_bad_input(tmp_path, monkeypatch, capsys):
         raise ComponentError(f"{self.where}: not on this mesh")
 
     monkeypatch.setattr(Springs, "term", refused)
-    assert run(case(Springs("top")), tmp_path / "run", quiet=True, draw=False) == 2
+    assert run(case(Springs("top")), tmp_path / "run", RunOptions(quiet=True, no_pictures=True)) == 2
     assert "[springs]: not on this mesh" in capsys.readouterr().err
     with pytest.raises(ComponentError, match="not on this mesh"):
         sm.inflate(DISK, LAW, "0:20 cm", components=[Springs("top")])

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from geometries import HollowDisk
 from measurement.outline.outline import Outline, hold_of
 from softmodels.case.case import Case
-from softmodels.cli.fit_command import fit_material
+from softmodels.cli.material_commands import fit_material
 from softmodels.components.loads import Gravity, Mass
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.memory import branch_stresses, memory_residuals, spectrum

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 import softmodels as sm
 from geometries import HollowDisk, Membrane
 from softmodels.case.case import Case
-from softmodels.cli.fit_command import fit_material
+from softmodels.cli.material_commands import fit_material
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.problem import LawChoice
 from tests.support.simulated import SimulatedCamera, simulated_outlines

@@ -17,10 +17,11 @@ from PIL import Image as Picture
 from softmodels.case.case import Case
 from softmodels.cli import run as module
 from softmodels.cli.run import DrawingProcess
+from softmodels.common.commands import DrawingOptions
 from softmodels.pictures import film, offscreen
 from softmodels.pictures.offscreen import can_render, look
 from softmodels.pictures.solid import AtRest
-from softmodels.runs.store import States
+from softmodels.runs.store import StoredStates
 from tests.support import made_up as drawings, runs
 
 
@@ -77,7 +78,7 @@ def test_an_unknown_colour_map_is_refused_at_once(command):
 
 def test_a_run_tells_what_was_drawn_and_how_to_get_the_film(drawing):
     assert (
-        DrawingProcess(drawing.case, film=True).made(Path("a"))
+        DrawingProcess(drawing.case, DrawingOptions(film=True)).made(Path("a"))
         == "pictures (*.png), film.gif, film.webp and report.html"
     )
     assert "softmodels draw 'results/my disk' --film" in drawing.made(Path("results/my disk"))
@@ -125,7 +126,7 @@ def test_a_film_is_made_if_it_is_asked_for(section, monkeypatch):
         raise RuntimeError("the film could not be encoded (broken)")
 
     monkeypatch.setattr(film, "write_mp4", broken)
-    files, left_out = film.make(look(States(section.folder, "disk")), section.folder)
+    files, left_out = film.make(look(StoredStates(section.folder, "disk")), section.folder)
     assert [file.name for file in files] == ["film.gif", "film.webp"] and "could not be encoded" in left_out
     for file in files:
         with Picture.open(file) as found:
@@ -140,8 +141,8 @@ def test_pictures_at_rest_are_drawn_once_and_only_of_this_device(wedge, half_sec
     rest.draw_early(wedge, "disk")
     early = rest._drawn
     assert set(early) == {"undeformed", "mesh"}
-    assert rest.pictures(look(States(wedge, "disk"))) is early
-    other = rest.pictures(look(States(half_section, "disk")))
+    assert rest.pictures(look(StoredStates(wedge, "disk"))) is early
+    other = rest.pictures(look(StoredStates(half_section, "disk")))
     assert set(other) == {"mesh"} and other["mesh"] != early["mesh"]
 
 
@@ -164,7 +165,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_is_drawn_after_it(wedge, tmp_
 
 @pytest.mark.skipif(not can_render(), reason="this machine cannot render")
 def test_lights_without_gloss_are_those_of_vtk(wedge, monkeypatch):
-    shown = look(States(wedge, "disk"))
+    shown = look(StoredStates(wedge, "disk"))
     layers = shown.translucent(0, {"color": "#2f6f9f"}, {"opacity": 0.35, "culling": "back"})
     with offscreen.studio(shown.camera([0], 480)) as shoot:
         own = shoot(layers).astype(int)

@@ -165,9 +165,9 @@ def test_a_point_beside_the_part_is_refused(block, tmp_path):
 
 
 def test_the_profile_is_the_outside_in_the_plane(block):
-    from softmodels.runs.store import States, axes_of, cut_line
+    from softmodels.runs.store import StoredStates, axes_of, cut_line
 
-    states = States(block[1], "part")
+    states = StoredStates(block[1], "part")
     normal, at = states.case.gauges.cut
     size = states.actuator.size
     rest = 1e3 * cut_line(states.skin, states.points, np.zeros_like(states.points), normal, at, size)

@@ -16,18 +16,19 @@ from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.materials import material_from
 from softmodels.cli.run import run
+from softmodels.common.commands import RunOptions
 import dolfinx_solver  # MPI's own handlers are set here
 
 signal.signal(signal.SIGTERM, lambda *_: None)
 before, ended = handlers(), []
 case = Case(name="disk", actuator=HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0),
             material=material_from(None, {}), pressures_cm=(5.0,))
-thread = threading.Thread(target=lambda: ended.append(run(case, Path("out"), quiet=True, draw=False)))
+thread = threading.Thread(target=lambda: ended.append(run(case, Path("out"), RunOptions(quiet=True, no_pictures=True))))
 thread.start()
 thread.join()
 assert ended == [0], ended
 assert handlers() == before, (before, handlers())
-assert run(case, Path("out"), quiet=True, draw=False) == 0
+assert run(case, Path("out"), RunOptions(quiet=True, no_pictures=True)) == 0
 assert handlers() == before, (before, handlers())
 """
 
@@ -46,15 +47,16 @@ from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.materials import material_from
 from softmodels.cli.run import run
+from softmodels.common.commands import RunOptions
 
 case = Case(name="disk", actuator=HollowDisk(section="axisymmetric", cell_size=6e-3, refinement=1.0),
             material=material_from(None, {}), pressures_cm=(5.0,))
 with mock.patch("softmodels.runs.recording.record", side_effect=KeyboardInterrupt):
     try:
-        run(case, Path("out"), quiet=True, draw=False)
+        run(case, Path("out"), RunOptions(quiet=True, no_pictures=True))
     except KeyboardInterrupt:
         print("interrupted")
-assert run(case, Path("out"), quiet=True, draw=False) == 0
+assert run(case, Path("out"), RunOptions(quiet=True, no_pictures=True)) == 0
 """
 
 

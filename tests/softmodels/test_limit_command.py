@@ -16,7 +16,7 @@ from geometries import ACTUATORS, Balloon, HollowDisk, PneuNet, SeminarActuator
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case
 from softmodels.case.entries import CaseError
-from softmodels.cli.analyses import LimitArguments
+from softmodels.cli.analyses import LimitOptions
 from softmodels.common.schema import about
 from softmodels.components.loads import Force, Gravity, Mass
 from softmodels.materials.laws import MooneyRivlin, NeoHookean, Yeoh
@@ -245,5 +245,5 @@ def test_a_part_of_a_file_of_its_own(ended, name, tmp_path):
 
 
 def test_no_device_has_a_length_of_the_commands_own_name():
-    own = {field.name for field in dataclasses.fields(LimitArguments)}
+    own = {field.name for field in dataclasses.fields(LimitOptions)}
     assert not [name for name, kind in ACTUATORS.items() if own & about(kind).keys()]

@@ -19,8 +19,7 @@ import softmodels as sm
 from geometries import HollowDisk, Membrane
 from measurement.outline.outline import Outline
 from softmodels.case.case import Case
-from softmodels.cli.fit_command import fit_material
-from softmodels.cli.material_commands import score
+from softmodels.cli.material_commands import fit_material, score
 from softmodels.components.loads import Force, Gravity, Mass, Moment
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.outlines.device import MeasuredDevice

@@ -12,7 +12,7 @@ from softmodels.pictures import curves, offscreen, report, solid
 from softmodels.pictures.offscreen import look
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.notes import events, jumps_text, unlocated
-from softmodels.runs.store import States
+from softmodels.runs.store import StoredStates
 from tests.support import runs
 
 CYCLE = (
@@ -54,7 +54,7 @@ def test_the_largest_stress_and_stretch_are_the_same_everywhere(inflated):
     folder, done = inflated
     row = runs.rows(folder)[-1]
     stress, stretch = f"{row['max_von_mises_kPa']:.4g}", f"{row['max_stretch']:.4g}"
-    states = States(folder, "disk")
+    states = StoredStates(folder, "disk")
     nodal = states.field(states.main, "von_mises").max() / 1e3
     assert f"{nodal:.4g}" != stress  # or this shows nothing
     assert f"stretch {stretch} and von Mises stress {stress} kPa (at integration points)" in done.out

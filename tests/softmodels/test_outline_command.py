@@ -21,8 +21,7 @@ from geometries import HollowDisk
 from measurement.outline.outline import Outline
 from softmodels.case.case import Case
 from softmodels.case.materials import MaterialErrors
-from softmodels.cli.fit_command import fit_material
-from softmodels.cli.material_commands import score
+from softmodels.cli.material_commands import fit_material, score
 from softmodels.common.folders import OwnFolder
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Yeoh

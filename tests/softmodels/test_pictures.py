@@ -24,7 +24,7 @@ from softmodels.pictures.style import Caption, Scale, png
 from softmodels.runs import grid
 from softmodels.runs.columns import StateLabels
 from softmodels.runs.grid import CUT
-from softmodels.runs.store import Results, ResultsError, States, round_steps
+from softmodels.runs.store import Results, ResultsError, States, StoredStates, round_steps
 from tests.support import made_up as drawings
 
 RISE, SPREAD, STEPS = 4e-3, 0.05, 6
@@ -32,7 +32,7 @@ RISE, SPREAD, STEPS = 4e-3, 0.05, 6
 
 
 def loaded(folder: Path) -> tuple[States, HollowDisk]:
-    states = States(folder, "disk")
+    states = StoredStates(folder, "disk")
     return states, states.actuator
 
 
@@ -62,7 +62,7 @@ def test_stress_has_one_camera_and_one_scale(kind, drawn):
         assert len({page.text[key] for page in pages}) == 1, key
     assert pages[0].size == pages[1].size and pages[0].text["Title"] != pages[1].text["Title"]
     low, high = pages[0].text["Scale"].split(" to ")
-    states = States(folder, "disk" if kind != "half_slab" else "slab")
+    states = StoredStates(folder, "disk" if kind != "half_slab" else "slab")
     stresses = np.concatenate([states.field(step, "von_mises") for step in range(STEPS)])  # the film shows all
     assert float(low) == 0.0 and 0.3 * stresses.max() < float(high.split()[0]) * 1e3 <= 1.2 * stresses.max()
 
@@ -273,7 +273,7 @@ def test_a_bifurcation_is_drawn_with_its_mode(kind, request, monkeypatch):
 @pytest.mark.parametrize(("kind", "name", "slices"), [("half_slab", "slab", 1), ("wedge", "disk", 2)])
 def test_a_cut_in_a_symmetry_plane_has_no_cracks(kind, name, slices, request):
     """The faces of cells lie in it; what is seen of the device is what bounds its slices there, and closed lines around it."""
-    states = States(request.getfixturevalue(kind), name)
+    states = StoredStates(request.getfixturevalue(kind), name)
     skin = states.skin
     plane = (skin.planes[0], np.zeros(3))
     layers = cut_open(states, 0, plane, plane[0], Scale(states.field(0, "von_mises")))
@@ -297,7 +297,7 @@ def test_a_rendered_image_stands_on_its_page_as_it_is():
 
 @pytest.mark.skipif(not offscreen.can_render(), reason="this machine cannot render")
 def test_a_picture_is_soft_at_its_edges(wedge):
-    shown = look(States(wedge, "disk"))
+    shown = look(StoredStates(wedge, "disk"))
     with offscreen.studio(shown.camera([0], width=320)) as shoot:
         found = shoot(shown.coloured(0, shown.scales["von_mises"])).astype(float)
     between = (found > 60).all(axis=2) & (found < 245).all(axis=2) & (np.ptp(found, axis=2) < 40)

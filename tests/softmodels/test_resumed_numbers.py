@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import shutil
 
 import h5py
@@ -76,10 +77,11 @@ def worst(found, wanted):
 def test_resumed_equals_uninterrupted(name, tmp_path, figure):
     """To rounding in most, and as far as Newton's tolerance leaves it with friction."""
     from softmodels.cli.run import run
+    from softmodels.common.commands import RunOptions
 
     case = Case.from_toml(CASES[name])
-    words = {"quiet": True, "draw": False}
-    status = run(case, tmp_path / "whole", **words)
+    how = RunOptions(quiet=True, no_pictures=True)
+    status = run(case, tmp_path / "whole", how)
     whole = Results(tmp_path / "whole", case.name, case.actuator.gauge)
     whole.load()
     wanted = table(whole.folder)
@@ -87,7 +89,7 @@ def test_resumed_equals_uninterrupted(name, tmp_path, figure):
     first = next(i for i, row in enumerate(wanted) if float(row["load_step"]) == 1.0) + 1 if case.program else 2
     for count in range(first, len(wanted), EVERY.get(name, 4)):
         folder = cut_off(whole, tmp_path / str(count), count)
-        assert run(case, folder, resume=True, **words) == status
+        assert run(case, folder, dataclasses.replace(how, resume=True)) == status
         found = table(folder)
         assert len(found) == len(wanted), count
         difference, _ = worst(found, wanted)

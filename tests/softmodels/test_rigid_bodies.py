@@ -10,7 +10,7 @@ import pytest
 import softmodels as sm
 from softmodels.components.contact import RigidShape
 from softmodels.pictures.offscreen import look, shape_layers, shape_surface, shapes_of, way
-from softmodels.runs.store import States
+from softmodels.runs.store import StoredStates
 
 BALL = RigidShape("sphere", "top", (0.0, 0.001, 0.03), 0.01, guide="0.6, 0, 0.8", spring=50.0, name="ball")
 ROD = RigidShape("cylinder", "top", (0.0, 0.0, 0.03), 0.01, name="rod")
@@ -42,7 +42,7 @@ def test_a_ball_that_is_lifted_stays_in_the_picture(tmp_path):
     ball = sm.RigidShape("sphere", "top", (0.0, 0.0, 0.0265), 0.01, guide="z", spring=20.0, name="ball")
     disk = sm.HollowDisk.variant("shadow", section="axisymmetric", cell_size=0.004)
     sm.inflate(disk, sm.NeoHookean(30e3), "0,40 cm", components=[ball], folder=tmp_path / "disk")
-    shown = look(States(tmp_path / "disk", "disk"))
+    shown = look(StoredStates(tmp_path / "disk", "disk"))
     steps = [0, shown.states.main]
     camera = shown.camera(steps)
     direction, up = np.array(camera.direction), np.array(camera.up)

@@ -8,7 +8,7 @@ import pytest
 
 from softmodels.pictures import curves, offscreen, report
 from softmodels.pictures.style import headline
-from softmodels.runs.store import States
+from softmodels.runs.store import StoredStates
 from tests.support import runs
 
 AIR = re.compile(r"\d cm|cm of water| ml\b|added volume|cavity")
@@ -44,7 +44,7 @@ def drawn(states):
 def test_a_device_without_a_cavity_shows_no_air(beam):
     folder, done = beam
     assert done.status == 0, done.err
-    states = States(folder, "beam")
+    states = StoredStates(folder, "beam")
     closing = done.out.splitlines()[0]
     assert closing.startswith("force 0.2 N: tip rise") and "added volume" not in done.out and "0.2 N" in done.err
     steps = [line for line in done.err.splitlines() if line.startswith("step ")]
@@ -60,13 +60,13 @@ def test_a_device_without_a_cavity_shows_no_air(beam):
 def test_a_membrane_under_its_weight_shows_its_volume_and_no_pressure(weighed):
     folder, done = weighed
     assert done.status == 0, done.err
-    states = States(folder, "membrane")
+    states = StoredStates(folder, "membrane")
     texts = [done.out, done.err, *drawn(states)]
     assert [text for text in texts if re.search(r"\d cm\b|cm of water|under pressure|a pressure,", text)] == []
     assert " ml" in done.out.splitlines()[0] and "the cavity has gained" in report.ending(states, {})
 
 
 def test_a_disk_that_is_inflated_shows_both_at_rest_too(half_section):
-    states = States(half_section, "disk")
+    states = StoredStates(half_section, "disk")
     assert headline(states.rows[0], states.words) == "0 cm of water (0 kPa), apex rise 0.00 mm"
     assert "the cavity has gained" in report.ending(states, {})

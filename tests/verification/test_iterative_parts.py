@@ -11,6 +11,7 @@ import pytest
 import softmodels as sm
 from softmodels.case.case import Case
 from softmodels.cli.run import run
+from softmodels.common.commands import RunOptions
 from softmodels.components.loads import Force
 from softmodels.components.rigid import Rigid
 from softmodels.mechanics.controls import pressure_control
@@ -241,7 +242,7 @@ method = "iterative"
 
 def test_what_iterations_do_not_solve_ends_in_a_sentence(tmp_path, capsys):
     """Paper half a million times stiffer than the silicone, in flat cells."""
-    assert run(Case.from_toml(STIFF), tmp_path / "finger", draw=False) == 1
+    assert run(Case.from_toml(STIFF), tmp_path / "finger", RunOptions(no_pictures=True)) == 1
     said = capsys.readouterr().err
     assert "multigrid may fail if one material is much stiffer than another" in said
     assert 'use solver="direct"' in said and "Traceback" not in said

@@ -14,7 +14,7 @@ from measurement.outline.outline import Outline
 from measurement.photographer import photograph, save
 from softmodels.case.case import Case
 from softmodels.cli import examples
-from softmodels.cli.fit_command import fit_material
+from softmodels.cli.material_commands import fit_material
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.outlines.silhouette import shadow_of
 from softmodels.fitting.outlines.simulated import half_outline
