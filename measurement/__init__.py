@@ -25,12 +25,7 @@ if TYPE_CHECKING:
     from measurement.screen.calibration import calibrate as calibrate, setup_from_grid as setup_from_grid
     from measurement.screen.grid import GridError as GridError
     from measurement.screen.setup import Setup as Setup, SetupError as SetupError
-    from measurement.series.checks import (
-        Check as Check,
-        Doubt as Doubt,
-        Evidence as Evidence,
-        register_check as register_check,
-    )
+    from measurement.series.checks import Doubt as Doubt, Evidence as Evidence, register_check as register_check
     from measurement.series.measuring import (
         Measurement as Measurement,
         NoZero as NoZero,
@@ -53,7 +48,7 @@ _PLACES = {
     "measurement.screen.calibration": ("calibrate", "setup_from_grid"),
     "measurement.screen.grid": ("GridError",),
     "measurement.screen.setup": ("Setup", "SetupError"),
-    "measurement.series.checks": ("Check", "Doubt", "Evidence", "register_check"),
+    "measurement.series.checks": ("Doubt", "Evidence", "register_check"),
     "measurement.series.photo_list": ("Column", "ColumnError", "Photograph", "PhotoListError", "read_photos"),
     "measurement.series.measuring": ("Measurement", "outlines", "NoZero", "Result"),
     "measurement.series.photo": ("Refusal",),

@@ -1,16 +1,16 @@
 """Every check of photographs: what each asks, what it may see (`Evidence`), and its answer (`Doubt`).
 
 A wrong answer that is called good is the worst that can happen here. So whatever would make an edge mean something else than
-the actuator's surface rejects the photograph, and what merely weakens it makes the outline untrusted. The classes below stand
-in the order in which they are asked; what no check computes is in the modules that `Evidence` names. To add one: `Check`.
+the actuator's surface rejects the photograph, and what merely weakens it makes the outline untrusted. They stand below
+in the order in which they are asked; what no check computes is in the modules that `Evidence` names. Add by `register_check`.
 """
 
 from __future__ import annotations
 
-import abc
 import dataclasses
 import functools
-from typing import ClassVar
+import itertools
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -148,7 +148,7 @@ class Evidence:
 
     @functools.cached_property
     def _errors(self) -> tuple[float, Array]:
-        assert self.displaced is not None  # `Moved` rejects what lies beside the surface
+        assert self.displaced is not None  # `moved` rejects what lies beside the surface
         error = np.hypot(self.placing_error, self.displaced.error)
         scale, spread = scale_of(self.placed, self.upwards, error, self.traced.line.bridged, self.zero)
         error = np.hypot(error, spread * np.abs(self.placed[:, 1]))
@@ -199,33 +199,24 @@ def unsure_of(ripple: tuple[int, float, float]) -> float:
     return abs(height) if abs(height) > STATED * scatter else 0.0
 
 
-class Check(abc.ABC):
-    """One question about a photograph: the first line of a subclass' docstring.
+type Check = Callable[[Evidence], Iterator[Doubt]]
+"""A question about a photograph, its docstring's first line: it yields what speaks against it, of which the first counts."""
 
-    A subclass under `register_check` is asked about every photograph, after those of its stage that are registered already.
-
-    Attributes:
-        stage: When it is asked, and so which `Evidence` there is.
-    """
-
-    stage: ClassVar[str]
-
-    def __init_subclass__(cls, stage: str = OUTLINE) -> None:
-        cls.stage = stage
-
-    @abc.abstractmethod
-    def doubt(self, e: Evidence) -> Doubt | None:
-        """Return what speaks against the photograph; None if nothing does."""
+CHECKS: dict[str, Registry[Check]] = {
+    stage: Registry("check", lambda check: check.__name__) for stage in (LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE)
+}
+"""Every check by its stage and its name, in the order in which they are asked."""
 
 
-CHECKS: Registry[type[Check]] = Registry("check", lambda check: check.__name__)
-"""Every check by its name, in the order in which they are asked."""
-register_check = CHECKS.register
+def register_check[C](stage: str = OUTLINE) -> Callable[[C], C]:
+    """Let a check be asked about every photograph at a stage, after those registered already; a decorator of a function."""
+    return CHECKS[stage].register
 
 
-def asked(stage: str) -> list[Check]:
-    """Return the checks of a stage."""
-    return [check() for check in CHECKS.values() if check.stage == stage]
+def answers(stage: str, evidence: Evidence) -> Iterator[Doubt]:
+    """Yield the answers of a stage's checks that are doubts."""
+    for check in CHECKS[stage].values():
+        yield from itertools.islice(check(evidence), 1)
 
 
 def doubts(stage: str, evidence: Evidence) -> tuple[str, ...]:
@@ -235,11 +226,10 @@ def doubts(stage: str, evidence: Evidence) -> tuple[str, ...]:
         Unmeasurable: One of them rejects it, although it is not to be used anyway, or leaves nothing to measure.
     """
     found = []
-    for check in asked(stage):
-        if doubt := check.doubt(evidence):
-            if doubt.lasting or (doubt.rejects and not evidence.traced.anyway):
-                raise Unmeasurable(str(doubt))
-            found.append(str(doubt))
+    for doubt in answers(stage, evidence):
+        if doubt.lasting or (doubt.rejects and not evidence.traced.anyway):
+            raise Unmeasurable(str(doubt))
+        found.append(str(doubt))
     return tuple(found)
 
 
@@ -247,229 +237,205 @@ def doubts(stage: str, evidence: Evidence) -> tuple[str, ...]:
 # Before anything is measured.
 
 
-@register_check
-class Repeated(Check, stage=LIST):
+@register_check(LIST)
+def repeated(e: Evidence) -> Iterator[Doubt]:
     """Is it another file than all others of the list?"""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        same = e.run.repeated.get(e.run.rows[e.number].file)
-        return Doubt(same, rejects=True, lasting=True) if same else None
+    if same := e.run.repeated.get(e.run.rows[e.number].file):
+        yield Doubt(same, rejects=True, lasting=True)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Of the photograph and its shadow's edge.
 
 
-@register_check
-class Exposure(Check, stage=EDGE):
+@register_check(EDGE)
+def exposure(e: Evidence) -> Iterator[Doubt]:
     """Is it neither too dark nor saturated?"""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        bright = float(np.percentile(e.traced.small.mean(axis=2), 90))
-        if bright < 0.015:
-            verdict = f"it is underexposed: the screen has {bright:.1%} of the camera's range"
-            return Doubt(verdict, "increase the exposure", rejects=True)
-        share = float((e.traced.small.min(axis=2) > 0.985).mean())
-        if share > 0.2:
-            verdict = f"it is overexposed: {share:.0%} of the picture is saturated, which would shift the edge"
-            return Doubt(verdict, "reduce the exposure", rejects=True)
-        return None
+    bright = float(np.percentile(e.traced.small.mean(axis=2), 90))
+    if bright < 0.015:
+        verdict = f"it is underexposed: the screen has {bright:.1%} of the camera's range"
+        yield Doubt(verdict, "increase the exposure", rejects=True)
+    share = float((e.traced.small.min(axis=2) > 0.985).mean())
+    if share > 0.2:
+        verdict = f"it is overexposed: {share:.0%} of the picture is saturated, which would shift the edge"
+        yield Doubt(verdict, "reduce the exposure", rejects=True)
 
 
-@register_check
-class Movement(Check, stage=EDGE):
+MOVED = (15e-6, 0.5)
+"""Movement of the screen's picture since the setup from which it is rejected: the larger of these, in m and px."""
+REST = (60e-6, 1.5)
+"""The same for the scatter of the grid's lines about where they should be."""
+SEEN, FEWEST_LINES = 0.4, 24
+"""Least share of the grid's expected lines that must be visible, and least number of places where one was seen."""
+
+
+@register_check(EDGE)
+def movement(e: Evidence) -> Iterator[Doubt]:
     """Is the grid where the setup has it?
 
     An affine movement of its lines is the camera's or the screen's, and what it leaves of their shifts is noise, dust, or
     another setup.
     """
-
-    MOVED = (15e-6, 0.5)
-    """Movement of the screen's picture since the setup from which it is rejected: the larger of these, in m and px."""
-    REST = (60e-6, 1.5)
-    """The same for the scatter of the grid's lines about where they should be."""
-    SEEN, FEWEST = 0.4, 24
-    """Least share of the grid's expected lines that must be visible, and least number of places where one was seen."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        look, pixel = e.traced.look, e.traced.scale
-        if look is None:
-            return None
-        if look.seen < self.SEEN or len(look.shift) < self.FEWEST:
-            return Doubt(
-                f"the grid is not where the setup has it ({look.seen:.0%} of its lines are seen): the camera or the screen has "
-                "moved, the picture is turned or mirrored, or the grid cannot be seen",
-                "photograph the grid again and rerun setup", rejects=True)  # fmt: skip
-        moved, rest = e.traced.movement
-        if not np.isfinite(moved):
-            return Doubt(
-                "too few of the grid's lines are seen beside the shadow, along one of their two directions, to check whether "
-                "the camera has moved", "show more of the grid, or use one with a smaller pitch", rejects=True)  # fmt: skip
-        if not moved <= max(self.MOVED[0], self.MOVED[1] * pixel):
-            return Doubt(
-                f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
-                "picture is turned, mirrored, cropped or too noisy",
-                "photograph the grid again from the current camera position and rerun setup", rejects=True)  # fmt: skip
-        if not rest <= max(self.REST[0], self.REST[1] * pixel):
-            return Doubt(
-                f"the grid's lines are {rest * 1e6:.0f} um off: the picture is too noisy, too much compressed or too dusty to "
-                "see them, the screen has bent, or this is another setup",
-                "clean and flatten the screen, and photograph grid and body again", rejects=True)  # fmt: skip
-        return None
+    look, pixel = e.traced.look, e.traced.scale
+    if look is None:
+        return
+    if look.seen < SEEN or len(look.shift) < FEWEST_LINES:
+        yield Doubt(
+            f"the grid is not where the setup has it ({look.seen:.0%} of its lines are seen): the camera or the screen has "
+            "moved, the picture is turned or mirrored, or the grid cannot be seen",
+            "photograph the grid again and rerun setup", rejects=True)  # fmt: skip
+    moved, rest = e.traced.movement
+    if not np.isfinite(moved):
+        yield Doubt(
+            "too few of the grid's lines are seen beside the shadow, along one of their two directions, to check whether "
+            "the camera has moved", "show more of the grid, or use one with a smaller pitch", rejects=True)  # fmt: skip
+    if not moved <= max(MOVED[0], MOVED[1] * pixel):
+        yield Doubt(
+            f"the camera or the screen has moved by {moved * 1e6:.0f} um since the setup or during the exposure, or the "
+            "picture is turned, mirrored, cropped or too noisy",
+            "photograph the grid again from the current camera position and rerun setup", rejects=True)  # fmt: skip
+    if not rest <= max(REST[0], REST[1] * pixel):
+        yield Doubt(
+            f"the grid's lines are {rest * 1e6:.0f} um off: the picture is too noisy, too much compressed or too dusty to "
+            "see them, the screen has bent, or this is another setup",
+            "clean and flatten the screen, and photograph grid and body again", rejects=True)  # fmt: skip
 
 
-@register_check
-class Sharp(Check, stage=EDGE):
+WIDEST_EDGE = 300e-6
+"""Greatest standard deviation in m of penumbra and blur together."""
+
+
+@register_check(EDGE)
+def sharp(e: Evidence) -> Iterator[Doubt]:
     """Is enough of the edge clear, and sharp enough for half of the light to be a place?"""
-
-    WIDEST = 300e-6
-    """Greatest standard deviation in m of penumbra and blur together."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        edge = e.traced.edge
-        if len(edge.px) < FEWEST_POINTS:
-            return Doubt(
-                f"only {len(edge.px)} points of the edge are clear enough; at least {FEWEST_POINTS} are needed",
-                "photograph it again with more light and contrast, and with no grid line along the surface",
-                rejects=True, lasting=True)  # fmt: skip
-        slope = e.traced.setup.jacobian(edge.px)
-        width = edge.width * np.linalg.norm(slope @ edge.normal[..., None], axis=(1, 2))
-        wide = float(np.percentile(width, 90))
-        if wide <= self.WIDEST:
-            return None
-        return Doubt(
-            f"the edge is blurred over {wide * 1e6:.0f} um (standard deviation), more than {self.WIDEST * 1e6:.0f} um",
+    edge = e.traced.edge
+    if len(edge.px) < FEWEST_POINTS:
+        yield Doubt(
+            f"only {len(edge.px)} points of the edge are clear enough; at least {FEWEST_POINTS} are needed",
+            "photograph it again with more light and contrast, and with no grid line along the surface",
+            rejects=True, lasting=True)  # fmt: skip
+    slope = e.traced.setup.jacobian(edge.px)
+    width = edge.width * np.linalg.norm(slope @ edge.normal[..., None], axis=(1, 2))
+    wide = float(np.percentile(width, 90))
+    if not wide <= WIDEST_EDGE:
+        yield Doubt(
+            f"the edge is blurred over {wide * 1e6:.0f} um (standard deviation), more than {WIDEST_EDGE * 1e6:.0f} um",
             "focus on the screen, use a smaller lamp, or move the lamp away and the body closer to the screen",
             rejects=True)  # fmt: skip
 
 
-@register_check
-class Saturation(Check, stage=EDGE):
+BLANK, MOST_BLANK = 0.985, 0.1
+"""Light of a channel from which it is taken as saturated, and share of the edge that may lie beside such light."""
+
+
+@register_check(EDGE)
+def saturation(e: Evidence) -> Iterator[Doubt]:
     """Is the screen beside the edge darker than white?"""
-
-    BLANK, MOST = 0.985, 0.1
-    """Light of a channel from which it is taken as saturated, and share of the edge that may lie beside such light."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        edge = e.traced.edge
-        beside = e.traced.view.sample(edge.px + 3.0 * edge.width[:, None] * edge.normal)
-        blank = float(np.mean((beside > self.BLANK).any(axis=1)))
-        if blank <= self.MOST:
-            return None
+    edge = e.traced.edge
+    beside = e.traced.view.sample(edge.px + 3.0 * edge.width[:, None] * edge.normal)
+    blank = float(np.mean((beside > BLANK).any(axis=1)))
+    if blank > MOST_BLANK:
         verdict = f"it is overexposed: beside {blank:.0%} of the edge the screen is saturated, which shifts the edge"
-        return Doubt(verdict, "reduce the exposure", rejects=True)
+        yield Doubt(verdict, "reduce the exposure", rejects=True)
 
 
-@register_check
-class OneLamp(Check, stage=EDGE):
+PART, MOST_PART = 0.7, 0.05
+"""Share of the shadow's depth by which light must fall over its edge, and share of the edge where it may fall less."""
+UNEVEN, PIECES, LEAST_POINTS = 0.08, 12, 20
+"""Change of the shadow's depth along its edge that one lamp does not make, over means of so many pieces of the edge, each
+of so many points at least."""
+
+
+@register_check(EDGE)
+def one_lamp(e: Evidence) -> Iterator[Doubt]:
     """Does the light fall all the way from the screen's to the shadow's, alike along the edge?"""
-
-    PART, MOST = 0.7, 0.05
-    """Share of the shadow's depth by which light must fall over its edge, and share of the edge where it may fall less."""
-    UNEVEN, PIECES, LEAST = 0.08, 12, 20
-    """Change of the shadow's depth along its edge that one lamp does not make, over means of so many pieces of the edge, each
-    of so many points at least."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        colour = e.traced.coarse.colour
-        whole = 1.0 / float(colour.direction @ colour.lit)
-        part = e.traced.edge.contrast / whole
-        if np.median(part) < self.PART:
-            return Doubt(
-                f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has "
-                "several edges, from a second lamp, a reflection or a double exposure",
-                "use only one lamp, cover reflecting surfaces, and photograph it again", rejects=True)  # fmt: skip
-        count = max(self.LEAST, len(part) // self.PIECES)
-        level = np.convolve(part, np.ones(count) / count, "valid")
-        if len(part) >= 2 * count and np.ptp(level) > self.UNEVEN:
-            return Doubt(
-                f"the shadow's depth changes by {np.ptp(level):.0%} along its edge: a second lamp, a reflection or stray light "
-                "reaches a part of it")  # fmt: skip
-        share = float(np.mean(part < self.PART))
-        if share > self.MOST:
-            return Doubt(
-                f"along {share:.0%} of the edge the light falls only part of the way: a second shadow or a reflection"
-            )
-        return None
+    colour = e.traced.coarse.colour
+    whole = 1.0 / float(colour.direction @ colour.lit)
+    part = e.traced.edge.contrast / whole
+    if np.median(part) < PART:
+        yield Doubt(
+            f"the light falls in steps, by {np.median(part):.0%} of the shadow's depth at this edge: the shadow has "
+            "several edges, from a second lamp, a reflection or a double exposure",
+            "use only one lamp, cover reflecting surfaces, and photograph it again", rejects=True)  # fmt: skip
+    count = max(LEAST_POINTS, len(part) // PIECES)
+    level = np.convolve(part, np.ones(count) / count, "valid")
+    if len(part) >= 2 * count and np.ptp(level) > UNEVEN:
+        yield Doubt(
+            f"the shadow's depth changes by {np.ptp(level):.0%} along its edge: a second lamp, a reflection or stray light "
+            "reaches a part of it")  # fmt: skip
+    share = float(np.mean(part < PART))
+    if share > MOST_PART:
+        yield Doubt(
+            f"along {share:.0%} of the edge the light falls only part of the way: a second shadow or a reflection"
+        )
 
 
-@register_check
-class Drop(Check, stage=EDGE):
+BLURRED_PATCH, PATCH_NOISES = 0.12, 8.0
+"""Logarithm of the width over its smooth course, and the same in its own scatter, from which a patch is blurred."""
+
+
+@register_check(EDGE)
+def drop(e: Evidence) -> Iterator[Doubt]:
     """Is the edge equally sharp along its length?"""
-
-    LEAST, NOISES = 0.12, 8.0
-    """Logarithm of the width over its smooth course, and the same in its own scatter, from which a patch is blurred."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        more, scatter = widest_patch(e.traced.edge, e.traced.scale)
-        if more <= max(self.LEAST, self.NOISES * scatter):
-            return None
-        return Doubt(
+    more, scatter = widest_patch(e.traced.edge, e.traced.scale)
+    if not more <= max(BLURRED_PATCH, PATCH_NOISES * scatter):
+        yield Doubt(
             f"a part of the edge is {np.expm1(more):.0%} more blurred than the rest: a drop or grease on the lens, which "
             "also shifts the edge, or a second object casts the shadow there")  # fmt: skip
 
 
-@register_check
-class Thread(Check, stage=EDGE):
+@register_check(EDGE)
+def thread(e: Evidence) -> Iterator[Doubt]:
     """Is the shadow free of thin things?"""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        if not e.traced.touched:
-            return None
-        return Doubt("a thin dark thing (hair, thread, tube, a speck) touches the shadow", f"take it away, {OR_MASK}")
+    if e.traced.touched:
+        yield Doubt("a thin dark thing (hair, thread, tube, a speck) touches the shadow", f"take it away, {OR_MASK}")
 
 
-@register_check
-class Noise(Check, stage=EDGE):
+MOST_NOISE = 50e-6
+"""Greatest median standard error in m of the points of an edge."""
+
+
+@register_check(EDGE)
+def noise(e: Evidence) -> Iterator[Doubt]:
     """Is each point of the edge known, and well enough?"""
-
-    MOST = 50e-6
-    """Greatest median standard error in m of the points of an edge."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        traced = e.traced
-        if not np.isfinite(traced.points).all():
-            return Doubt(
-                "the shadow lies where the lens correction is not defined",
-                "calibrate with boards up to the picture's corners, or aim the camera at the shadow",
-                rejects=True, lasting=True)  # fmt: skip
-        errors = traced.setup.error(traced.line.px, traced.line.error, traced.normals)
-        typical = float(np.median(errors[~traced.line.bridged]))
-        if typical <= self.MOST:
-            return None
-        return Doubt(
+    traced = e.traced
+    if not np.isfinite(traced.points).all():
+        yield Doubt(
+            "the shadow lies where the lens correction is not defined",
+            "calibrate with boards up to the picture's corners, or aim the camera at the shadow",
+            rejects=True, lasting=True)  # fmt: skip
+    errors = traced.setup.error(traced.line.px, traced.line.error, traced.normals)
+    typical = float(np.median(errors[~traced.line.bridged]))
+    if not typical <= MOST_NOISE:
+        yield Doubt(
             f"the edge is too noisy: its points have a standard error of {typical * 1e6:.0f} um",
             "photograph it again with more light, a lower sensitivity (ISO) or less compression", rejects=True)  # fmt: skip
 
 
-@register_check
-class Flat(Check, stage=EDGE):
+OFF, OFF_NOISES = 25e-6, 8.0
+"""Distance of a piece of line from where it should be, in m and in standard errors, from which the outline beside it is
+not trusted."""
+
+
+@register_check(EDGE)
+def flat(e: Evidence) -> Iterator[Doubt]:
     """Is the screen flat beside the edge?"""
-
-    OFF, NOISES = 25e-6, 8.0
-    """Distance of a piece of line from where it should be, in m and in standard errors, from which the outline beside it is
-    not trusted."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        flat = e.traced.flatness
-        off = flat.off * (flat.off >= np.maximum(self.OFF, self.NOISES * flat.noise))
-        if not off.any():
-            return None
-        worst = int(np.argmax(off))
-        return Doubt(
-            f"{flat.away[worst] * 1e3:.1f} mm beside the edge the printed grid is {off[worst] * 1e6:.0f} um off: the screen "
-            "bulges or slides there, hot air or a drop on the lens bends the light, or the lens' correction is wrong"
-        )
+    flat = e.traced.flatness
+    off = flat.off * (flat.off >= np.maximum(OFF, OFF_NOISES * flat.noise))
+    if not off.any():
+        return
+    worst = int(np.argmax(off))
+    yield Doubt(
+        f"{flat.away[worst] * 1e3:.1f} mm beside the edge the printed grid is {off[worst] * 1e6:.0f} um off: the screen "
+        "bulges or slides there, hot air or a drop on the lens bends the light, or the lens' correction is wrong"
+    )
 
 
-@register_check
-class Tone(Check, stage=TONE):
+@register_check(TONE)
+def tone(e: Evidence) -> Iterator[Doubt]:
     """Does the edge's shape show how the file stores light, or would another tone do no harm?"""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        if not e.traced.tone_error:
-            return None
-        return Doubt(
+    if e.traced.tone_error:
+        yield Doubt(
             "the shape of the penumbra does not show how the file stores light; edges may be "
             f"{e.traced.tone_error * 1e6:.0f} um off",
             "give --tone srgb for a camera's JPEG, --tone linear for numbers in proportion to the light")  # fmt: skip
@@ -479,374 +445,344 @@ class Tone(Check, stage=TONE):
 # Of the zero plane.
 
 
-@register_check
-class Level(Check, stage=ZERO):
+BOWED = 20e-6
+"""Bow in m of the surface from which the lamp or the body is not level."""
+
+
+@register_check(ZERO)
+def level(e: Evidence) -> Iterator[Doubt]:
     """Does the light run along the undeformed surface?"""
-
-    BOWED = 20e-6
-    """Bow in m of the surface from which the lamp or the body is not level."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        bow = e.bow
-        if bow is None or bow.rise <= max(self.BOWED, 4.0 * bow.error):
-            return None
-        if np.isnan(bow.rise):
-            return Doubt(
-                "the surface reaches beyond what seem to be the body's sides, so that its level cannot be checked"
-            )
-        bows = f"the undeformed surface bows up by {bow.rise * 1e6:.0f} um towards its middle, as the rim of a round body does"
-        if e.traced.lift:
-            return Doubt(
-                f"{bows} if the lamp is large: its penumbra widens with the body's depth",
-                "use a smaller lamp or move it away, at the height of the surface, and repeat all photographs")  # fmt: skip
-        return Doubt(
-            f"{bows} if the lamp or the body is at least {np.degrees(bow.rise / bow.radius):.1f} degrees off level: heights "
-            "are too small by at least that much",
-            "move the lamp to the height of the surface, level the body and repeat all photographs",
-        )  # fmt: skip
+    bow = e.bow
+    if bow is None or bow.rise <= max(BOWED, 4.0 * bow.error):
+        return
+    if np.isnan(bow.rise):
+        yield Doubt("the surface reaches beyond what seem to be the body's sides, so that its level cannot be checked")
+    bows = (
+        f"the undeformed surface bows up by {bow.rise * 1e6:.0f} um towards its middle, as the rim of a round body does"
+    )
+    if e.traced.lift:
+        yield Doubt(
+            f"{bows} if the lamp is large: its penumbra widens with the body's depth",
+            "use a smaller lamp or move it away, at the height of the surface, and repeat all photographs")  # fmt: skip
+    yield Doubt(
+        f"{bows} if the lamp or the body is at least {np.degrees(bow.rise / bow.radius):.1f} degrees off level: heights "
+        "are too small by at least that much",
+        "move the lamp to the height of the surface, level the body and repeat all photographs",
+    )  # fmt: skip
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Of an outline above the zero plane.
 
 
-@register_check
-class Rim(Check, stage=OUTLINE):
+RIM_HEIGHT = 150e-6
+"""Height in m up to which the shadow may meet the frame: a flat surface runs out of the picture, an actuator must not."""
+
+
+@register_check(OUTLINE)
+def rim(e: Evidence) -> Iterator[Doubt]:
     """Is there light all round the bulge?"""
-
-    HEIGHT = 150e-6
-    """Height in m up to which the shadow may meet the frame: a flat surface runs out of the picture, an actuator must not."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        rim = e.traced.rim
-        if not len(rim):
-            return None
-        height = e.zero.place(rim)[:, 1].max()
-        # The rim is known to a pixel of the small version only.
-        coarse = float(np.median(np.linalg.norm(np.diff(rim, axis=0), axis=1))) if len(rim) > 1 else 0.0
-        if height <= self.HEIGHT + 2.0 * coarse:
-            return None
-        return Doubt(
+    rim = e.traced.rim
+    if not len(rim):
+        return
+    height = e.zero.place(rim)[:, 1].max()
+    # The rim is known to a pixel of the small version only.
+    coarse = float(np.median(np.linalg.norm(np.diff(rim, axis=0), axis=1))) if len(rim) > 1 else 0.0
+    if height > RIM_HEIGHT + 2.0 * coarse:
+        yield Doubt(
             f"the shadow touches the frame or the region of interest {height * 1e3:.1f} mm above the surface",
             "widen setup --roi, or aim the camera so that light is seen all round the bulge", rejects=True)  # fmt: skip
 
 
-@register_check
-class Top(Check, stage=OUTLINE):
+@register_check(OUTLINE)
+def top(e: Evidence) -> Iterator[Doubt]:
     """Is its highest place that of a surface seen from the side?"""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        placed, above = e.placed, np.flatnonzero(e.above)
-        if len(above) < FEWEST_POINTS:
-            return None  # `Moved` says so
-        if e.standing and e.upwards[max(0, e.top - 3) : e.top + 4].mean() < 0.5:
-            return Doubt(
-                "the shadow's highest point is not a rounded top: it hangs from above, or an object is in the light",
-                "remove it, turn the picture upright before setup and photos, or exclude it with setup --roi",
-                rejects=True)  # fmt: skip
-        if e.standing and min(e.top - above[0], above[-1] - e.top) < 5:
-            return Doubt(
-                "the outline ends at its highest point: part of it is hidden or outside of the picture",
-                "aim the camera at all of it, and clear away what hides it", rejects=True)  # fmt: skip
-        if placed[above, 1].max() - placed[above, 1].min() > 2.0 * np.ptp(placed[above, 0]):
-            return Doubt(
-                "the shadow stands more than twice as high as it is wide, so it is not an inflated surface",
-                "exclude other shadows with setup --roi", rejects=True)  # fmt: skip
-        return None
+    placed, above = e.placed, np.flatnonzero(e.above)
+    if len(above) < FEWEST_POINTS:
+        return  # `moved` says so
+    if e.standing and e.upwards[max(0, e.top - 3) : e.top + 4].mean() < 0.5:
+        yield Doubt(
+            "the shadow's highest point is not a rounded top: it hangs from above, or an object is in the light",
+            "remove it, turn the picture upright before setup and photos, or exclude it with setup --roi",
+            rejects=True)  # fmt: skip
+    if e.standing and min(e.top - above[0], above[-1] - e.top) < 5:
+        yield Doubt(
+            "the outline ends at its highest point: part of it is hidden or outside of the picture",
+            "aim the camera at all of it, and clear away what hides it", rejects=True)  # fmt: skip
+    if placed[above, 1].max() - placed[above, 1].min() > 2.0 * np.ptp(placed[above, 0]):
+        yield Doubt(
+            "the shadow stands more than twice as high as it is wide, so it is not an inflated surface",
+            "exclude other shadows with setup --roi", rejects=True)  # fmt: skip
 
 
-@register_check
-class Moved(Check, stage=OUTLINE):
+MOST_MOVED = 200e-6
+"""Distance in m of the surface beside the bulge from the zero plane from which nothing is measured."""
+
+
+@register_check(OUTLINE)
+def moved(e: Evidence) -> Iterator[Doubt]:
     """Is the body where it was at zero pressure?"""
-
-    MOST = 200e-6
-    """Distance in m of the surface beside the bulge from the zero plane from which nothing is measured."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        if e.above.sum() < FEWEST_POINTS:
-            return Doubt(
-                "the shadow is below the surface at zero pressure: the actuator has moved, or the zero is wrong",
-                "photograph it at zero pressure again and list that, or correct setup --zero",
-                rejects=True, lasting=True)  # fmt: skip
-        if not e.standing and np.median(e.upwards[e.above]) < 0.5:
-            return Doubt(
-                "the edge on the surface's line is not level: the actuator has moved or is not in the picture",
-                "photograph it at zero pressure again and list that, or correct setup --zero",
-                rejects=True)  # fmt: skip
-        seen = e.displaced
-        if seen is None:
-            return Doubt(
-                "the shadow is beside the surface at zero pressure: the actuator has moved, or the zero is wrong",
-                "photograph it at zero pressure again and list that, or correct setup --zero",
-                rejects=True, lasting=True)  # fmt: skip
-        off = abs(seen.off)
-        if seen.seen and off > max(ON_SURFACE, seen.tolerance):
-            return Doubt(
-                f"beside the bulge the surface lies {off * 1e3:.2f} mm {'above' if seen.off > 0.0 else 'below'} the zero "
-                "plane: the actuator, the lamp or the camera has moved since the zero was taken",
-                "photograph it at zero pressure again, or correct setup --zero",
-                rejects=off > max(self.MOST, seen.tolerance))  # fmt: skip
-        if not seen.seen and seen.aslant > ON_SURFACE:
-            return Doubt(
-                f"one end of the surface lies {2e3 * seen.aslant:.2f} mm lower than the other: the actuator, the lamp or the "
-                "camera was tilted since the zero was taken", "photograph it at zero pressure again")  # fmt: skip
-        return None
+    if e.above.sum() < FEWEST_POINTS:
+        yield Doubt(
+            "the shadow is below the surface at zero pressure: the actuator has moved, or the zero is wrong",
+            "photograph it at zero pressure again and list that, or correct setup --zero",
+            rejects=True, lasting=True)  # fmt: skip
+    if not e.standing and np.median(e.upwards[e.above]) < 0.5:
+        yield Doubt(
+            "the edge on the surface's line is not level: the actuator has moved or is not in the picture",
+            "photograph it at zero pressure again and list that, or correct setup --zero",
+            rejects=True)  # fmt: skip
+    seen = e.displaced
+    if seen is None:
+        yield Doubt(
+            "the shadow is beside the surface at zero pressure: the actuator has moved, or the zero is wrong",
+            "photograph it at zero pressure again and list that, or correct setup --zero",
+            rejects=True, lasting=True)  # fmt: skip
+        return
+    off = abs(seen.off)
+    if seen.seen and off > max(ON_SURFACE, seen.tolerance):
+        yield Doubt(
+            f"beside the bulge the surface lies {off * 1e3:.2f} mm {'above' if seen.off > 0.0 else 'below'} the zero "
+            "plane: the actuator, the lamp or the camera has moved since the zero was taken",
+            "photograph it at zero pressure again, or correct setup --zero",
+            rejects=off > max(MOST_MOVED, seen.tolerance))  # fmt: skip
+    if not seen.seen and seen.aslant > ON_SURFACE:
+        yield Doubt(
+            f"one end of the surface lies {2e3 * seen.aslant:.2f} mm lower than the other: the actuator, the lamp or the "
+            "camera was tilted since the zero was taken", "photograph it at zero pressure again")  # fmt: skip
 
 
-@register_check
-class Membrane(Check):
+CREASE, CORNER = 8.0, 25.0
+"""Turn in degrees, beyond that of the neighbouring edge, which no membrane makes by itself, and which is another thing."""
+RIPPLE, RIPPLE_NOISES = 15e-6, 8.0
+"""Distance in m of the edge from its neighbourhood, and the same in its own scatter, from which it is no membrane's."""
+NARROWEST = 0.08
+"""Least width at half height of what stands on the surface, as a share of the surface that is visible."""
+
+
+@register_check(OUTLINE)
+def membrane(e: Evidence) -> Iterator[Doubt]:
     """Is the outline that of one membrane, and no second thing (hair, tube, drop, fibre, dust) on it or before it?
 
     Such a thing may show as a corner, as a bump, and by a small width: what it shows first is said.
     """
-
-    CREASE, CORNER = 8.0, 25.0
-    """Turn in degrees, beyond that of the neighbouring edge, which no membrane makes by itself, and which is another thing."""
-    RIPPLE, NOISES = 15e-6, 8.0
-    """Distance in m of the edge from its neighbourhood, and the same in its own scatter, from which it is no membrane's."""
-    NARROWEST = 0.08
-    """Least width at half height of what stands on the surface, as a share of the surface that is visible."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        place, turn = sharpest_turn(e.raw)
-        high = f"{turn:.0f} degrees {e.raw[place, 1] * 1e3:.1f} mm above the surface"
-        if turn > self.CORNER:
-            return Doubt(
-                f"the edge has a corner of {high}: a second thing (hair, tube, drop, finger) merges with the shadow, or hides "
-                "part of it", f"take it away and photograph it again, {OR_MASK}", rejects=True)  # fmt: skip
-        at, bump, scatter = e.ripple
-        if abs(bump) > max(self.RIPPLE, self.NOISES * scatter):
-            return Doubt(
-                f"{e.raw[at, 1] * 1e3:.1f} mm above the surface the outline has a {'bump' if bump > 0.0 else 'hollow'} of "
-                f"{abs(bump) * 1e6:.0f} um that is narrower than a membrane can bend: a fibre, a grain or a drop on it or "
-                "on the lens, or the screen is not flat", f"take it away, {OR_MASK}")  # fmt: skip
-        if turn > self.CREASE:
-            return Doubt(
-                f"the edge bends sharply by {high}: something lies on it or hides part of it, or it is creased",
-                f"take it away, {OR_MASK}",
-            )
-        x, z = e.placed.T
-        top = int(np.argmax(z))
-        if z[top] < max(10.0 * e.error[top], ON_SURFACE):
-            return None
-        width = float(np.ptp(x[z > 0.5 * z[top]]))
-        if width >= self.NARROWEST * min(e.zero.extent[1] - e.zero.extent[0], float(np.ptp(x))):
-            return None
-        return Doubt(
+    place, turn = sharpest_turn(e.raw)
+    high = f"{turn:.0f} degrees {e.raw[place, 1] * 1e3:.1f} mm above the surface"
+    if turn > CORNER:
+        yield Doubt(
+            f"the edge has a corner of {high}: a second thing (hair, tube, drop, finger) merges with the shadow, or hides "
+            "part of it", f"take it away and photograph it again, {OR_MASK}", rejects=True)  # fmt: skip
+    at, bump, scatter = e.ripple
+    if abs(bump) > max(RIPPLE, RIPPLE_NOISES * scatter):
+        yield Doubt(
+            f"{e.raw[at, 1] * 1e3:.1f} mm above the surface the outline has a {'bump' if bump > 0.0 else 'hollow'} of "
+            f"{abs(bump) * 1e6:.0f} um that is narrower than a membrane can bend: a fibre, a grain or a drop on it or "
+            "on the lens, or the screen is not flat", f"take it away, {OR_MASK}")  # fmt: skip
+    if turn > CREASE:
+        yield Doubt(
+            f"the edge bends sharply by {high}: something lies on it or hides part of it, or it is creased",
+            f"take it away, {OR_MASK}",
+        )
+    x, z = e.placed.T
+    top = int(np.argmax(z))
+    if z[top] < max(10.0 * e.error[top], ON_SURFACE):
+        return
+    width = float(np.ptp(x[z > 0.5 * z[top]]))
+    if width < NARROWEST * min(e.zero.extent[1] - e.zero.extent[0], float(np.ptp(x))):
+        yield Doubt(
             f"the object on the surface is only {width * 1e3:.1f} mm wide at half its height: dust, a drop or another object"
         )
 
 
-@register_check
-class ClearTop(Check, stage=OUTLINE):
+UNCLEAR_TOP = 5.0
+"""Standard error of the highest place over the outline's usual one from which something must be wrong there."""
+
+
+@register_check(OUTLINE)
+def clear_top(e: Evidence) -> Iterator[Doubt]:
     """Is the edge as clear at its highest place as elsewhere?"""
-
-    BLURRED = 5.0
-    """Standard error of the highest place over the outline's usual one from which something must be wrong there."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        error = e.error[e.above]
-        own, usual = float(error[np.argmax(e.placed[e.above, 1])]), float(np.median(error))
-        if own < max(self.BLURRED * usual, UNCLEAR):
-            return None
-        return Doubt(
+    error = e.error[e.above]
+    own, usual = float(error[np.argmax(e.placed[e.above, 1])]), float(np.median(error))
+    if own >= max(UNCLEAR_TOP * usual, UNCLEAR):
+        yield Doubt(
             f"the edge is unclear at its highest place: {own * 1e6:.0f} um there, {usual * 1e6:.0f} um elsewhere"
         )
 
 
-@register_check
-class ZeroPlane(Check, stage=OUTLINE):
+@register_check(OUTLINE)
+def zero_plane(e: Evidence) -> Iterator[Doubt]:
     """Is the zero plane's photograph free of doubt, and stored as this one?"""
+    found = [f"of the zero plane's photograph: {doubt}" for doubt in e.zero.doubts]
+    if e.zero.tone and e.zero.tone != e.traced.tone:
+        found.append(
+            f"it seems to store light as {e.traced.tone} but the zero plane's photograph as {e.zero.tone}; "
+            "choose one with --tone"
+        )
+    if found:
+        yield Doubt("; ".join(found))
 
-    def doubt(self, e: Evidence) -> Doubt | None:
-        found = [f"of the zero plane's photograph: {doubt}" for doubt in e.zero.doubts]
-        if e.zero.tone and e.zero.tone != e.traced.tone:
-            found.append(
-                f"it seems to store light as {e.traced.tone} but the zero plane's photograph as {e.zero.tone}; "
-                "choose one with --tone"
-            )
-        return Doubt("; ".join(found)) if found else None
+
+LONGEST_DENT = 1e-3
+"""Length in m from which it is one."""
 
 
-@register_check
-class Dent(Check, stage=OUTLINE):
+@register_check(OUTLINE)
+def dent(e: Evidence) -> Iterator[Doubt]:
     """Does the surface nowhere lie below the undeformed one between places where it does not?
 
     One that has sunk as a whole, or beside the bulge, is no dent.
     """
-
-    LONGEST = 1e-3
-    """Length in m from which it is one."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        if len(e.kept) < FEWEST_POINTS or e.displaced is None:
-            return None  # `Whole` says so
-        inner = slice(e.kept[0], e.kept[-1] + 1)
-        sunken = ~(e.above | e.traced.line.bridged) & (e.placed[:, 1] < -ON_SURFACE - 2.0 * max(e.displaced.sunk, 0.0))
-        ends = np.flatnonzero(np.diff(np.r_[False, sunken[inner], False].astype(int)))
-        for part in e.kept[0] + ends.reshape(-1, 2):
-            x, z = e.placed[slice(*part)].T
-            if np.ptp(x) > self.LONGEST:
-                return Doubt(
-                    f"over {np.ptp(x) * 1e3:.1f} mm the surface lies up to {-z.min() * 1e3:.2f} mm below the undeformed one: "
-                    "it is dented or drawn in; only parts above that surface are measured",
-                    "raise the pressure, or photograph the zero again with the body in its present state",
-                    rejects=True)  # fmt: skip
-        return None
+    if len(e.kept) < FEWEST_POINTS or e.displaced is None:
+        return  # `whole` says so
+    inner = slice(e.kept[0], e.kept[-1] + 1)
+    sunken = ~(e.above | e.traced.line.bridged) & (e.placed[:, 1] < -ON_SURFACE - 2.0 * max(e.displaced.sunk, 0.0))
+    ends = np.flatnonzero(np.diff(np.r_[False, sunken[inner], False].astype(int)))
+    for part in e.kept[0] + ends.reshape(-1, 2):
+        x, z = e.placed[slice(*part)].T
+        if np.ptp(x) > LONGEST_DENT:
+            yield Doubt(
+                f"over {np.ptp(x) * 1e3:.1f} mm the surface lies up to {-z.min() * 1e3:.2f} mm below the undeformed one: "
+                "it is dented or drawn in; only parts above that surface are measured",
+                "raise the pressure, or photograph the zero again with the body in its present state",
+                rejects=True)  # fmt: skip
 
 
-@register_check
-class Whole(Check, stage=OUTLINE):
+GAP, LARGEST = 1e-3, 4e-3
+"""Missing length of edge in m that makes an outline untrusted, and that makes it none."""
+TOP_GAP = 0.5e-3
+"""Missing length in m that makes it untrusted where its highest place may lie in it."""
+
+
+@register_check(OUTLINE)
+def whole(e: Evidence) -> Iterator[Doubt]:
     """Was all of the outline measured?"""
-
-    GAP, LARGEST = 1e-3, 4e-3
-    """Missing length of edge in m that makes an outline untrusted, and that makes it none."""
-    TOP = 0.5e-3
-    """Missing length in m that makes it untrusted where its highest place may lie in it."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        if len(e.kept) < FEWEST_POINTS:
-            return Doubt(
-                "too little of the surface between the body's sides is visible",
-                "move the camera closer, or photograph it again with all of its surface in the light",
-                rejects=True, lasting=True)  # fmt: skip
-        seen, lengths, masked = e.gaps
-        words = "the outline has a gap of {:.1f} mm where no edge is clear"
-        longest = 1e3 * lengths[~masked].max(initial=0.0)
-        if longest > 1e3 * self.LARGEST:
-            # What else speaks against the edge may tell why a part of it is missing.
-            verdict = "; ".join([words.format(longest), *e.traced.doubts])
-            return Doubt(verdict, f"remove what hides it and photograph it again, {OR_MASK}", rejects=True)
-        highest = float(e.placed[e.kept[0] : e.kept[-1] + 1, 1].max())
-        found = []
-        for at in np.flatnonzero(lengths > self.TOP):
-            part = slice(seen[at], seen[at + 1] + 1)
-            reach = float((e.placed[part, 1] + 2.0 * e.error[part]).max())
-            if highest > 3.0 * ON_SURFACE and reach > highest:
-                found.append(f"{words.format(lengths[at] * 1e3)}, and its highest place may lie in it")
-            elif lengths[at] > self.GAP and not masked[at]:
-                found.append(words.format(lengths[at] * 1e3))
-        return Doubt("; ".join(found), f"remove what hides the edge there, {OR_MASK}") if found else None
+    if len(e.kept) < FEWEST_POINTS:
+        yield Doubt(
+            "too little of the surface between the body's sides is visible",
+            "move the camera closer, or photograph it again with all of its surface in the light",
+            rejects=True, lasting=True)  # fmt: skip
+    seen, lengths, masked = e.gaps
+    words = "the outline has a gap of {:.1f} mm where no edge is clear"
+    longest = 1e3 * lengths[~masked].max(initial=0.0)
+    if longest > 1e3 * LARGEST:
+        # What else speaks against the edge may tell why a part of it is missing.
+        verdict = "; ".join([words.format(longest), *e.traced.doubts])
+        yield Doubt(verdict, f"remove what hides it and photograph it again, {OR_MASK}", rejects=True)
+    highest = float(e.placed[e.kept[0] : e.kept[-1] + 1, 1].max())
+    found = []
+    for at in np.flatnonzero(lengths > TOP_GAP):
+        part = slice(seen[at], seen[at + 1] + 1)
+        reach = float((e.placed[part, 1] + 2.0 * e.error[part]).max())
+        if highest > 3.0 * ON_SURFACE and reach > highest:
+            found.append(f"{words.format(lengths[at] * 1e3)}, and its highest place may lie in it")
+        elif lengths[at] > GAP and not masked[at]:
+            found.append(words.format(lengths[at] * 1e3))
+    if found:
+        yield Doubt("; ".join(found), f"remove what hides the edge there, {OR_MASK}")
 
 
-@register_check
-class Overhang(Check, stage=OUTLINE):
+MOST_OVERHANG = 0.01
+"""Share of the outline's points that may lie behind the one before."""
+
+
+@register_check(OUTLINE)
+def overhang(e: Evidence) -> Iterator[Doubt]:
     """Can heights over x represent the outline?"""
-
-    MOST = 0.01
-    """Share of the outline's points that may lie behind the one before."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        x, z = e.placed[e.kept].T
-        error = e.error[e.kept]
-        step = np.diff(x)
-        forward = step if np.median(step) > 0.0 else -step
-        share = float(np.mean((forward < -2.0 * np.minimum(error[1:], error[:-1])) & (z[1:] > ON_SURFACE)))
-        if share <= self.MOST:
-            return None
-        return Doubt(f"{share:.0%} of the outline overhangs, which heights over x cannot represent")
+    x, z = e.placed[e.kept].T
+    error = e.error[e.kept]
+    step = np.diff(x)
+    forward = step if np.median(step) > 0.0 else -step
+    share = float(np.mean((forward < -2.0 * np.minimum(error[1:], error[:-1])) & (z[1:] > ON_SURFACE)))
+    if not share <= MOST_OVERHANG:
+        yield Doubt(f"{share:.0%} of the outline overhangs, which heights over x cannot represent")
 
 
-@register_check
-class Grid(Check, stage=OUTLINE):
+@register_check(OUTLINE)
+def grid(e: Evidence) -> Iterator[Doubt]:
     """Is there a grid that shows whether the camera has moved?"""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        if e.traced.setup.grid_pitch:
-            return None
-        return Doubt("without a grid in the setup, camera movements cannot be detected")
+    if not e.traced.setup.grid_pitch:
+        yield Doubt("without a grid in the setup, camera movements cannot be detected")
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Of all outlines of a run.
 
 
-@register_check
-class Copy(Check, stage=RUN):
+@register_check(RUN)
+def copy(e: Evidence) -> Iterator[Doubt]:
     """Is its noise its own?"""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        copied = e.run.copies.get(e.number)
-        return Doubt(copied, rejects=True) if copied else None
+    if copied := e.run.copies.get(e.number):
+        yield Doubt(copied, rejects=True)
 
 
-@register_check
-class Settling(Check, stage=RUN):
+LEAST_SUNK, LEAST_SHARE = 15e-6, 0.05
+"""Distance in m from the common course, and as a share of the deepest sinking, that tells of a body that was moved."""
+OFF_SHARE = 0.2
+"""Share of its own sinking, or change of scale, by which an outline may lie off the common course."""
+
+
+@register_check(RUN)
+def settling(e: Evidence) -> Iterator[Doubt]:
     """Does the surface beside the bulge sink as the other photographs show that the body does?"""
-
-    LEAST, LEAST_SHARE = 15e-6, 0.05
-    """Distance in m from the common course, and as a share of the deepest sinking, that tells of a body that was moved."""
-    SHARE = 0.2
-    """Share of its own sinking by which an outline may lie off the common course."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        common = e.run.sinking
-        place = common.numbers.index(e.number)
-        if not (common.known & (np.abs(common.values) > self.LEAST)).any():
-            return None
-        depth, raised = float(common.values[place]), bool(common.known[place])
-        where = f"{_length(depth)} {'below' if depth > 0.0 else 'above'}" if depth else "on"
-        lies = f"beside the bulge the surface lies {where} the zero plane"
-        if common.course is None:
-            few = "a soft body cannot be distinguished from one moved since the zero was taken"
-            return (
-                Doubt(f"{lies}; with fewer than four photographs of the raised part, {few}")
-                if depth > ON_SURFACE
-                else None
-            )
-        if not raised:
-            return None
-        start, off = float(common.course(0.0)), depth - float(common.course(common.heights[place]))
-        least = max(self.LEAST, Settling.LEAST_SHARE * float(np.abs(common.values).max()))
-        if abs(start) > least:
-            return Doubt(
-                f"{lies}; by the other photographs it would lie {_length(start)} {'below' if start > 0.0 else 'above'} the "
-                "plane without any pressure: the part, the lamp or the camera has moved since the zero was taken")  # fmt: skip
-        if abs(off) > max(least, self.SHARE * abs(depth)):
-            return Doubt(
-                f"{lies}, {_length(off)} {'more' if off > 0.0 else 'less'} than expected from the other photographs: the part "
-                "was moved for this one")  # fmt: skip
-        return None
+    common = e.run.sinking
+    place = common.numbers.index(e.number)
+    if not (common.known & (np.abs(common.values) > LEAST_SUNK)).any():
+        return
+    depth, raised = float(common.values[place]), bool(common.known[place])
+    where = f"{_length(depth)} {'below' if depth > 0.0 else 'above'}" if depth else "on"
+    lies = f"beside the bulge the surface lies {where} the zero plane"
+    if common.course is None:
+        few = "a soft body cannot be distinguished from one moved since the zero was taken"
+        if depth > ON_SURFACE:
+            yield Doubt(f"{lies}; with fewer than four photographs of the raised part, {few}")
+        return
+    if not raised:
+        return
+    start, off = float(common.course(0.0)), depth - float(common.course(common.heights[place]))
+    least = max(LEAST_SUNK, LEAST_SHARE * float(np.abs(common.values).max()))
+    if abs(start) > least:
+        yield Doubt(
+            f"{lies}; by the other photographs it would lie {_length(start)} {'below' if start > 0.0 else 'above'} the "
+            "plane without any pressure: the part, the lamp or the camera has moved since the zero was taken")  # fmt: skip
+    if abs(off) > max(least, OFF_SHARE * abs(depth)):
+        yield Doubt(
+            f"{lies}, {_length(off)} {'more' if off > 0.0 else 'less'} than expected from the other photographs: the part "
+            "was moved for this one")  # fmt: skip
 
 
 def _length(value: float) -> str:
     return f"{abs(value) * 1e3:.2f} mm" if abs(value) >= 95e-6 else f"{abs(value) * 1e6:.0f} um"
 
 
-@register_check
-class Scaling(Check, stage=RUN):
+SCALE_BOUND = 10e-6
+"""Error of the height in m that a change of scale may make unnoticed."""
+
+
+@register_check(RUN)
+def scaling(e: Evidence) -> Iterator[Doubt]:
     """Do the body's sides lie as far apart as at zero pressure, or as the other photographs show that they give way?"""
-
-    BOUND = 10e-6
-    """Error of the height in m that a change of scale may make unnoticed."""
-    SHARE = 0.2
-    """Share of its own change of scale by which an outline may lie off the common course."""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        common = e.run.scaling
-        place = common.numbers.index(e.number)
-        heights, larger = common.heights, common.values
-        if not common.known[place] or not (np.abs(larger * heights)[common.known] > self.BOUND).any():
-            return None
-        own, high = float(larger[place]), float(heights[place])
-        lie = f"the body's sides lie {abs(own):.2%} {'farther apart' if own > 0.0 else 'nearer'} than at zero pressure"
-        if common.course is None:
-            moved = abs(own) * high > self.BOUND
-            return Doubt(f"{lie}: it was moved along the light, or its sides deform") if moved else None
-        start, off = float(common.course(0.0)), own - float(common.course(high))
-        if abs(start) * float(heights.max()) > self.BOUND and abs(start) > 0.1 * np.abs(larger[common.known]).max():
-            return Doubt(
-                f"{lie}, and by the other photographs they would do so without any pressure: the body, the lamp or the screen "
-                "was moved along the light since the zero was taken")  # fmt: skip
-        if abs(off) * high > max(self.BOUND, self.SHARE * abs(own) * high):
-            return Doubt(f"{lie}, unlike in the other photographs: the body was moved along the light for this one")
-        return None
+    common = e.run.scaling
+    place = common.numbers.index(e.number)
+    heights, larger = common.heights, common.values
+    if not common.known[place] or not (np.abs(larger * heights)[common.known] > SCALE_BOUND).any():
+        return
+    own, high = float(larger[place]), float(heights[place])
+    lie = f"the body's sides lie {abs(own):.2%} {'farther apart' if own > 0.0 else 'nearer'} than at zero pressure"
+    if common.course is None:
+        if abs(own) * high > SCALE_BOUND:
+            yield Doubt(f"{lie}: it was moved along the light, or its sides deform")
+        return
+    start, off = float(common.course(0.0)), own - float(common.course(high))
+    if abs(start) * float(heights.max()) > SCALE_BOUND and abs(start) > 0.1 * np.abs(larger[common.known]).max():
+        yield Doubt(
+            f"{lie}, and by the other photographs they would do so without any pressure: the body, the lamp or the screen "
+            "was moved along the light since the zero was taken")  # fmt: skip
+    if abs(off) * high > max(SCALE_BOUND, OFF_SHARE * abs(own) * high):
+        yield Doubt(f"{lie}, unlike in the other photographs: the body was moved along the light for this one")
 
 
-@register_check
-class Course(Check, stage=COURSE):
+@register_check(COURSE)
+def course(e: Evidence) -> Iterator[Doubt]:
     """Do its height and pressure agree with those of the other photographs?"""
-
-    def doubt(self, e: Evidence) -> Doubt | None:
-        why = e.run.contradictions.get(e.number)
-        return Doubt(why) if why else None
+    if why := e.run.contradictions.get(e.number):
+        yield Doubt(why)

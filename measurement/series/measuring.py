@@ -19,7 +19,7 @@ from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine, with_known_body
 from measurement.pictures import Pixels, Unmeasurable, read_photograph
 from measurement.screen.setup import Setup
-from measurement.series.checks import CHECKS, COURSE, LIST, RUN, Check, Evidence, asked
+from measurement.series.checks import CHECKS, COURSE, LIST, RUN, Check, Evidence, answers
 from measurement.series.photo import AUTO, Refusal, draw_edge, find_zero, outline_of, trace, trace_image
 from measurement.series.photo_list import Column, Photograph, cut_out, read_photos
 from measurement.series.witness import Run, course_of
@@ -126,8 +126,7 @@ def measure_all(
     same = {
         photo.file: str(doubt)
         for k, photo in enumerate(photographs)
-        for check in asked(LIST)
-        if (doubt := check.doubt(Evidence(run=listed, number=k)))
+        for doubt in answers(LIST, Evidence(run=listed, number=k))
     }
     work = [
         (photo, name, setup, zero, tone, pictures)
@@ -147,7 +146,8 @@ def measure_all(
     else:
         # Fresh processes: a fork would copy the threads' locks of OpenCV and of the terminal's progress bar.
         context = multiprocessing.get_context("spawn")
-        with concurrent.futures.ProcessPoolExecutor(min(jobs, len(work)), context, _alone, (CHECKS.loaded,)) as pool:
+        known = {stage: checks.loaded for stage, checks in CHECKS.items()}
+        with concurrent.futures.ProcessPoolExecutor(min(jobs, len(work)), context, _alone, (known,)) as pool:
             for future in concurrent.futures.as_completed([pool.submit(_measure_one, *task) for task in work]):
                 result = future.result()
                 results[result.name] = result
@@ -165,11 +165,11 @@ def judged(results: Sequence[Result]) -> list[Result]:
     outcomes = [result.outcome for result in results]
     samples = {k: result.sample for k, result in enumerate(results) if result.sample is not None}
     for stage in (RUN, COURSE):
-        for check in asked(stage):
+        for check in CHECKS[stage].values():
             # Each check sees what the ones before it have left: who is rejected or not trusted is no witness.
             run = Run(_outlines(outcomes), samples)
             for k, outline in run.outlines.items():
-                if doubt := check.doubt(Evidence(run=run, number=k)):
+                if doubt := next(check(Evidence(run=run, number=k)), None):
                     rejected = Refusal(str(doubt), results[k].photograph.file)
                     reasons = (*outline.reasons, str(doubt))
                     doubted = dataclasses.replace(outline, trusted=False, reasons=reasons)
@@ -200,9 +200,10 @@ def _unforeseen(error: Exception) -> str:
     return f"it led to an unforeseen failure ({type(error).__name__}: {words})"
 
 
-def _alone(checks: dict[str, type[Check]]) -> None:
+def _alone(known: dict[str, dict[str, Check]]) -> None:
     cv2.setNumThreads(1)  # the processes share the cores already
-    CHECKS.update(checks)  # also those that a user's program has registered
+    for stage, checks in known.items():
+        CHECKS[stage].update(checks)  # also those that a user's program has registered
 
 
 def _measure_one(

@@ -12,31 +12,27 @@ from measurement.series.checks import CHECKS, COURSE, EDGE, LIST, OUTLINE, RUN, 
 from tests.support.photographs.scenes import COARSE
 
 
-class Low(measurement.Check):
+def low(e):
     """Does the body stay below its frame?"""
-
-    def doubt(self, e):
-        height = e.placed[e.kept, 1].max()
-        if height < 3e-3:
-            return None
-        return measurement.Doubt(f"it rises to {height * 1e3:.1f} mm", "lower the pressure", rejects=height > 6e-3)
+    height = e.placed[e.kept, 1].max()
+    if height >= 3e-3:
+        yield measurement.Doubt(f"it rises to {height * 1e3:.1f} mm", "lower the pressure", rejects=height > 6e-3)
+        yield measurement.Doubt("only the first doubt counts")
 
 
-class Alone(measurement.Check, stage=RUN):
+def alone(e):
     """Is it not the highest one?"""
-
-    def doubt(self, e):
-        heights = [outline.height for outline in e.run.outlines.values()]
-        highest = len(heights) > 1 and e.run.outlines[e.number].height == max(heights)
-        return measurement.Doubt("it is the highest one") if highest else None
+    heights = [outline.height for outline in e.run.outlines.values()]
+    if len(heights) > 1 and e.run.outlines[e.number].height == max(heights):
+        yield measurement.Doubt("it is the highest one")
 
 
 @pytest.fixture(autouse=True)
 def registered():
-    for check in (Low, Alone):  # as the decorator does
-        measurement.register_check(check)
+    measurement.register_check()(low)  # as the decorator does
+    measurement.register_check("run")(alone)
     yield
-    del CHECKS["Low"], CHECKS["Alone"]
+    del CHECKS[OUTLINE]["low"], CHECKS[RUN]["alone"]
 
 
 def test_it_is_asked_in_every_process(tmp_path):
@@ -53,7 +49,10 @@ def test_it_is_asked_in_every_process(tmp_path):
 
 
 def test_every_check_asks_a_question_at_a_known_stage():
-    for name, check in CHECKS.items():
-        assert inspect.getdoc(check).partition("\n")[0].endswith("?"), name
-        assert check.stage in (LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE)
-    assert len(CHECKS) > 20 and list(CHECKS)[-2:] == ["Low", "Alone"]
+    assert list(CHECKS) == [LIST, EDGE, TONE, ZERO, OUTLINE, RUN, COURSE]
+    for checks in CHECKS.values():
+        for name, check in checks.items():
+            assert inspect.getdoc(check).partition("\n")[0].endswith("?"), name
+    assert (
+        sum(map(len, CHECKS.values())) > 20 and list(CHECKS[OUTLINE])[-1] == "low" and list(CHECKS[RUN])[-1] == "alone"
+    )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from measurement.outline.edge import Edge
-from measurement.series.checks import Drop
+from measurement.series.checks import drop
 
 SCALE = 30e-6
 
@@ -31,10 +31,10 @@ def edge(width, count=600):
     ],
 )
 def test_a_width_that_changes_slowly_is_trusted(width):
-    assert Drop().doubt(edge(width)) is None
+    assert next(drop(edge(width)), None) is None
 
 
 @pytest.mark.parametrize("at", [0.5, 1.0, 1.6])
 def test_a_drop_before_a_part_of_the_edge_is_not(at):
-    doubt = Drop().doubt(edge(lambda turn: np.where(np.abs(turn - at) < 0.12, 4.0, 3.0)))
+    doubt = next(drop(edge(lambda turn: np.where(np.abs(turn - at) < 0.12, 4.0, 3.0))), None)
     assert doubt is not None and "more blurred" in doubt.verdict

@@ -9,7 +9,7 @@ import pytest
 
 from measurement.outline.edge import Edge, smoothed
 from measurement.outline.zero import ZeroLine, highest_ripple
-from measurement.series.checks import Membrane
+from measurement.series.checks import membrane
 
 RADIUS, SPACING, NOISE = 900.0, 3.0, 0.06
 
@@ -78,8 +78,9 @@ def outline(bump=0.0, length=6e-3, seed=0):
 def check_ripples(placed):
     flat = ZeroLine.through(np.array([[0.0, 0.0], [1.0, 0.0]]))
     error = np.full(len(placed), 2e-6)
-    return Membrane().doubt(
-        SimpleNamespace(raw=placed, ripple=highest_ripple(placed), placed=placed, error=error, zero=flat)
+    return next(
+        membrane(SimpleNamespace(raw=placed, ripple=highest_ripple(placed), placed=placed, error=error, zero=flat)),
+        None,
     )
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from measurement.screen.look import GridLook, flatness, pieces_of
-from measurement.series.checks import Flat
 
 PITCH, NOISE = 9e-3, 4e-6
 EDGE = np.column_stack([np.linspace(-0.01, 0.01, 50), np.full(50, 1e-3)])
@@ -30,7 +29,7 @@ def look(bulge=0.0, dust=0, noise=NOISE, seed=0):
 
 def found(pieces, points):
     flat = flatness(pieces, points)
-    return flat.error, Flat().doubt(SimpleNamespace(traced=SimpleNamespace(flatness=flat)))
+    return flat.error, next(flat(SimpleNamespace(traced=SimpleNamespace(flatness=flat))), None)
 
 
 @pytest.mark.parametrize("seed", range(5))

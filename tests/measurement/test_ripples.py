@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from measurement.outline.zero import ZeroLine, highest_ripple
-from measurement.series.checks import Membrane, unsure_of
+from measurement.series.checks import membrane, unsure_of
 
 
 def edge(bump=0.0, place=2e-3, noise=1.5e-6, seed=0):
@@ -22,8 +22,9 @@ def edge(bump=0.0, place=2e-3, noise=1.5e-6, seed=0):
 def check_ripples(placed):
     flat = ZeroLine.through(np.array([[0.0, 0.0], [1.0, 0.0]]))
     error = np.full(len(placed), 2e-6)
-    return Membrane().doubt(
-        SimpleNamespace(raw=placed, ripple=highest_ripple(placed), placed=placed, error=error, zero=flat)
+    return next(
+        membrane(SimpleNamespace(raw=placed, ripple=highest_ripple(placed), placed=placed, error=error, zero=flat)),
+        None,
     )
 
 

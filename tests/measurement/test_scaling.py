@@ -11,7 +11,7 @@ from measurement.camera import Camera
 from measurement.outline.outline import Outline
 from measurement.outline.zero import Sides, ZeroLine, sides_of, with_known_body
 from measurement.screen.setup import Plane, Setup, SetupError
-from measurement.series.checks import Evidence, Scaling
+from measurement.series.checks import Evidence, scaling
 from measurement.series.witness import Run
 
 HEIGHTS = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]) * 1e-3
@@ -46,7 +46,7 @@ def run(larger, heights=HEIGHTS):
 
 def scaling_doubts(outlines):
     run = Run(dict(enumerate(outlines)))
-    found = [Scaling().doubt(Evidence(run=run, number=k)) for k in range(len(outlines))]
+    found = [next(scaling(Evidence(run=run, number=k)), None) for k in range(len(outlines))]
     return [doubt and str(doubt) for doubt in found]
 
 

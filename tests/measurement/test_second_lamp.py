@@ -9,7 +9,7 @@ import pytest
 
 from measurement.outline.edge import Edge
 from measurement.outline.profiles import ShadowColour
-from measurement.series.checks import OneLamp
+from measurement.series.checks import one_lamp
 
 COLOUR = ShadowColour(np.full(3, 0.1), np.full(3, 0.8), np.eye(3) * 1e-4)
 WHOLE = 1.0 / float(COLOUR.direction @ COLOUR.lit)
@@ -25,16 +25,16 @@ def edge(part, seed=0):
 def test_one_lamp_and_some_dust_are_no_second_lamp():
     part = np.ones(400)
     part[100:104] = 0.6
-    assert OneLamp().doubt(edge(part)) is None
-    assert OneLamp().doubt(edge(np.linspace(0.98, 1.02, 400))) is None
+    assert next(one_lamp(edge(part)), None) is None
+    assert next(one_lamp(edge(np.linspace(0.98, 1.02, 400))), None) is None
 
 
 @pytest.mark.parametrize("share", [0.15, 0.3])
 def test_a_flank_that_a_second_lamp_reaches_is_doubted(share):
     part = np.where(np.arange(400) < 150, 1.0 - share, 1.0)
-    assert "a second lamp" in OneLamp().doubt(edge(part)).verdict
+    assert "a second lamp" in next(one_lamp(edge(part)), None).verdict
 
 
 def test_an_edge_of_half_a_lamp_is_refused():
-    doubt = OneLamp().doubt(edge(np.full(400, 0.5)))
+    doubt = next(one_lamp(edge(np.full(400, 0.5))), None)
     assert doubt.rejects and "second lamp" in doubt.verdict

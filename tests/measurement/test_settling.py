@@ -9,7 +9,7 @@ import pytest
 
 from measurement.outline.outline import Outline
 from measurement.outline.zero import Displacement, Sides, ZeroLine
-from measurement.series.checks import Evidence, Moved, Settling
+from measurement.series.checks import Evidence, moved, settling
 from measurement.series.witness import Run
 
 HEIGHTS = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 9.0]) * 1e-3
@@ -27,7 +27,7 @@ def outline(height, sunk):
 
 def settling_doubts(outlines):
     run = Run(dict(enumerate(outlines)))
-    found = [Settling().doubt(Evidence(run=run, number=k)) for k in range(len(outlines))]
+    found = [next(settling(Evidence(run=run, number=k)), None) for k in range(len(outlines))]
     return [doubt and str(doubt) for doubt in found]
 
 
@@ -93,5 +93,5 @@ def test_a_body_whose_sides_sink_by_different_depths_was_tilted(degrees, seen):
     found = Displacement.of(placed, upwards[keep], np.full(keep.sum(), 2e-6), zero)
     assert found.sunk > 0.8e-3
     assert found.error == pytest.approx(abs(np.tan(np.radians(degrees))) * 13e-3 * seen, rel=0.08, abs=1e-9)
-    doubt = Moved().doubt(SimpleNamespace(above=np.ones(400), standing=True, displaced=found))
+    doubt = next(moved(SimpleNamespace(above=np.ones(400), standing=True, displaced=found)), None)
     assert (doubt is not None) == (degrees == 0.6)

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from measurement.outline.profiles import chi_square_limit, find_shadow, learn_colour, robust_covariance
 from measurement.pictures import Unmeasurable
-from measurement.series.checks import Exposure
+from measurement.series.checks import exposure
 
 DARK, LIT = np.array([0.08, 0.09, 0.11]), np.array([0.7, 0.68, 0.6])
 NOISE = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, 1.0], [0.0, 1.0, 5.0]]) * 1e-5
@@ -81,12 +81,12 @@ def test_pictures_without_one_shadow():
         learn_colour(samples(0.8 * LIT), samples(LIT))
 
 
-def exposure(light):
-    return Exposure().doubt(SimpleNamespace(traced=SimpleNamespace(small=light)))
+def judged(light):
+    return next(exposure(SimpleNamespace(traced=SimpleNamespace(small=light))), None)
 
 
 def test_exposure():
     assert exposure(picture(hill())) is None
     for light, reason in ((0.01 * picture(hill()), "underexposed"), (2.0 * picture(hill()), "overexposed")):
-        doubt = exposure(np.clip(light, 0.0, 1.0))
+        doubt = judged(np.clip(light, 0.0, 1.0))
         assert doubt.rejects and reason in doubt.verdict
