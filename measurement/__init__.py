@@ -26,13 +26,7 @@ if TYPE_CHECKING:
     from measurement.screen.grid import GridError as GridError
     from measurement.screen.setup import Setup as Setup, SetupError as SetupError
     from measurement.series.checks import Doubt as Doubt, Evidence as Evidence, register_check as register_check
-    from measurement.series.measuring import (
-        Measurement as Measurement,
-        NoZero as NoZero,
-        Result as Result,
-        outlines as outlines,
-    )
-    from measurement.series.photo import Refusal as Refusal
+    from measurement.series.measuring import Measurement as Measurement, NoZero as NoZero, outlines as outlines
     from measurement.series.photo_list import (
         Column as Column,
         ColumnError as ColumnError,
@@ -40,6 +34,7 @@ if TYPE_CHECKING:
         PhotoListError as PhotoListError,
         read_photos as read_photos,
     )
+    from measurement.series.witness import Refusal as Refusal, Result as Result
 
 
 _PLACES = {
@@ -50,8 +45,8 @@ _PLACES = {
     "measurement.screen.setup": ("Setup", "SetupError"),
     "measurement.series.checks": ("Doubt", "Evidence", "register_check"),
     "measurement.series.photo_list": ("Column", "ColumnError", "Photograph", "PhotoListError", "read_photos"),
-    "measurement.series.measuring": ("Measurement", "outlines", "NoZero", "Result"),
-    "measurement.series.photo": ("Refusal",),
+    "measurement.series.measuring": ("Measurement", "outlines", "NoZero"),
+    "measurement.series.witness": ("Refusal", "Result"),
 }
 _NAMES, __getattr__, __dir__ = lazy_names(__name__, _PLACES)
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import ExifTags
 
-from measurement.pictures import PictureError, opened
+from measurement.pictures import Unmeasurable, opened
 from softmodels.common.errors import reason
 from softmodels.common.files import read_text
 from softmodels.common.tables import numbers
@@ -86,6 +86,11 @@ class Camera:
         for name, value in (("matrix", matrix), ("distortion", distortion), ("errors_px", errors)):
             value.flags.writeable = False
             object.__setattr__(self, name, value)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in px."""
+        return self.width, self.height
 
     @classmethod
     def ideal(cls, width: int, height: int, focal_px: float | None = None) -> Camera:
@@ -285,7 +290,7 @@ def read_exif(path: Path | str) -> Exif:
         with opened(Path(path)) as image:
             head = image.getexif()
             body = head.get_ifd(ExifTags.IFD.Exif)
-    except (PictureError, OSError, SyntaxError, ValueError) as error:
+    except (Unmeasurable, OSError, SyntaxError, ValueError) as error:
         raise CameraError(f"{path} cannot be read as a photograph: {reason(error)}") from None
     camera = _text(head.get(ExifTags.Base.Model))
     if not camera:

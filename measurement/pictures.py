@@ -147,8 +147,8 @@ _UNTURNED = {
 """What takes back the turn that EXIF's orientation asks for."""
 
 
-class PictureError(ValueError):
-    """An unreadable picture; the message is the reason, for the user."""
+class Unmeasurable(ValueError):
+    """A photograph that cannot or must not be measured; the message is the reason, for the user."""
 
 
 @contextlib.contextmanager
@@ -156,17 +156,17 @@ def opened(path: Path) -> Iterator[Image.Image]:
     """Provide a picture file, opened but not decoded; no size is too large here, `read_pixels` looks at the memory.
 
     Raises:
-        PictureError: No file, no picture, or one of a kind that cannot be read.
+        Unmeasurable: No file, no picture, or one of a kind that cannot be read.
     """
     try:
         check_file(path)
         foreign = foreign_kind(path)
     except FileNotFoundError:
-        raise PictureError("there is no such file") from None
+        raise Unmeasurable("there is no such file") from None
     except OSError as error:
-        raise PictureError(f"the file cannot be read: {reason(error)}") from None
+        raise Unmeasurable(f"the file cannot be read: {reason(error)}") from None
     if foreign is not None:
-        raise PictureError(foreign)
+        raise Unmeasurable(foreign)
     _know_heic()
     most = Image.MAX_IMAGE_PIXELS
     with warnings.catch_warnings():
@@ -177,13 +177,13 @@ def opened(path: Path) -> Iterator[Image.Image]:
             with Image.open(path, formats=FORMATS) as picture:
                 yield picture
         except UnidentifiedImageError:
-            raise PictureError(f"the file is not a readable picture; use {READABLE}") from None
+            raise Unmeasurable(f"the file is not a readable picture; use {READABLE}") from None
         finally:
             Image.MAX_IMAGE_PIXELS = most
 
 
 def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
-    """Return the pixels of a picture file.
+    """Return a photograph as it left the sensor, unturned: the lens and the screen were measured in its own pixels.
 
     More than 8 bits are brought to 8: counted from the greatest number that the depth allows, which is the least of 8, 10,
     12, 14 and 16 bits that holds the picture's greatest value. Rounding to 1/255 of the light moves an edge by some
@@ -197,7 +197,7 @@ def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
         Red, green and blue, shape (height, width, 3); a grey picture has three equal channels.
 
     Raises:
-        PictureError: No pixels, another size, or too large for this machine's memory.
+        Unmeasurable: No pixels, another size, or too large for this machine's memory.
     """
     path = Path(path)
     try:
@@ -205,14 +205,14 @@ def read_pixels(path: Path, size: tuple[int, int] | None = None) -> Pixels:
             orientation = _turned_by_reader(picture)
             wide, high = picture.size if orientation not in (5, 6, 7, 8) else picture.size[::-1]
             if size is not None and (wide, high) != size:
-                raise PictureError(f"it has {wide} x {high} pixels, but the setup has {size[0]} x {size[1]}")
+                raise Unmeasurable(f"it has {wide} x {high} pixels, but the setup has {size[0]} x {size[1]}")
             _check_memory(wide, high, MEMORY_PER_DEEP_PIXEL if _is_deep(picture) else MEMORY_PER_PIXEL)
             _check_pages(picture)
             pixels = _decoded(path, picture)
-    except PictureError:
+    except Unmeasurable:
         raise
     except Exception as error:  # the decoders raise whatever a damaged file leads them into
-        raise PictureError(f"the file is damaged ({reason(error) or type(error).__name__})") from None
+        raise Unmeasurable(f"the file is damaged ({reason(error) or type(error).__name__})") from None
     if orientation in _UNTURNED:
         pixels = np.asarray(Image.fromarray(pixels).transpose(_UNTURNED[orientation]))
     return np.ascontiguousarray(pixels)
@@ -231,7 +231,7 @@ def _decoded(path: Path, picture: Image.Image) -> Pixels:
     if picture.mode == "CMYK":
         return np.asarray(_from_ink(picture))
     if picture.mode in _UNUSABLE:
-        raise PictureError(
+        raise Unmeasurable(
             f"its pixels are {_UNUSABLE[picture.mode]}; save it as grey or RGB with 8 or 16 bits per channel"
         )
     if picture.has_transparency_data:
@@ -253,7 +253,7 @@ def _colours(deep: npt.NDArray[np.uint16]) -> Pixels:
     """Return the numbers of more than 8 bits, grey (h, w) or blue, green, red and maybe opacity (h, w, 3 or 4), as 8-bit
     colours."""
     if deep.ndim == 3 and deep.shape[2] == 4 and deep[..., 3].min() < deep[..., 3].max():
-        raise PictureError(_CUT_OUT)
+        raise Unmeasurable(_CUT_OUT)
     light = deep if deep.ndim == 2 else deep[..., 2::-1]
     most = int(light.max())
     bits = next(depth for depth in DEPTHS if most < 2**depth)
@@ -265,7 +265,7 @@ def _colours(deep: npt.NDArray[np.uint16]) -> Pixels:
 def _whole_numbers(values: npt.NDArray[np.generic]) -> npt.NDArray[np.uint16]:
     low, high = int(values.min()), int(values.max())
     if low < 0 or high > 65535:
-        raise PictureError("its pixels are numbers of more than 16 bits; save it with 8 or 16 bits per channel")
+        raise Unmeasurable("its pixels are numbers of more than 16 bits; save it with 8 or 16 bits per channel")
     return values.astype(np.uint16)
 
 
@@ -287,7 +287,7 @@ _CUT_OUT = "parts of it are transparent, so it was edited; list the original pho
 def _opaque(picture: Image.Image) -> Pixels:
     whole = np.asarray(picture.convert("RGBA"))
     if whole[..., 3].min() < 255:
-        raise PictureError(_CUT_OUT)
+        raise Unmeasurable(_CUT_OUT)
     return whole[..., :3]
 
 
@@ -302,15 +302,15 @@ def _check_pages(picture: Image.Image) -> None:
         pages += picture.size == size
     picture.seek(0)
     if pages > 1:
-        raise PictureError(f"it holds {count} pictures (pages or an animation); save the right one as a separate file")
+        raise Unmeasurable(f"it holds {count} pictures (pages or an animation); save the right one as a separate file")
 
 
 def _check_memory(width: int, height: int, per_pixel: int) -> None:
     if width < 1 or height < 1:
-        raise PictureError(f"it has {width} x {height} pixels; use a larger picture")
+        raise Unmeasurable(f"it has {width} x {height} pixels; use a larger picture")
     need, free = per_pixel * width * height, free_memory()
     if free is not None and need > MOST_MEMORY * free:
-        raise PictureError(
+        raise Unmeasurable(
             f"it has {width} x {height} pixels; reading it takes about {need / 1e9:.1f} GB of memory, but {free / 1e9:.1f} "
             f"GB are free: measure fewer at a time (--jobs 1), or make all photographs and the setup's smaller by the same "
             f"factor"
@@ -351,29 +351,6 @@ LIGHT: npt.NDArray[np.float32] = np.where(
 
 TONES: dict[str, npt.NDArray[np.float32]] = {"srgb": LIGHT, "linear": _STORED.astype(np.float32)}
 """Known tone curves: a camera's JPEG, and numbers proportional to light (a developed raw file)."""
-
-
-class Unmeasurable(ValueError):
-    """A photograph that must not be measured; the message is the reason, for the user."""
-
-
-def read_photograph(path: Path, size: tuple[int, int] | None = None) -> Pixels:
-    """Read a photograph as it left the sensor, unturned: the lens and the screen were measured in its own pixels.
-
-    Args:
-        path: A picture file as `read_pixels` takes it.
-        size: Width and height it must have, None if any will do.
-
-    Returns:
-        Red, green and blue, shape (height, width, 3); a grey picture has three equal channels.
-
-    Raises:
-        Unmeasurable: No file, no picture, cut short, or another size.
-    """
-    try:
-        return read_pixels(path, size)
-    except PictureError as error:
-        raise Unmeasurable(str(error)) from None
 
 
 def sample_light(image: Pixels, points: Array, light: npt.NDArray[np.float32] = LIGHT) -> Array:

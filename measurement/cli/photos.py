@@ -14,10 +14,9 @@ import numpy as np
 from measurement.cli.shared import DONE, SOME_REFUSED, bar, length, stop, with_error
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
-from measurement.pictures import TONES, Unmeasurable, read_photograph
+from measurement.pictures import TONES, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup, SetupError
-from measurement.series.measuring import Measurement, NoZero, Result, measure_all, with_zero
-from measurement.series.photo import AUTO, Refusal
+from measurement.series.measuring import AUTO, Measurement, NoZero, measure_all, trace_image, with_zero
 from measurement.series.photo_list import (
     DENSITY_ERROR,
     READING_ERROR,
@@ -27,6 +26,7 @@ from measurement.series.photo_list import (
     PhotoListError,
     read_photos,
 )
+from measurement.series.witness import Refusal, Result
 from softmodels.common.commands import FAILED, UNUSABLE, FolderType, open_folder, open_place, status_of, stoppable
 from softmodels.common.errors import reason
 from softmodels.common.folders import OwnFolderError, ResultFolder
@@ -213,8 +213,7 @@ def _line(result: Result) -> str:
 
 
 def _draw(output: Path, made: Measurement, tone: str) -> None:
-    from measurement.series.measuring import animate, draw_heights, draw_profiles, write_overview
-    from measurement.series.photo import draw_steps, trace_image
+    from measurement.series.drawing import animate, draw_heights, draw_profiles, draw_steps, write_overview
 
     outlines = sorted(made.outlines, key=lambda outline: outline.pressure)
     if outlines:
@@ -223,7 +222,7 @@ def _draw(output: Path, made: Measurement, tone: str) -> None:
         files = {result.outcome: result.photograph.file for result in made.results}
         highest = max(made.outlines, key=lambda outline: outline.height)
         try:
-            image = read_photograph(files[highest])
+            image = read_pixels(files[highest])
             draw_steps(output / "steps.png", image, made.setup, trace_image(image, made.setup, tone), highest)
         except Unmeasurable as error:  # somebody changed the file meanwhile
             say(f"{files[highest].name}: no picture of its steps: {error}", err=True)

@@ -21,7 +21,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from measurement.camera import Camera, CameraError, Points
-from measurement.pictures import PictureError, read_pixels
+from measurement.pictures import Unmeasurable, read_pixels
 from measurement.screen.grid import MIN_LINES, GridError, GridPoints, checked, find_grid, gray_bytes
 from measurement.screen.setup import PITCH_ERROR, Plane, PlaneError, Setup
 from softmodels.common.files import replaced_whole
@@ -289,7 +289,7 @@ def seen_boards(
         for path in paths:
             try:
                 gray = np.asarray(cv2.cvtColor(read_pixels(Path(path)), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-            except PictureError as error:
+            except Unmeasurable as error:
                 refused[path] = str(error)
                 each()
                 continue
@@ -562,7 +562,7 @@ def read_picture(path: Path | str) -> NDArray[np.uint8]:
     """
     try:
         return read_pixels(Path(path))
-    except PictureError as error:
+    except Unmeasurable as error:
         raise CameraError(f"{path} cannot be read as a photograph: {error}") from None
 
 

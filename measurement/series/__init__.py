@@ -1,8 +1,9 @@
 """All photographs of a run.
 
-Begin with `measuring`, which measures a list of photographs; `photo` does one of them. Both draw what they measure.
+Begin with `measuring`, which measures one photograph, and a list of them.
 
 - `checks`: every check of photographs.
+- `drawing`: pictures of photographs and of a run, and its page.
 - `photo_list`: ``photos.csv`` and the readings of the water column; the same photograph twice.
 - `witness`: each photograph against the others: heights over pressures.
 """

@@ -1,4 +1,5 @@
-"""Measure all photographs of a list: the zero plane first, then every one, in processes of their own; pictures of the run."""
+"""Measure photographs: one, its edge and the outline above the zero plane, or why it is rejected (`checks`); all of a list, the
+zero plane first, then every one, in processes of their own."""
 
 from __future__ import annotations
 
@@ -15,18 +16,176 @@ import cv2
 import numpy as np
 
 from measurement.outline.edge import Traced
-from measurement.outline.outline import Outline
-from measurement.outline.zero import ZeroLine, with_known_body
-from measurement.pictures import Pixels, Unmeasurable, read_photograph
+from measurement.outline.outline import Outline, OutlineError
+from measurement.outline.profiles import DECISIVE
+from measurement.outline.zero import ZeroLine, sides_of, with_known_body
+from measurement.pictures import TONES, Pixels, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
-from measurement.series.checks import CHECKS, COURSE, LIST, RUN, Check, Evidence, answers
-from measurement.series.photo import AUTO, Refusal, draw_edge, find_zero, outline_of, trace, trace_image
+from measurement.series.checks import (
+    CHECKS,
+    COURSE,
+    EDGE,
+    LIST,
+    OUTLINE,
+    RUN,
+    TONE,
+    ZERO,
+    Check,
+    Evidence,
+    answers,
+    doubts,
+)
+from measurement.series.drawing import draw_edge
 from measurement.series.photo_list import Column, Photograph, cut_out, read_photos
-from measurement.series.witness import Run, course_of
-from softmodels.common.files import image_uri, read_text
-from softmodels.common.pages import Cell, Fact, Gallery, Page, Picture, Provenance, Table
-from softmodels.common.processes import plain
-from softmodels.common.units import pascal_per_cm
+from measurement.series.witness import Refusal, Result, Run
+
+AUTO = "auto"
+WRONG = 3.5
+"""Misfit of the edge's shape (`outline.profiles`) from which no tone is known to be right."""
+
+LARGEST_TONE = 0.2
+"""Departure e of the light from the tone curve beyond which it is no camera's."""
+
+TONE_SHIFT, TONE_HARM = 0.4, 5e-6
+"""Shift of the edge by a wrong tone in widths of the edge, and the shift in m that would do no harm."""
+
+
+def trace(file: Path, setup: Setup, tone: str = AUTO, likely: str = "", anyway: bool = False) -> Traced:
+    """Return `trace_image` of a file."""
+    return trace_image(read_pixels(file, setup.camera.size), setup, tone, likely, anyway)
+
+
+def trace_image(image: Pixels, setup: Setup, tone: str = AUTO, likely: str = "", anyway: bool = False) -> Traced:
+    """Find the edge of the shadow in a photograph.
+
+    A penumbra is symmetric in light, and no longer so in numbers of another scale: half of the light lies elsewhere then,
+    by up to half of the penumbra's width. A shape with a free departure from the tone curve follows even a wrong one to some
+    extent, so all tones are tried, and the one with the least chi-square is taken if it is decisively less.
+
+    Args:
+        image: The photograph, shape (h, w, 3).
+        setup: Camera and screen.
+        tone: How the file stores light, one of `pictures.TONES`, or ``"auto"``.
+        likely: The tone of other photographs of the run, for an edge that lies on the grid's ink and does not tell its own.
+        anyway: Whether it shall be used in spite of doubts.
+
+    Raises:
+        Unmeasurable: The photograph must not be measured; the message is the reason.
+    """
+    if tone != AUTO:
+        return _traced(image, setup, tone, anyway)
+    names = sorted(TONES, key=lambda name: name != (likely or "srgb"))
+    first = _traced(image, setup, names[0], anyway)
+    # Where a shape fits this well, no other tone can be decisively better.
+    fits = first.edge.shape.chi_square < DECISIVE
+    if likely and fits:
+        return first
+    try:
+        second = _traced(image, setup, names[1], anyway)
+    except Unmeasurable:
+        if fits:
+            return first
+        raise
+    best, other = sorted((first, second), key=lambda traced: traced.edge.shape.chi_square)
+    shape = best.edge.shape
+    clear = shape.misfit < WRONG and abs(shape.tone) < LARGEST_TONE
+    # A model that misses the profile by more than its error is no better evidence for missing another by as much more.
+    evidence = (other.edge.shape.chi_square - shape.chi_square) / max(1.0, shape.misfit**2)
+    moved = float(np.median(best.edge.width)) * best.scale * TONE_SHIFT
+    if moved <= TONE_HARM or (clear and evidence >= DECISIVE):
+        return best
+    # Without evidence against it, not even a shape, a photograph has the tone of its series.
+    if likely and not (first is other and evidence >= DECISIVE) and not first.edge.shape.misfit >= WRONG:
+        return first
+    best.tone_error = moved
+    best.doubts += doubts(TONE, Evidence(best))
+    return best
+
+
+def _traced(image: Pixels, setup: Setup, tone: str, anyway: bool) -> Traced:
+    traced = Traced(image, setup, tone, anyway=anyway)
+    traced.doubts = doubts(EDGE, Evidence(traced))
+    return traced
+
+
+def find_zero(
+    file: Path, setup: Setup, tone: str = AUTO, raised: Traced | None = None, anyway: bool = False
+) -> ZeroLine:
+    """Return `zero_of` a file."""
+    return zero_of(trace(file, setup, tone, anyway=anyway), raised)
+
+
+def zero_of(traced: Traced, raised: Traced | None = None) -> ZeroLine:
+    """Return the undeformed surface from the photograph at zero pressure.
+
+    Args:
+        traced: Its edge.
+        raised: A photograph of the raised body without doubts, which shows what the camera does to an edge.
+
+    Raises:
+        Unmeasurable: It shows no straight surface.
+    """
+    hidden = 0.0
+    if raised is not None:
+        again = traced.of_level(raised)
+        if again.lift and again.edge.shape.chi_square <= traced.edge.shape.chi_square - DECISIVE:
+            again.tone_error, again.doubts = 0.0, doubts(EDGE, Evidence(again))
+            traced = again
+        elif raised.tone == traced.tone:
+            hidden = again.edge.shape.hidden * again.width_px * again.scale
+    errors = traced.own_error
+    seen = ~traced.line.bridged
+    line = ZeroLine.fit(traced.points[seen], traced.normals[seen], errors[seen])
+    # The body's sides are not deep along the light: their edge is at their half light.
+    placed, upwards = line.place(traced.points + traced.lift * traced.normals)[seen], traced.normals[seen] @ line.normal
+    line = dataclasses.replace(
+        line,
+        error=float(np.hypot(line.error, traced.shift_error)),
+        model_error=traced.model_error,
+        tone=traced.tone,
+        sides=sides_of(placed, upwards, errors[seen]),
+    )
+    evidence = Evidence(traced, line)
+    level = float(np.hypot(hidden, 0.0 if evidence.bow is None else evidence.bow.level_error))
+    found = (*traced.doubts, *doubts(ZERO, evidence))
+    return dataclasses.replace(line, doubts=found, level_error=level, lift=traced.lift)
+
+
+def outline_of(traced: Traced, zero: ZeroLine, pressure: float, pressure_error: float, source: str) -> Outline:
+    """Return the outline above the surface.
+
+    Raises:
+        Unmeasurable: The visible outline is not that of an actuator on this surface.
+    """
+    e = Evidence(traced, zero)
+    reasons = (*traced.doubts, *doubts(OUTLINE, e))
+    assert e.displaced is not None  # a check rejects that
+    order = e.kept[np.argsort(e.placed[e.kept, 0], kind="stable")]
+    x, z = e.placed[order].T
+    try:
+        return Outline(
+            x,
+            z,
+            e.error[order],
+            pressure,
+            pressure_error,
+            source,
+            not reasons,
+            reasons,
+            e.displaced.sunk,
+            e.scale,
+            traced.line.bridged[order],
+            traced.setup.scale_error,
+            zero.level_error,
+            anyway=traced.anyway,
+        )
+    except OutlineError as problem:
+        raise Unmeasurable(str(problem)) from None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# All photographs of a list.
+
 
 MOST_ASKED = 4
 """Raised photographs that are asked for what the camera does to an edge."""
@@ -34,23 +193,6 @@ MOST_ASKED = 4
 
 class NoZero(ValueError):
     """No photograph gives a zero plane; the message is for the user."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Result:
-    """Result of one photograph.
-
-    Attributes:
-        photograph: Its row of the list.
-        outcome: Its outline, or why there is none.
-        name: Stem of its files in the output folder.
-        sample: Patches of its picture, by which copies are found; None where it could not be read.
-    """
-
-    photograph: Photograph
-    outcome: Outline | Refusal
-    name: str
-    sample: Pixels | None = None
 
 
 def zero_line(photographs: Sequence[Photograph], setup: Setup, tone: str = AUTO) -> ZeroLine:
@@ -128,16 +270,18 @@ def measure_all(
         for k, photo in enumerate(photographs)
         for doubt in answers(LIST, Evidence(run=listed, number=k))
     }
+    results = {
+        name: Result(photo, Refusal(same[photo.file], photo.file), name)
+        for photo, name in zip(photographs, names, strict=True)
+        if photo.file in same
+    }
+    for result in results.values():
+        done(result)
     work = [
         (photo, name, setup, zero, tone, pictures)
         for photo, name in zip(photographs, names, strict=True)
-        if photo.file not in same
+        if name not in results
     ]
-    results: dict[str, Result] = {}
-    for photo, name in zip(photographs, names, strict=True):
-        if photo.file in same:
-            results[name] = Result(photo, Refusal(same[photo.file], photo.file), name)
-            done(results[name])
     if jobs <= 1 or len(work) <= 1:
         for task in work:
             result = _measure_one(*task)
@@ -190,7 +334,7 @@ def _outlines(outcomes: Sequence[Outline | Refusal]) -> dict[int, Outline]:
 
 def _draw_again(result: Result, setup: Setup, zero: ZeroLine, tone: str, pictures: Path) -> None:
     with contextlib.suppress(Unmeasurable):  # it could be read a moment ago; what is drawn already stays
-        image = read_photograph(result.photograph.file, (setup.camera.width, setup.camera.height))
+        image = read_pixels(result.photograph.file, setup.camera.size)
         traced = trace_image(image, setup, tone, zero.tone, result.photograph.anyway)
         draw_edge(pictures / f"{result.name}.png", image, setup, traced, result.outcome, result.photograph.pressure)
 
@@ -212,7 +356,7 @@ def _measure_one(
     image, traced, sample = None, None, None
     outcome: Outline | Refusal
     try:
-        image = read_photograph(photo.file, (setup.camera.width, setup.camera.height))
+        image = read_pixels(photo.file, setup.camera.size)
         sample = cut_out(image)
         traced = trace_image(image, setup, tone, zero.tone, photo.anyway)
         outcome = outline_of(traced, zero, photo.pressure, photo.pressure_error, photo.file.name)
@@ -323,29 +467,10 @@ def _row(result: Result) -> tuple[str, ...]:
     return (*first, f"{outcome.height:.9g}", f"{outcome.height_error:.4g}", outcome.trust, "; ".join(outcome.reasons))
 
 
-def measure(photographs: Sequence[Photograph], setup: Setup, **how: Unpack[MeasuringOptions]) -> Measurement:
-    """Measure every photograph of a list.
-
-    Args:
-        photographs: The list.
-        setup: Camera and screen.
-        how: See `MeasuringOptions`.
-
-    Raises:
-        NoZero: No photograph, and nothing in the setup, shows the undeformed surface.
-        SetupError: The body's width does not go with what the photographs show.
-    """
-    tone, jobs, edges = how.get("tone", AUTO), how.get("jobs", 1), how.get("edges")
-    setup, zero = with_zero(photographs, setup, tone, how.get("width"))
-    results = measure_all(photographs, setup, zero, tone, jobs, edges, how.get("done", lambda result: None))
-    return Measurement(tuple(results), setup, zero)
-
-
 def with_zero(
     photographs: Sequence[Photograph], setup: Setup, tone: str, width: tuple[float, float] | None
 ) -> tuple[Setup, ZeroLine]:
-    """Return the setup, with the magnification from a body's width, and the undeformed surface. Errors as of
-    `measure`."""
+    """Return the setup, with the magnification from a body's width, and the undeformed surface. Errors as of `outlines`."""
     zero = zero_line(photographs, setup, tone)
     if width is None:
         return setup, zero
@@ -372,197 +497,12 @@ def outlines(
 
     Raises:
         PhotoListError: The list cannot be read.
-        SetupError: The setup cannot be used.
-        NoZero: Nothing shows the undeformed surface.
+        SetupError: The setup cannot be used, or the body's width does not go with what the photographs show.
+        NoZero: No photograph, and nothing in the setup, shows the undeformed surface.
     """
     listed = read_photos(Path(photos), column) if isinstance(photos, str | Path) else photos
     known = Setup.from_file(setup) if isinstance(setup, str | Path) else setup
-    return measure(listed, known, **how)
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# Pictures of a whole run: all profiles (the thesis' Fig. 3), height over pressure, an animation, and the overview page.
-#
-# Figures are made without pyplot, so that nothing global is touched and no display is asked for.
-
-
-FRAME = 640
-"""Width in px of the animation."""
-
-COURSE_POINTS = 200
-"""Heights at which the course through a run is drawn."""
-
-MOST_NAMED = 8
-"""Untrusted photographs that are named in a picture; more are in the table."""
-
-TITLE = "Outlines from shadows"
-"""Of the page."""
-
-FRAME_TIME = 500
-"""Milliseconds per picture of the animation."""
-
-
-def draw_profiles(path: Path, outlines: Sequence[Outline]) -> None:
-    """Write all outlines in one picture, coloured by pressure."""
-    import matplotlib
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-    from matplotlib.figure import Figure
-
-    span = max(float(np.ptp(np.concatenate([outline.x for outline in outlines]))), 1e-3)
-    rise = max(float(np.ptp(np.concatenate([outline.z for outline in outlines]))), 0.1 * span)
-    figure = Figure(figsize=(10.0, min(8.0, 1.6 + 7.6 * 1.1 * rise / span)), dpi=140, layout="constrained")
-    axes = figure.subplots()
-    pressures = [outline.pressure / 1e3 for outline in outlines]
-    norm = Normalize(min(pressures), max(pressures) if max(pressures) > min(pressures) else min(pressures) + 1.0)
-    colours = matplotlib.colormaps["viridis"]
-    for outline in outlines:
-        colour = colours(norm(outline.pressure / 1e3))
-        axes.fill_between(
-            outline.x * 1e3, (outline.z - 2 * outline.error) * 1e3, (outline.z + 2 * outline.error) * 1e3,
-            color=colour, alpha=0.3, linewidth=0.0,
-        )  # fmt: skip
-        # A gap stays open; only its band shows how far the outline may lie off there.
-        seen = np.where(outline.bridged, np.nan, outline.z) * 1e3
-        axes.plot(outline.x * 1e3, seen, color=colour, linewidth=1.6, linestyle="-" if outline.trusted else ":")
-    axes.set_aspect("equal")
-    axes.set_xlabel("along the surface in mm")
-    axes.set_ylabel("above the surface in mm")
-    weak = "" if all(outline.trusted for outline in outlines) else "; dotted: untrusted"
-    axes.set_title(f"Outlines at {len(outlines)} pressures{weak}")
-    axes.grid(alpha=0.3)
-    figure.colorbar(ScalarMappable(norm, colours), ax=axes, label="pressure in kPa")
-    figure.savefig(path, bbox_inches="tight")  # equal scales leave the label outside otherwise
-
-
-def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
-    """Write the height over the pressure with both standard errors, doubled, and the course through the trusted ones.
-
-    Photographs that are not trusted are named, so that the one that lies off the course is found in the table.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.5, 5.0), dpi=140, layout="constrained")
-    axes = figure.subplots()
-    course = course_of(list(outlines))
-    if course is not None:
-        heights = np.linspace(min(0.0, float(course.heights.min())), float(course.heights.max()), COURSE_POINTS)
-        expected, spread, _ = course.at(heights)
-        band = axes.fill_betweenx(
-            heights * 1e3, (expected - 2 * spread) / 1e3, (expected + 2 * spread) / 1e3, color="#d9e2ec", linewidth=0.0
-        )
-        band.set_label("smooth curve through the trusted ones")
-    for trusted, marker, label in ((True, "o", "measured"), (False, "x", "not trusted")):
-        chosen = [outline for outline in outlines if outline.trusted == trusted]
-        if chosen:
-            axes.errorbar(
-                [outline.pressure / 1e3 for outline in chosen], [outline.height * 1e3 for outline in chosen],
-                xerr=[2e-3 * outline.pressure_error for outline in chosen],
-                yerr=[2e3 * outline.height_error for outline in chosen],
-                fmt=marker, color="#2f6f9f" if trusted else "#c0392b", capsize=3.0, label=label,
-            )  # fmt: skip
-    middle = 0.5 * sum(axes.get_xlim())
-    for outline in [outline for outline in outlines if not outline.trusted][:MOST_NAMED]:
-        right = outline.pressure / 1e3 > middle  # there a name beside the point would leave the picture
-        axes.annotate(
-            plain(outline.source), (outline.pressure / 1e3, outline.height * 1e3), fontsize=8, va="top",
-            xytext=(-6 if right else 6, -4), textcoords="offset points", ha="right" if right else "left", color="#c0392b",
-        )  # fmt: skip
-    axes.set_xlabel("pressure in kPa")
-    axes.set_ylabel("height in mm")
-    axes.set_title("Height over pressure, bars and band of two standard errors")
-    axes.grid(alpha=0.3)
-    axes.set_axisbelow(True)
-    if course is not None or not all(outline.trusted for outline in outlines):
-        axes.legend()
-    figure.savefig(path)
-
-
-def animate(path: Path, pictures: Sequence[Path]) -> None:
-    """Write the photographs' pictures one after the other as a GIF."""
-    from PIL import Image
-
-    frames = []
-    for file in pictures:
-        with Image.open(file) as picture:
-            size = (FRAME, round(picture.height * FRAME / picture.width))
-            frames.append(picture.convert("RGB").resize(size, Image.Resampling.LANCZOS).quantize(128))
-    if frames:
-        frames[0].save(path, save_all=True, append_images=frames[1:], duration=FRAME_TIME, loop=0)
-
-
-def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
-    """Write one page with the table, the pictures of the run and of every photograph, all inside of it.
-
-    Args:
-        path: HTML file to write.
-        results: What became of every photograph.
-        folder: Where the run's pictures lie.
-    """
-    good = sum(isinstance(result.outcome, Outline) for result in results)
-    weak = sum(isinstance(result.outcome, Outline) and not result.outcome.trusted for result in results)
-    parts = [f"{good} of {len(results)} photographs measured"]
-    parts += [f"{weak} of them untrusted"] if weak else []
-    parts += [f"{len(results) - good} refused"] if good < len(results) else []
-    summary = ", ".join(parts) + "."
-    titles = (
-        ("profiles.png", "All outlines"),
-        ("heights.png", "Height over pressure"),
-        ("steps.png", "The steps of one photograph"),
-        ("animation.gif", "Animation"),
-    )
-    pictures = [Picture(image_uri(folder / name), title) for name, title in titles if (folder / name).is_file()]
-    edges = [(result.photograph.file.name, folder / "edges" / f"{result.name}.png") for result in results]
-    photos = [Picture(image_uri(file), name) for name, file in edges if file.is_file()]
-    rows = [_overview_row(result) for result in results]
-    outlines, table = [r.outcome for r in results if isinstance(r.outcome, Outline)], folder / "heights.csv"
-    pressures = [Cell(f"{name} (kPa)", unit="kPa") for name in ("pressure", "its error")]
-    head: tuple[str | Cell, ...] = ("photograph", *pressures, "height (mm)", "points", "remarks")
-    page = Page(
-        TITLE, summary,
-        [
-            ("Heights", pictures[:2]),
-            ("Photographs", [Table([row for _, row in rows], head, marks=[mark for mark, _ in rows])]),
-            ("Steps", pictures[2:]),
-            ("The edge in every photograph", [Gallery(photos)]),
-        ],
-        Provenance.now(), _facts(outlines),
-        _warnings(results), downloads={table.name: read_text(table)} if table.is_file() else {}, unit="kPa",
-    )  # fmt: skip
-    path.write_text(page.html(), encoding="utf-8")
-
-
-def _warnings(results: Sequence[Result]) -> list[str]:
-    """Return which photographs were refused, each with its reason, and which are not trusted."""
-    refused = [f"{r.photograph.file.name}: {_remark(r.outcome)}" for r in results if isinstance(r.outcome, Refusal)]
-    weak = [r.photograph.file.name for r in results if isinstance(r.outcome, Outline) and not r.outcome.trusted]
-    return [*refused, *([f"untrusted, for the reasons in the table: {', '.join(weak)}"] if weak else [])]
-
-
-def _facts(outlines: Sequence[Outline]) -> list[Fact]:
-    """Return the highest outline, in figures."""
-    if not outlines:
-        return []
-    highest = max(outlines, key=lambda outline: outline.height)
-    height, error = highest.height * 1e3, highest.height_error * 1e3
-    column = f"{highest.pressure / pascal_per_cm():.4g} cm of water ({highest.pressure / 1e3:.4g} kPa)"
-    at = f"at {column}, {highest.source}"
-    return [Fact("Largest height", f"{height:.4f} ± {error:.4f} mm", at)]
-
-
-def _overview_row(result: Result) -> tuple[str, list[str | Cell]]:
-    """Return a photograph's row of the table, and what it is."""
-    photo, outcome = result.photograph, result.outcome
-    pressures = [Cell(f"{value / 1e3:.4f}", f"{value} Pa", value) for value in (photo.pressure, photo.pressure_error)]
-    row: list[str | Cell] = [photo.file.name, *pressures]
-    if isinstance(outcome, Refusal):
-        return "refused", [*row, "", "", _remark(outcome)]
-    height = f"{outcome.height * 1e3:.4f} ± {outcome.height_error * 1e3:.4f}"
-    return "" if outcome.trusted else "weak", [*row, height, str(np.size(outcome.x)), _remark(outcome)]
-
-
-def _remark(outcome: Outline | Refusal) -> str:
-    """Return what is said of a photograph."""
-    if isinstance(outcome, Refusal):
-        return f"refused: {outcome.reason}"
-    return "; ".join(outcome.reasons) or "trusted"
+    tone, jobs, edges = how.get("tone", AUTO), how.get("jobs", 1), how.get("edges")
+    known, zero = with_zero(listed, known, tone, how.get("width"))
+    results = measure_all(listed, known, zero, tone, jobs, edges, how.get("done", lambda result: None))
+    return Measurement(tuple(results), known, zero)

@@ -227,6 +227,36 @@ CLEAR = 3.0
 """Standard errors from which a difference is one."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Refusal:
+    """A photograph that was not measured.
+
+    Attributes:
+        reason: Why, as a sentence for the user.
+        file: The photograph.
+    """
+
+    reason: str
+    file: Path
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Result:
+    """Result of one photograph.
+
+    Attributes:
+        photograph: Its row of the list.
+        outcome: Its outline, or why there is none.
+        name: Stem of its files in the output folder.
+        sample: Patches of its picture, by which copies are found; None where it could not be read.
+    """
+
+    photograph: Photograph
+    outcome: Outline | Refusal
+    name: str
+    sample: Pixels | None = None
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Run:
     """The photographs of a run in the list's order, and what each shows of the others.

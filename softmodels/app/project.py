@@ -18,7 +18,7 @@ PHOTOGRAPHS, BOARDS, CURVES, RESULTS = "photographs", "boards", "curves", "resul
 PREVIEW = 1600
 """Longest side of a photograph's preview in px."""
 AUTO = "auto"
-"""How photographs store light: as their edges show; `measurement.series.photo.AUTO`, which this process does not import."""
+"""How photographs store light: as their edges show; `measurement.series.measuring.AUTO`, which this process does not import."""
 FIRST_PRESSURES = "0:60 cm"
 
 

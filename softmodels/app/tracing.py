@@ -19,8 +19,7 @@ from measurement.pictures import read_pixels
 from measurement.screen.calibration import setup_from_grid
 from measurement.screen.setup import PITCH_ERROR, Setup
 from measurement.series.checks import Evidence
-from measurement.series.measuring import zero_line
-from measurement.series.photo import outline_of, trace_image, zero_of
+from measurement.series.measuring import outline_of, trace_image, zero_line, zero_of
 from measurement.series.photo_list import read_photos
 from softmodels.app.project import PREVIEW, Handles
 from softmodels.common.arrays import Array

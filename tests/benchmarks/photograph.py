@@ -17,10 +17,10 @@ import numpy as np
 
 from measurement.camera import Camera
 from measurement.photographer import Scene, dome, dome_height, photograph, save, truth_of
-from measurement.pictures import read_photograph
+from measurement.pictures import read_pixels
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
-from measurement.series.photo import outline_of, trace, trace_image, zero_of
+from measurement.series.measuring import outline_of, trace, trace_image, zero_of
 
 SCENE = Scene(
     width=5184, height=3456, focal_px=9000.0, pixel_size=10e-6, tilt=10.0, pan=-20.0, target=(0.001, 0.002), ambient=0.12,
@@ -50,7 +50,7 @@ def main() -> None:
             outline = outline_of(trace(file, setup, likely=zero.tone), zero, 1000.0, 10.0, file.name)
             whole.append(time.perf_counter() - started)
             started = time.perf_counter()
-            read_photograph(file)
+            read_pixels(file)
             reading.append(time.perf_counter() - started)
             started = time.perf_counter()
             trace(file, setup)

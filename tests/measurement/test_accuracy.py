@@ -9,7 +9,7 @@ from measurement.camera import Camera
 from measurement.photographer import Scene, dome, dome_height, photograph, truth_of
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
-from measurement.series.photo import outline_of, trace_image, zero_of
+from measurement.series.measuring import outline_of, trace_image, zero_of
 
 SEEDS = range(0, 20, 3)
 TRUTH = "7 seeded benches, 10 um per pixel: oblique, noise, blur, dust, uneven light, lens, JPEG"

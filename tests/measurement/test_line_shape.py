@@ -14,7 +14,7 @@ from measurement.photographer import lens_of, photograph, truth_of
 from measurement.screen.grid import find_grid
 from measurement.screen.look import LineShape
 from measurement.screen.setup import Setup
-from measurement.series.photo import outline_of, trace_image, zero_of
+from measurement.series.measuring import outline_of, trace_image, zero_of
 from tests.support.photographs.bench import Bench
 from tests.support.photographs.verdict import across
 

@@ -12,7 +12,7 @@ from measurement.photographer import lens_of, photograph, truth_of
 from measurement.pictures import Unmeasurable
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup, SetupError
-from measurement.series.photo import outline_of, trace_image, zero_of
+from measurement.series.measuring import outline_of, trace_image, zero_of
 from tests.support.photographs.bench import Bench
 
 BENCH, HEIGHT = Bench.random(4), 4e-3

@@ -16,7 +16,8 @@ from measurement import photographer
 from measurement.__main__ import main
 from measurement.outline.outline import Outline
 from measurement.photographer import Scene, photograph, save
-from measurement.series.photo import Refusal, draw_edge
+from measurement.series.drawing import draw_edge
+from measurement.series.witness import Refusal
 from softmodels.common.folders import OwnFolder
 from softmodels.common.processes import plain
 from tests.support.photographs.scenes import COARSE

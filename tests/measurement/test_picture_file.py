@@ -16,9 +16,9 @@ from measurement import photographer, pictures
 from measurement.__main__ import main
 from measurement.camera import read_exif
 from measurement.photographer import Scene, chessboard, dome, photograph, save
-from measurement.pictures import PictureError, read_pixels
+from measurement.pictures import Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
-from measurement.series.photo import find_zero, outline_of, trace
+from measurement.series.measuring import find_zero, outline_of, trace
 from tests.support.photographs.scenes import COARSE
 
 SMALL = photograph(Scene(width=96, height=64, pixel_size=4e-4, noise=0.0, jpeg_quality=None), dome(8e-3), 1)[0]
@@ -160,7 +160,7 @@ REFUSED = {
 def test_what_is_no_photograph_is_refused_with_the_true_reason(tmp_path, name):
     make, reason = REFUSED[name]
     make(tmp_path / name)
-    with pytest.raises(PictureError, match=reason):
+    with pytest.raises(Unmeasurable, match=reason):
         read_pixels(tmp_path / name)
     done = CliRunner().invoke(main, ["setup", str(tmp_path / name), "-o", str(tmp_path / "setup.toml")])
     assert done.exit_code == 2 and reason in done.stderr and "Traceback" not in done.output
@@ -180,7 +180,7 @@ def test_a_large_picture_is_read_and_one_beyond_the_memory_named(tmp_path, monke
     assert Image.MAX_IMAGE_PIXELS == 1000
     monkeypatch.setattr(pictures, "free_memory", lambda: 50e3)
     with pytest.raises(
-        PictureError, match=r"96 x 64 pixels; reading it takes about 0.0 GB of memory, but 0.0 GB are free"
+        Unmeasurable, match=r"96 x 64 pixels; reading it takes about 0.0 GB of memory, but 0.0 GB are free"
     ):
         read_pixels(tmp_path / "a.png")
 

@@ -11,9 +11,9 @@ from click.testing import CliRunner
 from measurement.__main__ import main
 from measurement.outline.edge import coarse_contour, refine_edge
 from measurement.outline.profiles import Shading, find_shadow
-from measurement.pictures import TONES, Unmeasurable, read_photograph
+from measurement.pictures import TONES, Unmeasurable, read_pixels
 from measurement.screen.setup import Setup
-from measurement.series.photo import trace_image
+from measurement.series.measuring import trace_image
 
 ROI = (147, 10, 677, 480)
 """Beside the drops the photographs show the rim of their vessel."""
@@ -49,7 +49,7 @@ def test_maximal_width(drops, setups, tone, figure):
     assert len(drops) == 9
     x0, y0, x1, y1 = ROI
     for (path, _, width), setup in zip(drops, setups, strict=True):
-        image = read_photograph(path)
+        image = read_pixels(path)
         shadow = find_shadow(TONES[tone][image[y0:y1, x0:x1]], 0.0, None)
         contour = coarse_contour(shadow.mask, shadow.share, 1.0, (x0, y0))
         edge = refine_edge(Shading(image, shadow.colour, light=TONES[tone]), contour, 1.0)
@@ -61,4 +61,4 @@ def test_a_blank_screen_is_not_trusted(drops, setups):
     """Light that saturates beside an edge moves it, so that the whole way from photograph to outline refuses them."""
     for (path, _, _), setup in zip(drops, setups, strict=True):
         with pytest.raises(Unmeasurable, match="overexposed"):
-            trace_image(read_photograph(path), setup)
+            trace_image(read_pixels(path), setup)

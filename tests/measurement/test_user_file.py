@@ -8,7 +8,7 @@ import pytest
 
 from measurement.camera import CameraError, _database_file
 from measurement.outline.outline import Outline, OutlineError
-from measurement.pictures import PictureError, read_pixels
+from measurement.pictures import Unmeasurable, read_pixels
 from measurement.series.photo_list import PhotoListError, read_photos
 from softmodels.common.files import UserFileError, check_file, file_digest, read_file, read_text, replace_text
 from softmodels.common.folders import FolderLock, has_table, is_drawn
@@ -43,7 +43,7 @@ def test_only_regular_files_are_opened(odd, read):
 @pytest.mark.parametrize(
     ("read", "error"),
     [(read_toml, TomlError), (read_photos, PhotoListError), (Outline.from_csv, OutlineError),
-     (read_pixels, PictureError), (_database_file, CameraError)],
+     (read_pixels, Unmeasurable), (_database_file, CameraError)],
 )  # fmt: skip
 def test_every_reader_of_the_users_files_refuses_them_in_a_sentence(odd, read, error):
     with pytest.raises(error, match="not a regular file"):

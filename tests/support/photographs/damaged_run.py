@@ -21,8 +21,7 @@ from measurement.photographer import column, lens_of, photograph, truth_of
 from measurement.pictures import Unmeasurable
 from measurement.screen.grid import GridError, find_grid
 from measurement.screen.setup import Setup, SetupError
-from measurement.series.measuring import Result, judged
-from measurement.series.photo import Refusal, outline_of, trace_image, zero_of
+from measurement.series.measuring import Refusal, Result, judged, outline_of, trace_image, zero_of
 from measurement.series.photo_list import Photograph
 from tests.support.photographs.bench import PA_PER_CM, Bench
 from tests.support.photographs.damages import KINDS, NEEDS_SIDES, ONE, RAISED, SETUP

@@ -18,8 +18,7 @@ from measurement.outline.zero import with_known_body
 from measurement.pictures import Unmeasurable
 from measurement.screen.grid import find_grid
 from measurement.screen.setup import Setup
-from measurement.series.measuring import Result, judged
-from measurement.series.photo import AUTO, Refusal, outline_of, trace_image, zero_of
+from measurement.series.measuring import AUTO, Refusal, Result, judged, outline_of, trace_image, zero_of
 from measurement.series.photo_list import Photograph
 from tests.support.photographs import ray_tracer as rays
 

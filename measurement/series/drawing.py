@@ -1,0 +1,332 @@
+"""Pictures of a measurement: one photograph with its edge, its four steps (the thesis' Fig. 2); all profiles of a run (Fig. 3),
+height over pressure, an animation, and the overview page.
+
+Figures are made without pyplot, so that nothing global is touched and no display is asked for.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from measurement.outline.edge import Traced
+from measurement.outline.outline import Outline
+from measurement.pictures import Pixels
+from measurement.screen.setup import Setup
+from measurement.series.witness import Refusal, Result, course_of
+from softmodels.common.arrays import Array, Mask
+from softmodels.common.files import image_uri, read_text
+from softmodels.common.pages import Cell, Fact, Gallery, Page, Picture, Provenance, Table
+from softmodels.common.processes import plain
+from softmodels.common.units import pascal_per_cm
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+SHOWN = 1200
+"""Longer side in px of a photograph in a picture."""
+
+HEAD = 0.62
+"""Room in inches for up to three lines above a photograph."""
+
+EDGE_COLOUR, BRIDGE_COLOUR, REFUSED = "#ff2e63", "#ffd60a", "#c0392b"
+
+
+def draw_edge(
+    path: Path, image: Pixels, setup: Setup, traced: Traced | None, outcome: Outline | Refusal, pressure: float
+) -> None:
+    """Write a photograph with its edge, and with the reason if it was rejected.
+
+    Args:
+        path: PNG file to write.
+        image: The photograph, shape (h, w, 3).
+        setup: Camera and screen, for the region of interest.
+        traced: Its edge; None if it has none.
+        outcome: What became of it.
+        pressure: Pressure in Pa, for the headline.
+    """
+    from matplotlib.figure import Figure
+
+    small, factor = _reduced(image)
+    height, width = small.shape[:2]
+    figure = Figure(figsize=(8.0, 8.0 * height / width + HEAD), dpi=110)
+    axes = figure.add_axes((0.0, 0.0, 1.0, (8.0 * height / width) / (8.0 * height / width + HEAD)))
+    _show(axes, small, factor)
+    if traced is not None:
+        _draw_line(axes, traced, 1.6)
+    if setup.roi is not None:
+        x0, y0, x1, y1 = setup.roi
+        axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color="white", linewidth=1.0, linestyle="--")
+    axes.set_axis_off()
+    if isinstance(outcome, Refusal):
+        title, colour = f"refused: {outcome.reason}", REFUSED
+    else:
+        title = f"{pressure:.0f} Pa: height {outcome.height * 1e3:.3f} mm ± {outcome.height_error * 1e6:.1f} µm"
+        title, colour = title + ("" if outcome.trusted else " (not trusted)"), "#102a43"
+    name = outcome.file.name if isinstance(outcome, Refusal) else outcome.source
+    figure.text(
+        0.01, 1.0 - 0.08 / figure.get_figheight(), _wrapped(f"{name}   {title}"), color=colour, fontsize=10, va="top"
+    )
+    figure.savefig(path)
+
+
+def draw_steps(path: Path, image: Pixels, setup: Setup, traced: Traced, outline: Outline) -> None:
+    """Write the four steps: photograph, distance to the shadow's colour, edge in pixels, outline in millimetres."""
+    from matplotlib.figure import Figure
+
+    small, factor = _reduced(image)
+    figure = Figure(figsize=(13.0, 7.0), dpi=110, layout="constrained")
+    halves = figure.add_gridspec(2, 1, height_ratios=(3.6, 3.4))
+    pictures, last = figure.add_subfigure(halves[0]), figure.add_subfigure(halves[1])
+    axes = pictures.subplots(1, 3)
+    _show(axes[0], small, factor)
+    axes[0].set_title("1. The photograph, never warped")
+    x0, y0, x1, y1 = traced.view.roi
+    shown = axes[1].imshow(
+        np.clip(traced.coarse.share, -0.1, 1.1), cmap="magma", extent=(x0 - 0.5, x1 - 0.5, y1 - 0.5, y0 - 0.5)
+    )
+    axes[1].set_title("2. Mahalanobis distance to the shadow")
+    pictures.colorbar(
+        shown, ax=axes[1], location="bottom", fraction=0.07, pad=0.03, label="0 in the shadow, 1 on the lit screen"
+    )
+    _show(axes[2], small, factor)
+    _draw_line(axes[2], traced, 1.5)
+    axes[2].set_title(f"3. The edge in raw pixels, ± {np.median(traced.line.error):.2f} px")
+    for part in axes:
+        part.set_xlabel("x in px")
+        part.set_ylabel("y in px")
+        part.set_anchor("N")
+        part.grid(False)
+    below = last.subplots()
+    below.fill_between(outline.x * 1e3, 0.0, outline.z * 1e3, color="#d9e2ec")
+    below.plot(outline.x * 1e3, np.where(outline.bridged, np.nan, outline.z) * 1e3, color="#2f6f9f", linewidth=2.0)
+    if outline.bridged.any():
+        below.plot(
+            outline.x * 1e3, np.where(outline.bridged, outline.z, np.nan) * 1e3, ":", color="#9a6700", linewidth=2.0
+        )
+    below.axhline(0.0, color="#829ab1", linewidth=1.0)
+    below.set_aspect("equal")
+    below.set_title(f"4. The outline, ± {np.median(outline.error) * 1e6:.1f} µm")
+    below.set_xlabel("along the surface in mm")
+    below.set_ylabel("height in mm")
+    below.grid(alpha=0.3)
+    figure.savefig(path)
+
+
+def _draw_line(axes: Axes, traced: Traced, width: float) -> None:
+    """The edge, dotted where it only bridges a gap."""
+    if traced.line.bridged.any():
+        axes.plot(*_parted(traced.line.px, traced.line.bridged).T, color=BRIDGE_COLOUR, linewidth=width, linestyle=":")
+    axes.plot(*_parted(traced.line.px, ~traced.line.bridged).T, color=EDGE_COLOUR, linewidth=width)
+
+
+def _parted(points: Array, shown: Mask) -> Array:
+    """Return the points (n, 2) with NaN instead of those that are not shown, and do not lie beside one that is."""
+    beside = shown | np.r_[False, shown[:-1]] if not shown.all() else shown
+    return np.where(beside[:, None], points, np.nan)
+
+
+def _reduced(image: Pixels) -> tuple[Pixels, float]:
+    factor = max(1.0, max(image.shape[:2]) / SHOWN)
+    size = (round(image.shape[1] / factor), round(image.shape[0] / factor))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)), factor
+
+
+def _show(axes: Axes, small: Pixels, factor: float) -> None:
+    """A reduced photograph in the pixels of the whole one."""
+    height, width = small.shape[:2]
+    axes.imshow(small, extent=(-0.5, width * factor - 0.5, height * factor - 0.5, -0.5), interpolation="bilinear")
+    axes.set_xlim(-0.5, width * factor - 0.5)
+    axes.set_ylim(height * factor - 0.5, -0.5)
+
+
+def _wrapped(text: str, width: int = 105) -> str:
+    return "\n".join(plain(line) for line in textwrap.wrap(text, width)[:3])
+
+
+FRAME = 640
+"""Width in px of the animation."""
+
+COURSE_POINTS = 200
+"""Heights at which the course through a run is drawn."""
+
+MOST_NAMED = 8
+"""Untrusted photographs that are named in a picture; more are in the table."""
+
+TITLE = "Outlines from shadows"
+"""Of the page."""
+
+FRAME_TIME = 500
+"""Milliseconds per picture of the animation."""
+
+
+def draw_profiles(path: Path, outlines: Sequence[Outline]) -> None:
+    """Write all outlines in one picture, coloured by pressure."""
+    import matplotlib
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
+    span = max(float(np.ptp(np.concatenate([outline.x for outline in outlines]))), 1e-3)
+    rise = max(float(np.ptp(np.concatenate([outline.z for outline in outlines]))), 0.1 * span)
+    figure = Figure(figsize=(10.0, min(8.0, 1.6 + 7.6 * 1.1 * rise / span)), dpi=140, layout="constrained")
+    axes = figure.subplots()
+    pressures = [outline.pressure / 1e3 for outline in outlines]
+    norm = Normalize(min(pressures), max(pressures) if max(pressures) > min(pressures) else min(pressures) + 1.0)
+    colours = matplotlib.colormaps["viridis"]
+    for outline in outlines:
+        colour = colours(norm(outline.pressure / 1e3))
+        axes.fill_between(
+            outline.x * 1e3, (outline.z - 2 * outline.error) * 1e3, (outline.z + 2 * outline.error) * 1e3,
+            color=colour, alpha=0.3, linewidth=0.0,
+        )  # fmt: skip
+        # A gap stays open; only its band shows how far the outline may lie off there.
+        seen = np.where(outline.bridged, np.nan, outline.z) * 1e3
+        axes.plot(outline.x * 1e3, seen, color=colour, linewidth=1.6, linestyle="-" if outline.trusted else ":")
+    axes.set_aspect("equal")
+    axes.set_xlabel("along the surface in mm")
+    axes.set_ylabel("above the surface in mm")
+    weak = "" if all(outline.trusted for outline in outlines) else "; dotted: untrusted"
+    axes.set_title(f"Outlines at {len(outlines)} pressures{weak}")
+    axes.grid(alpha=0.3)
+    figure.colorbar(ScalarMappable(norm, colours), ax=axes, label="pressure in kPa")
+    figure.savefig(path, bbox_inches="tight")  # equal scales leave the label outside otherwise
+
+
+def draw_heights(path: Path, outlines: Sequence[Outline]) -> None:
+    """Write the height over the pressure with both standard errors, doubled, and the course through the trusted ones.
+
+    Photographs that are not trusted are named, so that the one that lies off the course is found in the table.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.5, 5.0), dpi=140, layout="constrained")
+    axes = figure.subplots()
+    course = course_of(list(outlines))
+    if course is not None:
+        heights = np.linspace(min(0.0, float(course.heights.min())), float(course.heights.max()), COURSE_POINTS)
+        expected, spread, _ = course.at(heights)
+        band = axes.fill_betweenx(
+            heights * 1e3, (expected - 2 * spread) / 1e3, (expected + 2 * spread) / 1e3, color="#d9e2ec", linewidth=0.0
+        )
+        band.set_label("smooth curve through the trusted ones")
+    for trusted, marker, label in ((True, "o", "measured"), (False, "x", "not trusted")):
+        chosen = [outline for outline in outlines if outline.trusted == trusted]
+        if chosen:
+            axes.errorbar(
+                [outline.pressure / 1e3 for outline in chosen], [outline.height * 1e3 for outline in chosen],
+                xerr=[2e-3 * outline.pressure_error for outline in chosen],
+                yerr=[2e3 * outline.height_error for outline in chosen],
+                fmt=marker, color="#2f6f9f" if trusted else "#c0392b", capsize=3.0, label=label,
+            )  # fmt: skip
+    middle = 0.5 * sum(axes.get_xlim())
+    for outline in [outline for outline in outlines if not outline.trusted][:MOST_NAMED]:
+        right = outline.pressure / 1e3 > middle  # there a name beside the point would leave the picture
+        axes.annotate(
+            plain(outline.source), (outline.pressure / 1e3, outline.height * 1e3), fontsize=8, va="top",
+            xytext=(-6 if right else 6, -4), textcoords="offset points", ha="right" if right else "left", color="#c0392b",
+        )  # fmt: skip
+    axes.set_xlabel("pressure in kPa")
+    axes.set_ylabel("height in mm")
+    axes.set_title("Height over pressure, bars and band of two standard errors")
+    axes.grid(alpha=0.3)
+    axes.set_axisbelow(True)
+    if course is not None or not all(outline.trusted for outline in outlines):
+        axes.legend()
+    figure.savefig(path)
+
+
+def animate(path: Path, pictures: Sequence[Path]) -> None:
+    """Write the photographs' pictures one after the other as a GIF."""
+    from PIL import Image
+
+    frames = []
+    for file in pictures:
+        with Image.open(file) as picture:
+            size = (FRAME, round(picture.height * FRAME / picture.width))
+            frames.append(picture.convert("RGB").resize(size, Image.Resampling.LANCZOS).quantize(128))
+    if frames:
+        frames[0].save(path, save_all=True, append_images=frames[1:], duration=FRAME_TIME, loop=0)
+
+
+def write_overview(path: Path, results: Sequence[Result], folder: Path) -> None:
+    """Write one page with the table, the pictures of the run and of every photograph, all inside of it.
+
+    Args:
+        path: HTML file to write.
+        results: What became of every photograph.
+        folder: Where the run's pictures lie.
+    """
+    good = sum(isinstance(result.outcome, Outline) for result in results)
+    weak = sum(isinstance(result.outcome, Outline) and not result.outcome.trusted for result in results)
+    parts = [f"{good} of {len(results)} photographs measured"]
+    parts += [f"{weak} of them untrusted"] if weak else []
+    parts += [f"{len(results) - good} refused"] if good < len(results) else []
+    summary = ", ".join(parts) + "."
+    titles = (
+        ("profiles.png", "All outlines"),
+        ("heights.png", "Height over pressure"),
+        ("steps.png", "The steps of one photograph"),
+        ("animation.gif", "Animation"),
+    )
+    pictures = [Picture(image_uri(folder / name), title) for name, title in titles if (folder / name).is_file()]
+    edges = [(result.photograph.file.name, folder / "edges" / f"{result.name}.png") for result in results]
+    photos = [Picture(image_uri(file), name) for name, file in edges if file.is_file()]
+    rows = [_overview_row(result) for result in results]
+    outlines, table = [r.outcome for r in results if isinstance(r.outcome, Outline)], folder / "heights.csv"
+    pressures = [Cell(f"{name} (kPa)", unit="kPa") for name in ("pressure", "its error")]
+    head: tuple[str | Cell, ...] = ("photograph", *pressures, "height (mm)", "points", "remarks")
+    page = Page(
+        TITLE, summary,
+        [
+            ("Heights", pictures[:2]),
+            ("Photographs", [Table([row for _, row in rows], head, marks=[mark for mark, _ in rows])]),
+            ("Steps", pictures[2:]),
+            ("The edge in every photograph", [Gallery(photos)]),
+        ],
+        Provenance.now(), _facts(outlines),
+        _warnings(results), downloads={table.name: read_text(table)} if table.is_file() else {}, unit="kPa",
+    )  # fmt: skip
+    path.write_text(page.html(), encoding="utf-8")
+
+
+def _warnings(results: Sequence[Result]) -> list[str]:
+    """Return which photographs were refused, each with its reason, and which are not trusted."""
+    refused = [f"{r.photograph.file.name}: {_remark(r.outcome)}" for r in results if isinstance(r.outcome, Refusal)]
+    weak = [r.photograph.file.name for r in results if isinstance(r.outcome, Outline) and not r.outcome.trusted]
+    return [*refused, *([f"untrusted, for the reasons in the table: {', '.join(weak)}"] if weak else [])]
+
+
+def _facts(outlines: Sequence[Outline]) -> list[Fact]:
+    """Return the highest outline, in figures."""
+    if not outlines:
+        return []
+    highest = max(outlines, key=lambda outline: outline.height)
+    height, error = highest.height * 1e3, highest.height_error * 1e3
+    column = f"{highest.pressure / pascal_per_cm():.4g} cm of water ({highest.pressure / 1e3:.4g} kPa)"
+    at = f"at {column}, {highest.source}"
+    return [Fact("Largest height", f"{height:.4f} ± {error:.4f} mm", at)]
+
+
+def _overview_row(result: Result) -> tuple[str, list[str | Cell]]:
+    """Return a photograph's row of the table, and what it is."""
+    photo, outcome = result.photograph, result.outcome
+    pressures = [Cell(f"{value / 1e3:.4f}", f"{value} Pa", value) for value in (photo.pressure, photo.pressure_error)]
+    row: list[str | Cell] = [photo.file.name, *pressures]
+    if isinstance(outcome, Refusal):
+        return "refused", [*row, "", "", _remark(outcome)]
+    height = f"{outcome.height * 1e3:.4f} ± {outcome.height_error * 1e3:.4f}"
+    return "" if outcome.trusted else "weak", [*row, height, str(np.size(outcome.x)), _remark(outcome)]
+
+
+def _remark(outcome: Outline | Refusal) -> str:
+    """Return what is said of a photograph."""
+    if isinstance(outcome, Refusal):
+        return f"refused: {outcome.reason}"
+    return "; ".join(outcome.reasons) or "trusted"
