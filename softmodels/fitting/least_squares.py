@@ -94,6 +94,12 @@ def fit_parameters(
         raise FitError(f"the fit ended where its model cannot be evaluated: {error}") from None
 
 
+def settled(fit: LeastSquaresFit) -> LeastSquaresFit:
+    """Return a fit whose parameters that ended at zero are zero, not a rounding away from it."""
+    ends = {name: bound for name, bound in fit.at_bounds.items() if bound == 0.0}
+    return dataclasses.replace(fit, values={**fit.values, **ends}) if ends else fit
+
+
 def _judge(
     problem: Problem, found: OptimizeResult, runs: list[StartResult], errors: str, label: str
 ) -> LeastSquaresFit:

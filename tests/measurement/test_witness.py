@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from measurement.series.measuring import draw_heights
+from measurement.series.drawing import draw_heights
 from measurement.series.witness import Course, Run, course_of
 from tests.support.photographs.courses import COURSES, DAMAGES, Rows, damaged, run
 

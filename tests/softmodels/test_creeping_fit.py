@@ -17,8 +17,8 @@ from softmodels.case.case import Case
 from softmodels.cli.material_commands import fit_material
 from softmodels.components.loads import Gravity, Mass
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.memory import branch_stresses, memory_residuals, spectrum
-from softmodels.fitting.curves.residuals import StressError
+from softmodels.fitting.curves.memory import spectrum
+from softmodels.fitting.curves.residuals import StressError, residuals_of
 from softmodels.fitting.outlines.creeping import CreepingResiduals, Timetable
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit import fit, fit_law_to_outlines, hold_notes
@@ -155,9 +155,7 @@ def test_a_curve_joins_in(model, creeping):
     outlines = creeping.outlines(SimulatedCamera(), rng)
     alone = fit_law_to_outlines(source_of(model, outlines), changes=PLAIN)
     branches = model.spectrum
-    sources, gauges = memory_residuals(
-        [curve], branch_stresses([curve], branches), model.choice, error, 0.01, branches, level=False
-    )
+    sources, gauges = residuals_of([curve], model.choice, error, 0.01, spectrum=branches)
     extra = Extra(sources, gauges.parameters)
     both = fit_law_to_outlines(source_of(model, outlines), extra=extra, changes=PLAIN)
     for name, value in TRUTH.items():

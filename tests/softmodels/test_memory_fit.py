@@ -18,8 +18,8 @@ from softmodels.case.materials import material_from
 from softmodels.cli import material_commands
 from softmodels.fitting.curves import memory
 from softmodels.fitting.curves.curve import EQUILIBRIUM, TensileCurve, TensileError, corners, loop, read_curve, turns
-from softmodels.fitting.curves.fit import fit_curves
-from softmodels.fitting.curves.residuals import StressError, predicted, thinned
+from softmodels.fitting.curves.fit import fit_curves, fit_law_to_curves
+from softmodels.fitting.curves.residuals import StressError, predicted, residuals_of, thinned
 from softmodels.fitting.problem import FitError, FitOptions, LawChoice
 from softmodels.materials.laws import Gent, Yeoh
 from softmodels.materials.specimens import nominal_stress, stress_in_time
@@ -69,15 +69,14 @@ def test_95_percent_intervals_hold_the_truth(exact, error):
     """200 repeats with noise of 100 Pa: of all intervals of law and weights 93 to 97 % hold it, of each one 90 to 99 %."""
     generator, choice, size = np.random.default_rng(1), LawChoice.from_text("yeoh"), StressError.from_text(error)
     spectrum = memory.spectrum(exact)
-    stresses = memory.branch_stresses(exact, spectrum)
     assert {*choice.names, *spectrum.names} == set(TRUTH)
     held = []
     for _ in range(200):
         noisy = [
             dataclasses.replace(one, stress=one.stress + generator.normal(0.0, 100.0, len(one.stress))) for one in exact
         ]
-        sources, extra = memory.memory_residuals(noisy, stresses, choice, size, 0.0, spectrum)
-        found = memory.fit_memory(sources, extra, {}, modulus=16e3, errors="stated" if size.stated else "unknown")
+        sources, extra = residuals_of(noisy, choice, size, level=True, spectrum=spectrum)
+        found = fit_law_to_curves(choice, sources, extra, errors="stated" if size.stated else "unknown")
         held.append([found.interval(name)[0] <= value <= found.interval(name)[1] for name, value in TRUTH.items()])
     shares = np.mean(held, axis=0)
     assert 0.93 <= shares.mean() <= 0.97 and shares.min() >= 0.9 and shares.max() <= 0.99
@@ -193,9 +192,7 @@ def test_growth_of_softening_needs_several_amplitudes():
 def test_slopes_of_the_residuals_by_taylors_rule():
     one = curve(SOFTENED, zigzag(1.0, 2.0, 1.0, 2.2))
     choice, spectrum = LawChoice.from_text("yeoh"), memory.spectrum([one])
-    (source,), _ = memory.memory_residuals(
-        [one], memory.branch_stresses([one], spectrum), choice, StressError.from_text("100Pa"), 0.03, spectrum
-    )
+    (source,), _ = residuals_of([one], choice, StressError.from_text("100Pa"), 0.03, spectrum=spectrum)
     source = dataclasses.replace(source, further=("softening", "softening_m", "softening_beta"))
     values = {**TRUTH, "gauge1": 1.02, "softening": 0.4, "softening_m": 4e3, "softening_beta": 0.2}
     values |= dict.fromkeys(set(source.parameters) - set(values), 0.1)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
+from scipy.optimize import nnls
 
 from softmodels.common.arrays import Array
 from softmodels.common.names import callback, checked, one_of, several, span
@@ -28,12 +29,10 @@ from softmodels.fitting.comparison import (
 )
 from softmodels.fitting.curves.curve import TensileCurve, TensileError, loop, read_curve, small_modulus
 from softmodels.fitting.curves.memory import (
-    DECISIVE,
     Spectrum,
     branch_stresses,
-    fit_memory,
+    further_parameters,
     may_soften,
-    memory_residuals,
     remembering,
     separates,
     several_amplitudes,
@@ -49,7 +48,7 @@ from softmodels.fitting.curves.residuals import (
     stretches_of,
     thinned,
 )
-from softmodels.fitting.least_squares import fit_parameters, profile
+from softmodels.fitting.least_squares import fit_parameters, profile, settled
 from softmodels.fitting.problem import (
     DEFAULTS,
     NOTHING_ELSE,
@@ -64,7 +63,7 @@ from softmodels.fitting.problem import (
     law_choices,
 )
 from softmodels.fitting.result import NOTHING, LeastSquaresFit
-from softmodels.materials.laws import Material
+from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.specimens import FLOW, SOFTENING, respond
 from softmodels.materials.stability import judge
 
@@ -76,18 +75,75 @@ MODULUS = 30e3
 """Starting shear modulus in Pa without curves."""
 
 
+DECISIVE = 10.0
+"""Lead in AICc from which on a memory softens: no support for the other (Burnham & Anderson 2002, section 2.6)."""
+MEMORY_STARTS = 3
+"""Number of a law's starts that are tried with branches."""
+
+
 def starts_for(choice: LawChoice, sources: Sequence[TensileResiduals]) -> list[dict[str, float]]:
-    """Return the starting values of a law from the curves, best first."""
+    """Return the starting values of a law from the curves, best first; with branches those of what branches of any weight
+    leave of the stresses (Frisch & Waugh 1933)."""
     curves = [source.curve for source in sources]
+    target, branches = np.concatenate([s.curve.stress / s.errors for s in sources]), _branches(sources)
+    Q = None if branches is None else np.linalg.qr(branches)[0]
+
+    def left(A: Array) -> Array:
+        return A if Q is None else np.asarray(A - Q @ (Q.T @ A))
 
     def design(material: Material, names: Sequence[str]) -> Array:
-        return np.vstack(
-            [respond(material, s.curve.stretch, s.curve.mode, names).slopes / s.errors[:, None] for s in sources]
+        return left(
+            np.vstack(
+                [respond(material, s.curve.stretch, s.curve.mode, names).slopes / s.errors[:, None] for s in sources]
+            )
         )
 
-    target = np.concatenate([source.curve.stress / source.errors for source in sources])
-    modulus = float(np.median([small_modulus(curve) for curve in curves]))
-    return closed_starts(choice, design, target, modulus, largest_strain(curves))
+    modulus, strain = _modulus(curves), largest_strain(curves)
+    starts = closed_starts(choice, design, left(target), modulus, strain)
+    if branches is None:
+        return starts
+    weighed = sorted(_weighed(choice, sources, starts, target, branches), key=lambda one: one[0])
+    spectrum = sources[0].spectrum
+    plain = {**choice.from_modulus(0.7 * modulus, strain), **dict.fromkeys(spectrum.names if spectrum else (), 0.1)}
+    return [start for _, start in weighed[:MEMORY_STARTS]] or [plain]
+
+
+def _modulus(curves: Sequence[TensileCurve]) -> float:
+    """Return the median small-strain shear modulus in Pa."""
+    return float(np.median([small_modulus(curve) for curve in curves]))
+
+
+def _branches(sources: Sequence[TensileResiduals]) -> Array | None:
+    """Return the standardised stresses of all branches over their G, shape (n, k); None without a memory."""
+    stresses = [branch_stresses(s.curve, s.spectrum) / s.errors[:, None] for s in sources if s.spectrum is not None]
+    return np.vstack(stresses) if stresses else None
+
+
+def _weighed(
+    choice: LawChoice,
+    sources: Sequence[TensileResiduals],
+    starts: Sequence[Mapping[str, float]],
+    target: Array,
+    branches: Array,
+) -> Iterator[tuple[float, dict[str, float]]]:
+    """Yield each start of the law with the weights that fit best with its shape, by non-negative least squares, and the
+    misfit."""
+    for start in starts:
+        try:
+            material = choice.material(start)
+        except MaterialError:
+            continue
+        law = np.concatenate([respond(material, s.curve.stretch, s.curve.mode).stress / s.errors for s in sources])
+        A = np.column_stack([law, material.shear_modulus_0 * branches])
+        if not np.isfinite(A).all():
+            continue
+        size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        found, misfit = nnls(A / size, target)
+        factor, *shares = found / size
+        if factor > 0.0 and (spectrum := sources[0].spectrum) is not None:
+            scaled = {name: v * (factor if choice.unit(name) == "Pa" else 1.0) for name, v in start.items()}
+            weights = {n: max(v / factor, 0.01) for n, v in zip(spectrum.names, shares, strict=True)}
+            yield misfit, {**scaled, **weights}
 
 
 def fit_law_to_curves(
@@ -100,7 +156,7 @@ def fit_law_to_curves(
     errors: str = "unknown",
     scale: float | None = None,
 ) -> LeastSquaresFit:
-    """Fit a law to curves from starts in closed form.
+    """Fit a law, with the memory of the sources if they have one, to curves from starts in closed form.
 
     Args:
         choice: The law.
@@ -115,18 +171,28 @@ def fit_law_to_curves(
     Raises:
         FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
     """
-    known = {*choice.names, *(p.name for p in extra.parameters)}
+    spectrum, further = (sources[0].spectrum, sources[0].further) if sources else (None, ())
+    known = [*choice.names, *(spectrum.names if spectrum else ()), *further, *(p.name for p in extra.parameters)]
     for name in changes:
         if name not in known:
-            raise FitError(f"{choice.name} has no parameter {name!r}; it has {', '.join(sorted(known))}")
+            whole = f"{choice.name} with its memory" if spectrum else choice.name
+            raise FitError(f"{whole} has no parameter {name!r}; it has {', '.join(known)}")
     if loss != "linear" and errors == "unknown":
         if scale is None:
             scale = spread(fit_law_to_curves(choice, sources, extra, changes=changes, errors=errors))
         sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
+    curves = [source.curve for source in sources]
+    more = (
+        [p for p in further_parameters(_modulus(curves), largest_strain(curves)) if p.name in further]
+        if further
+        else []
+    )
     fits = []
     guesses = starts_for(choice, sources) if sources else [choice.from_modulus(MODULUS)]
     for starts in by_bounds(choice, guesses):
-        parameters = [p.changed(changes.get(p.name, {})) for p in (*choice.parameters(starts[0]), *extra.parameters)]
+        weights = spectrum.parameters(starts[0]) if spectrum else []
+        own = (*choice.parameters(starts[0]), *weights, *more, *extra.parameters)
+        parameters = [p.changed(changes.get(p.name, {})) for p in own]
         try:
             fits.append(
                 fit_parameters(
@@ -137,7 +203,8 @@ def fit_law_to_curves(
             trouble = error
     if not fits:
         raise FitError(f"{choice.name}: {trouble}")
-    return min(fits, key=lambda one: (not one.converged, one.deviance))
+    best = min(fits, key=lambda one: (not one.converged, one.deviance))
+    return settled(best) if spectrum else best
 
 
 def spread(fit: LeastSquaresFit) -> float:
@@ -339,10 +406,6 @@ class _MemoryTask(_Task):
         return spectrum(self.curves)
 
     @functools.cached_property
-    def stresses(self) -> list[Array]:
-        return branch_stresses(self.curves, self.spectrum)
-
-    @functools.cached_property
     def softens(self) -> tuple[str, ...]:
         """Names of the softening's parameters that the data can show, if it softens."""
         return SOFTENING[: 3 if several_amplitudes(self.curves) else 2] if may_soften(self.curves) else ()
@@ -353,25 +416,30 @@ class _MemoryTask(_Task):
         return {}
 
     def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[LeastSquaresFit]:
-        modulus = float(np.median([small_modulus(curve) for curve in self.curves]))
         fits: list[LeastSquaresFit] = []
         for choice in self.choices:
             self.progress(f"fitting {choice.name} and its memory")
-            sources, extra = memory_residuals(
-                self.curves, self.stresses, choice, self.error, self.options.gauge_error, self.spectrum
+            sources, extra = residuals_of(
+                self.curves, choice, self.error, self.options.gauge_error, level=True, spectrum=self.spectrum
             )
-            if scale is not None and self.errors == "unknown":
-                sources = [dataclasses.replace(s, errors=s.errors * scale) for s in sources]
+
+            def fitted(
+                changes: Changes, *further: str, choice: LawChoice = choice, sources: Sequence[TensileResiduals] = sources,
+                extra: Extra = extra,
+            ) -> LeastSquaresFit:  # fmt: skip
+                own = [dataclasses.replace(one, further=further) for one in sources]
+                return fit_law_to_curves(
+                    choice, own, extra, changes=changes, loss=loss, errors=self.errors, scale=scale
+                )
 
             asked = [name for name in SOFTENING if name in self.options.changes]
             if asked and not self.softens:
                 why = "no test has a second loading, or a hold after an unloading, that would show it"
                 raise FitError(f"{asked[0]} cannot be set: {why}")
             flow = FLOW if any(name in self.options.changes for name in FLOW) else ()
-            fitted = functools.partial(fit_memory, sources, extra, modulus=modulus, loss=loss, errors=self.errors)
-            fit = fitted({k: v for k, v in self.options.changes.items() if k not in SOFTENING}, further=flow)
+            fit = fitted({k: v for k, v in self.options.changes.items() if k not in SOFTENING}, *flow)
             if self.softens:
-                softer = fitted(self.options.changes, further=(*self.softens, *flow))
+                softer = fitted(self.options.changes, *self.softens, *flow)
                 lead = next(one.aicc for one in compare([fit, softer]).ranked if one.fit is fit)
                 if asked or (softer.converged and lead > DECISIVE and softer.interval(SOFTENING[0])[0] > 0.0):
                     self.stiffer[choice.name] = math.sqrt(fit.deviance / softer.deviance)

@@ -1,4 +1,4 @@
-"""Fit what a silicone remembers to histories of stretch in time: weights of branches, and softening.
+"""What tests show of a silicone's memory, and a law with a fitted one: weights of branches, and softening.
 
 The relaxation times are fixed, one per decade of what the data cover, so that the weights enter linearly; the stress of each
 branch is computed once for each history.
@@ -7,46 +7,24 @@ branch is computed once for each history.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import Self
 
 import numpy as np
-from scipy.optimize import nnls
 
 from softmodels.common.arrays import Array
 from softmodels.fitting.curves.curve import HELD, TURN, TensileCurve, TensileError, corners, turns
-from softmodels.fitting.curves.residuals import (
-    RELATIVE,
-    StressError,
-    TensileResiduals,
-    largest_strain,
-    residuals_of,
-    told,
-)
-from softmodels.fitting.least_squares import fit_parameters
-from softmodels.fitting.problem import (
-    CannotEvaluate,
-    Changes,
-    Extra,
-    FitError,
-    LawChoice,
-    Parameter,
-    by_bounds,
-    closed_starts,
-)
-from softmodels.fitting.result import LeastSquaresFit
-from softmodels.materials.laws import Material, MaterialError, NeoHookean
+from softmodels.fitting.problem import Parameter
+from softmodels.materials.laws import Material, NeoHookean
 from softmodels.materials.memory import Branch, Memory, Softening
-from softmodels.materials.specimens import FLOW, SOFTENING, branch_stress, respond, stress_in_time
+from softmodels.materials.specimens import FLOW, SOFTENING, branch_stress, respond
 
-STARTS = 3
-"""Number of a law's starts that are tried with branches."""
+SHOWN = 0.02
+"""Least stress of a branch over the largest one for its relaxation to be shown: the usual error of a test."""
 LEAST_SHARE = 1e-4
 """Weights below it are left out of the material."""
-DECISIVE = 10.0
-"""Lead in AICc from which on a memory softens: no support for the other (Burnham & Anderson 2002, section 2.6)."""
 MOST_DURATIONS = 1.6
 """Longest relaxation time over the longest test's duration, in which such a branch loses nearly half of its stress."""
 SEVERAL_HOLDS = 2.0
@@ -149,7 +127,7 @@ def _spectrum_of_curves(timed: Sequence[TensileCurve]) -> Spectrum:
         largest = np.maximum(
             largest, np.abs(branch_stress(curve.time, curve.stretch, curve.mode, linear)).max(axis=0) / static
         )
-    shown = largest >= RELATIVE
+    shown = largest >= SHOWN
     if not shown.any():
         raise TensileError(
             f"the tests are so slow that relaxation within their {longest:.3g} s would show nowhere; fit the law only, "
@@ -209,7 +187,7 @@ def several_amplitudes(curves: Sequence[TensileCurve]) -> bool:
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Residuals of a law with a memory.
+# A law with a fitted memory.
 
 
 def remembering(
@@ -225,139 +203,21 @@ def remembering(
     return dataclasses.replace(material, memory=Memory(branches, softening) if branches or softening else None)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class MemoryResiduals(TensileResiduals):
-    """Residuals of a law with branches, perhaps with softening, against one history.
-
-    Attributes:
-        spectrum: The branches.
-        stresses: Of each over its G, shape (n, k), if it is linear.
-        further: Names of the free parameters of the softening, and of the branches' viscosity if that depends on stress.
-    """
-
-    spectrum: Spectrum = Spectrum((), (0.0, 0.0), ("", ""))
-    stresses: Array = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
-    further: tuple[str, ...] = ()
-
-    def on_yardstick(self) -> Self:
-        """Return them with the common errors of tests; a history keeps its points."""
-        return dataclasses.replace(self, errors=told(self.curve))
-
-    @property
-    def _thins(self) -> bool:
-        return FLOW[0] in self.further
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        own = (*self.choice.names, *self.spectrum.names, *self.further)
-        return (*own, self.gauge) if self.gauge else own
-
-    def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
-        """See `softmodels.fitting.problem.Residuals`."""
-        try:
-            material = remembering(self.choice.material(values), self.spectrum, values, -math.inf)
-        except MaterialError as error:
-            raise CannotEvaluate(str(error)) from None
-        shares = [f"share{k}" for k, _ in enumerate(self.spectrum.times, 1)]
-        names = (*self.choice.names, *shares, *self.further) if derivatives else ()
-        stress, by = stress_in_time(
-            material,
-            self.curve.time,
-            self.curve.stretch,
-            self.curve.mode,
-            names,
-            None if self._thins else self.stresses,
-        )
-        factor = values[self.gauge] if self.gauge else 1.0
-        slopes = None
-        if derivatives:
-            slopes = np.hstack([factor * by, *([stress[:, None]] if self.gauge else [])]) / self.errors[:, None]
-        return (factor * stress - self.curve.stress) / self.errors, slopes, [self.label] * len(stress)
+def branch_stresses(curve: TensileCurve, spectrum: Spectrum) -> Array:
+    """Return the stress of each branch over its G along a curve, shape (n, k); zero at equilibrium."""
+    if curve.time is None:
+        return np.zeros((len(curve.stretch), len(spectrum.times)))
+    return _along(curve.time.tobytes(), curve.stretch.tobytes(), curve.mode, spectrum.times)
 
 
-def memory_residuals(
-    curves: Sequence[TensileCurve],
-    stresses: Sequence[Array],
-    choice: LawChoice,
-    error: StressError,
-    gauge_error: float,
-    spectrum: Spectrum,
-    level: bool = True,
-) -> tuple[list[MemoryResiduals], Extra]:
-    """Return the sources for histories, as `residuals_of` does for ramps, without softening.
-
-    Args:
-        curves: The histories.
-        stresses: Of each, from `branch_stresses`.
-        choice: The law.
-        error: Standard errors.
-        gauge_error: See `residuals_of`.
-        spectrum: The branches.
-        level: See `residuals_of`.
-    """
-    plain, extra = residuals_of(curves, choice, error, gauge_error, level)
-    pairs = zip(plain, stresses, strict=True)
-    return [MemoryResiduals(one.curve, choice, one.errors, one.gauge, spectrum, by) for one, by in pairs], extra
+@functools.lru_cache(maxsize=64)
+def _along(time: bytes, stretch: bytes, mode: str, times: tuple[float, ...]) -> Array:
+    return branch_stress(np.frombuffer(time), np.frombuffer(stretch), mode, [Branch(1.0, one) for one in times])
 
 
-def branch_stresses(curves: Sequence[TensileCurve], spectrum: Spectrum) -> list[Array]:
-    """Return for each curve the stress of each branch over its G, shape (n, k); zero at equilibrium."""
-    return [
-        np.zeros((len(curve.stretch), len(spectrum.times)))
-        if curve.time is None
-        else branch_stress(curve.time, curve.stretch, curve.mode, [Branch(1.0, time) for time in spectrum.times])
-        for curve in curves
-    ]
-
-
-def fit_memory(
-    sources: Sequence[MemoryResiduals],
-    extra: Extra,
-    changes: Changes,
-    *,
-    modulus: float,
-    further: tuple[str, ...] = (),
-    loss: str = "linear",
-    errors: str = "unknown",
-) -> LeastSquaresFit:
-    """Fit a law and its memory to histories.
-
-    Args:
-        sources: From `memory_residuals`, all of one law.
-        extra: The curves' own factors.
-        changes: Fields of parameters to replace.
-        modulus: Small-strain shear modulus in Pa of the data.
-        further: See `MemoryResiduals`.
-        loss, errors: See `softmodels.fitting.least_squares.fit_parameters`.
-
-    Raises:
-        FitError: See `softmodels.fitting.least_squares.fit_parameters`; or a change names no parameter.
-    """
-    sources = [dataclasses.replace(source, further=further) for source in sources]
-    choice = sources[0].choice
-    names = (*choice.names, *sources[0].spectrum.names, *further, *(p.name for p in extra.parameters))
-    for name in changes:
-        if name not in names:
-            raise FitError(f"{choice.name} with its memory has no parameter {name!r}; it has {', '.join(names)}")
-    energy = modulus * largest_strain([source.curve for source in sources]) / 2
-    fits = []
-    trouble: FitError | None = None
-    for starts in by_bounds(choice, _starts(choice, sources, modulus)[:STARTS]):
-        own = [*choice.parameters(starts[0])]
-        own += sources[0].spectrum.parameters(starts[0])
-        own += [one for one in _further_parameters(energy) if one.name in further]
-        parameters = [p.changed(changes.get(p.name, {})) for p in (*own, *extra.parameters)]
-        try:
-            fits.append(fit_parameters(sources, parameters, loss=loss, starts=starts, errors=errors, label=choice.name))
-        except FitError as error:
-            trouble = error
-    if not fits:
-        raise FitError(f"{choice.name}: {trouble}")
-    return settled(min(fits, key=lambda one: (not one.converged, one.deviance)))
-
-
-def _further_parameters(energy: float) -> list[Parameter]:
-    """Return the parameters of softening and viscosity for a largest energy in Pa."""
+def further_parameters(modulus: float, strain: float) -> list[Parameter]:
+    """Return the parameters of softening and viscosity for a shear modulus in Pa and a largest I1 - 3."""
+    energy = modulus * strain / 2
     return [
         Parameter(SOFTENING[0], "", 0.2, 0.0, 0.99, answers=(0.0,)),
         Parameter(SOFTENING[1], "Pa", 0.2 * energy, 1e-4 * energy, 1e2 * energy),
@@ -365,49 +225,3 @@ def _further_parameters(energy: float) -> list[Parameter]:
         Parameter(FLOW[0], "", 0.3, 1e-3, 1e2),
         Parameter(FLOW[1], "", 0.3, 0.02, 3.0),
     ]
-
-
-def _starts(choice: LawChoice, sources: Sequence[MemoryResiduals], modulus: float) -> list[dict[str, float]]:
-    """Return the law's starts, each with the weights that fit best with its shape, by non-negative least squares.
-
-    The law's start is that of what branches of any weight leave of the stresses (Frisch & Waugh 1933).
-    """
-    curves = [source.curve for source in sources]
-    target = np.concatenate([source.curve.stress / source.errors for source in sources])
-    branches = np.vstack([s.stresses / s.errors[:, None] for s in sources])
-    Q, _ = np.linalg.qr(branches)
-
-    def design(material: Material, names: Sequence[str]) -> Array:
-        A = np.vstack(
-            [respond(material, s.curve.stretch, s.curve.mode, names).slopes / s.errors[:, None] for s in sources]
-        )
-        return np.asarray(A - Q @ (Q.T @ A))
-
-    made = []
-    for start in closed_starts(choice, design, target - Q @ (Q.T @ target), modulus, largest_strain(curves)):
-        try:
-            material = choice.material(start)
-        except MaterialError:
-            continue
-        law = np.concatenate([respond(material, s.curve.stretch, s.curve.mode).stress / s.errors for s in sources])
-        A = np.column_stack([law, material.shear_modulus_0 * branches])
-        if not np.isfinite(A).all():
-            continue
-        size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-        found, misfit = nnls(A / size, target)
-        factor, *shares = found / size
-        if not factor > 0.0:
-            continue
-        scaled = {name: v * (factor if choice.unit(name) == "Pa" else 1.0) for name, v in start.items()}
-        weights = {n: max(v / factor, 0.01) for n, v in zip(sources[0].spectrum.names, shares, strict=True)}
-        made.append((misfit, {**scaled, **weights}))
-    if not made:
-        plain = choice.from_modulus(0.7 * modulus, largest_strain(curves))
-        return [{**plain, **dict.fromkeys(sources[0].spectrum.names, 0.1)}]
-    return [start for _, start in sorted(made, key=lambda one: one[0])]
-
-
-def settled(fit: LeastSquaresFit) -> LeastSquaresFit:
-    """Return a fit whose weights that ended at zero are zero, not a rounding away from it."""
-    ends = {name: bound for name, bound in fit.at_bounds.items() if bound == 0.0}
-    return dataclasses.replace(fit, values={**fit.values, **ends}) if ends else fit

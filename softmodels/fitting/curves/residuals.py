@@ -6,7 +6,6 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -14,17 +13,18 @@ import numpy.typing as npt
 from softmodels.common.arrays import Array
 from softmodels.common.units import UnitError, brief, quantity
 from softmodels.fitting.curves.curve import TURN, TensileCurve, TensileError, corners
+from softmodels.fitting.curves.memory import SHOWN, Spectrum, branch_stresses, remembering
 from softmodels.fitting.least_squares import fit_parameters
 from softmodels.fitting.problem import CannotEvaluate, Extra, LawChoice, Parameter, Prior
 from softmodels.fitting.result import LeastSquaresFit
 from softmodels.materials.laws import Material, MaterialError
-from softmodels.materials.specimens import respond, strain_of, stress_in_time
+from softmodels.materials.specimens import FLOW, respond, strain_of, stress_in_time
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Standard error of measured stresses: as given, or from the curve's noise.
 
 
-RELATIVE = 0.02
+RELATIVE = SHOWN
 """Default relative error of a test's stress: cross-section, load cell, crosshead strain."""
 
 LEAST_ABSOLUTE = 0.003
@@ -102,16 +102,20 @@ class TensileResiduals:
     """Residuals of a law against one curve: (gauge x model - measured) / error.
 
     Attributes:
-        curve: The measured ramp, within the fit's range.
+        curve: The measured ramp, within the fit's range; the whole history with a spectrum.
         choice: The law.
         errors: Standard errors in Pa, shape (n,).
         gauge: Name of the test's own factor on the stress (cross-section, load cell), or empty.
+        spectrum: Relaxing branches of the law; None without a memory.
+        further: Names of the free parameters of the softening, and of the branches' viscosity if that depends on stress.
     """
 
     curve: TensileCurve
     choice: LawChoice
     errors: Array
     gauge: str = ""
+    spectrum: Spectrum | None = None
+    further: tuple[str, ...] = ()
 
     unit = "Pa"
 
@@ -124,30 +128,39 @@ class TensileResiduals:
         """Standard deviation in Pa of the readings' noise that thinning has averaged out."""
         return noise(self.curve) * math.sqrt(1 - 1 / self.curve.readings)
 
-    def on_yardstick(self) -> Self:
-        """Return the residuals by which laws are compared, see `on_yardstick`."""
-        curve = evened(self.curve)
+    def on_yardstick(self) -> TensileResiduals:
+        """Return the residuals by which laws are compared, see `on_yardstick`; a history keeps its points."""
+        curve = evened(self.curve) if self.spectrum is None else self.curve
         return dataclasses.replace(self, curve=curve, errors=told(curve))
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        return (*self.choice.names, self.gauge) if self.gauge else self.choice.names
+        weights = self.spectrum.names if self.spectrum else ()
+        return (*self.choice.names, *weights, *self.further, *([self.gauge] if self.gauge else []))
 
     def evaluate(self, values: Mapping[str, float], derivatives: bool) -> tuple[Array, Array | None, list[str]]:
         """See `softmodels.fitting.problem.Residuals`."""
+        curve = self.curve
         try:
             material = self.choice.material(values)
+            if self.spectrum is not None:
+                material = remembering(material, self.spectrum, values, -math.inf)
         except MaterialError as error:
             raise CannotEvaluate(str(error)) from None
         names = self.choice.names if derivatives else ()
-        found = respond(material, self.curve.stretch, self.curve.mode, names)
+        if self.spectrum is None:
+            found = respond(material, curve.stretch, curve.mode, names)
+            stress, by = found.stress, found.slopes
+        else:
+            if derivatives:
+                names = (*names, *(f"share{k}" for k, _ in enumerate(self.spectrum.times, 1)), *self.further)
+            linear = None if FLOW[0] in self.further else branch_stresses(curve, self.spectrum)
+            stress, by = stress_in_time(material, curve.time, curve.stretch, curve.mode, names, linear)
         factor = values[self.gauge] if self.gauge else 1.0
-        residuals = (factor * found.stress - self.curve.stress) / self.errors
         slopes = None
         if derivatives:
-            columns = [factor * found.slopes, *([found.stress[:, None]] if self.gauge else [])]
-            slopes = np.hstack(columns) / self.errors[:, None]
-        return residuals, slopes, [self.label] * len(residuals)
+            slopes = np.hstack([factor * by, *([stress[:, None]] if self.gauge else [])]) / self.errors[:, None]
+        return (factor * stress - curve.stress) / self.errors, slopes, [self.label] * len(stress)
 
 
 def predicted(material: Material, curve: TensileCurve) -> Array:
@@ -170,18 +183,19 @@ def residuals_of(
     error: StressError,
     gauge_error: float = 0.0,
     level: bool = False,
+    spectrum: Spectrum | None = None,
 ) -> tuple[list[TensileResiduals], Extra]:
     """Return the sources for curves, and the factors on their stress with relative error ``gauge_error``.
 
     With ``level``, and errors of unknown size, every curve weighs the same, however many points it has: a densely sampled
-    curve must not silence a sparse one.
+    curve must not silence a sparse one. With a spectrum the curves are histories.
     """
     sources, gauges = [], []
     mean = sum(len(curve.stretch) for curve in curves) / max(len(curves), 1)
     for i, curve in enumerate(curves, 1):
         name = f"gauge{i}" if gauge_error else ""
         weight = math.sqrt(len(curve.stretch) / mean) if level and not error.stated else 1.0
-        sources.append(TensileResiduals(curve, choice, weight * error.of(curve), name))
+        sources.append(TensileResiduals(curve, choice, weight * error.of(curve), name, spectrum))
         if name:
             gauges.append(Parameter(name, "", 1.0, 0.2, 5.0, Prior(1.0, gauge_error)))
     return sources, Extra((), gauges)

@@ -30,17 +30,9 @@ from softmodels.fitting.comparison import (
 )
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, prepared
-from softmodels.fitting.curves.memory import (
-    SEVERAL_HOLDS,
-    Spectrum,
-    branch_stresses,
-    memory_residuals,
-    remembering,
-    settled,
-    spectrum,
-)
-from softmodels.fitting.curves.residuals import StressError, TensileResiduals, residuals_of, stretches_of
-from softmodels.fitting.least_squares import fit_parameters, profile
+from softmodels.fitting.curves.memory import SEVERAL_HOLDS, Spectrum, remembering, spectrum
+from softmodels.fitting.curves.residuals import StressError, residuals_of, stretches_of
+from softmodels.fitting.least_squares import fit_parameters, profile, settled
 from softmodels.fitting.outlines.checks import (
     HeightRow,
     by_course,
@@ -486,7 +478,8 @@ class _Task:
                 notes += [note for note in more if note not in notes]
                 kind = OutlineResiduals if branches is None else CreepingResiduals
                 devices.append(kind(model, shapes, device=device.name if len(self.devices) > 1 else ""))
-            extra = self._tests(choice, error, branches)
+            sources, extra = residuals_of(self.curves, choice, error, self.options.gauge_error, spectrum=branches)
+            extra = dataclasses.replace(extra, sources=sources)
             trial = try_outlines(devices, bench, extra, self.changes(choice), self.options.loss, rows)
             trials[choice.name], rows = trial, trial.rows
         notes += [pair.sentence for pair in contradictions(self.curves, self.options.gauge_error)]
@@ -522,18 +515,6 @@ class _Task:
                 f"photographs show a memory only at two hold times or more, one at least {SEVERAL_HOLDS:g} times the other; "
                 f"here there are {shown} (columns hold and rise of the list of photographs)"
             ) from None
-
-    def _tests(self, choice: LawChoice, error: StressError, branches: Spectrum | None) -> Extra:
-        """Return the curves as further data, with factors on their stress."""
-        if branches is None:
-            sources: Sequence[TensileResiduals]
-            sources, extra = residuals_of(self.curves, choice, error, self.options.gauge_error)
-        else:
-            stresses = branch_stresses(self.curves, branches)
-            sources, extra = memory_residuals(
-                self.curves, stresses, choice, error, self.options.gauge_error, branches, level=False
-            )
-        return dataclasses.replace(extra, sources=sources)
 
     def with_heights(self, heights: Sequence[Height], comm: MPI.Comm) -> FitReport:
         trials: dict[str, LawTrial[HeightResiduals]] = {}
