@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,42 +34,6 @@ from softmodels.common.units import WATER_DENSITY, UnitError, quantity
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The command ``photos``: outlines from a list of photographs.
-
-
-@dataclasses.dataclass(frozen=True)
-class PhotoOptions:
-    """Settings by which the photographs are measured and shown.
-
-    Attributes:
-        tone: How the files store light.
-        column: The water column that lengths of the list were read from.
-        width: True width of the body in m and its standard error; None where it is not known.
-        jobs: Processes at a time.
-        pictures: Whether pictures are drawn.
-        quiet: Whether nothing but errors is shown.
-    """
-
-    tone: str
-    column: Column
-    width: tuple[float, float] | None
-    jobs: int
-    pictures: bool
-    quiet: bool
-
-    @classmethod
-    def of(cls, given: dict[str, Any]) -> PhotoOptions:
-        """Return those that the command's values mean.
-
-        Raises:
-            ColumnError, UnitError: An invalid value.
-        """
-        column = Column(
-            quantity(given["water_density"], "kg/m^3"),
-            quantity(given["density_error"], "kg/m^3"),
-            length(given["reading_error"]),
-        )
-        width = None if given["body_width"] is None else _width(given["body_width"])
-        return cls(given["tone"], column, width, given["jobs"] or cores(), not given["no_pictures"], given["quiet"])
 
 
 @click.command()
@@ -107,27 +70,32 @@ def photos(listing: Path, setup_file: Path, output: Path | None, **given: Any) -
     Exit status: 0 all measured; 3 some refused, each with its reason; 2 the input cannot be used; 1 nothing measured.
     """
     try:
-        options = PhotoOptions.of(given)
-        listed = read_photos(listing, options.column)
+        column = Column(
+            quantity(given["water_density"], "kg/m^3"),
+            quantity(given["density_error"], "kg/m^3"),
+            length(given["reading_error"]),
+        )
+        tone, width = given["tone"], None if given["body_width"] is None else _width(given["body_width"])
+        listed = read_photos(listing, column)
         setup = Setup.from_file(setup_file)
     except (ColumnError, PhotoListError, SetupError, UnitError) as error:
         stop(str(error))
     # Of the photographs only the names: their contents are gigabytes. Whoever replaces one has another list to measure.
     files = [(photo.file.name, *_stamp(photo.file)) for photo in listed]
-    asked = {"tone": options.tone, "column": options.column, "width": options.width, "photographs": files}
+    asked = {"tone": tone, "column": column, "width": width, "photographs": files}
     try:
         folder = open_folder(output, Path("outlines"), "outlines", asked, [listing, setup_file])
     except OwnFolderError as error:
         stop(str(error))
     try:
-        setup, zero = with_zero(listed, setup, options.tone, options.width)
+        setup, zero = with_zero(listed, setup, tone, width)
     except SetupError as error:
         stop(str(error))
     except NoZero as error:
         stop(str(error), FAILED if any(photo.is_zero for photo in listed) else UNUSABLE)
-    made = _measured(listed, setup, zero, folder, options)
-    if not options.quiet:
-        _report(made, folder.path, options.width)
+    made = _measured(listed, setup, zero, folder, given)
+    if not given["quiet"]:
+        _report(made, folder.path, width)
     for result in made.results:
         if isinstance(result.outcome, Refusal):
             say(f"{result.photograph.file.name}: refused, {result.outcome.reason}", err=True)
@@ -144,20 +112,21 @@ def _stamp(file: Path) -> tuple[int, int]:
 
 
 def _measured(
-    listed: Sequence[Photograph], setup: Setup, zero: ZeroLine, folder: ResultFolder, options: PhotoOptions
+    listed: Sequence[Photograph], setup: Setup, zero: ZeroLine, folder: ResultFolder, given: dict[str, Any]
 ) -> Measurement:
     """Measure all and write the results."""
     try:
         with folder.writing() as output:
-            edges = output / "edges" if options.pictures else None
+            edges = None if given["no_pictures"] else output / "edges"
             if edges is not None:
                 edges.mkdir()
-            with bar("measuring", len(listed), options.quiet) as advance:
-                results = measure_all(listed, setup, zero, options.tone, options.jobs, edges, lambda result: advance())
+            tone, jobs = given["tone"], given["jobs"] or cores()
+            with bar("measuring", len(listed), given["quiet"]) as advance:
+                results = measure_all(listed, setup, zero, tone, jobs, edges, lambda result: advance())
             made = Measurement(tuple(results), setup, zero)
             made.write(output)
-            if options.pictures:
-                _draw(output, made, options.tone)
+            if edges is not None:
+                _draw(output, made, tone)
     except OwnFolderError as error:
         stop(str(error))
     except OSError as error:

@@ -106,50 +106,41 @@ def _report_camera(made: Calibration, output: Path) -> None:
 # The camera that the options ``--lens``, ``--camera`` and ``--focal`` of the setup command mean.
 
 
-@dataclasses.dataclass(frozen=True)
-class LensOptions:
-    """The options' texts.
+def lens_camera(photograph: Path, size: tuple[int, int], lens: str, body: str | None, focal: str | None) -> Camera:
+    """Return the camera of a photograph.
 
-    Attributes:
+    Args:
+        photograph: Whose EXIF names camera and lens.
+        size: Its width and height in px.
         lens: ``auto``, ``none``, a lens' name, a camera file or a profile.
         body: Name of the camera; None for what EXIF names.
         focal: Focal length with its unit; None for what EXIF tells.
+
+    Raises:
+        CameraError, UnitError: There is no such camera.
     """
-
-    lens: str
-    body: str | None
-    focal: str | None
-
-    def camera(self, photograph: Path, width: int, height: int) -> Camera:
-        """Return the camera of a photograph of this size in px.
-
-        Raises:
-            CameraError, UnitError: There is no such camera.
-        """
-        length = None if self.focal is None else texts.length(self.focal) * 1e3
-        if self.lens == "none":
-            return Camera.ideal(width, height)
-        if self.lens.endswith(".toml"):
-            camera = _camera_file(Path(self.lens))
-            if (camera.width, camera.height) != (width, height):
-                raise CameraError(
-                    f"{self.lens} is for pictures of {camera.width} x {camera.height} px, {photograph} has {width} x "
-                    f"{height}; calibrate with the same settings"
-                )
-            return camera
-        names = self._names(photograph)
-        if self.lens.endswith(".xml"):
-            return lens_profile(names, width, height, focal_mm=length, database=Path(self.lens))
-        return lens_profile(names, width, height, lens=None if self.lens == "auto" else self.lens, focal_mm=length)
-
-    def _names(self, photograph: Path) -> Exif:
-        try:
-            seen = read_exif(photograph)
-        except CameraError as error:
-            if self.body is None:
-                raise CameraError(f"{error}, or use --lens none") from None
-            return Exif("", self.body, "")
-        return seen if self.body is None else Exif("", self.body, seen.lens, seen.focal_mm)
+    length = None if focal is None else texts.length(focal) * 1e3
+    if lens == "none":
+        return Camera.ideal(*size)
+    if lens.endswith(".toml"):
+        camera = _camera_file(Path(lens))
+        if camera.size != size:
+            raise CameraError(
+                f"{lens} is for pictures of {camera.width} x {camera.height} px, {photograph} has {size[0]} x {size[1]}; "
+                "calibrate with the same settings"
+            )
+        return camera
+    try:
+        names = read_exif(photograph)
+    except CameraError as error:
+        if body is None:
+            raise CameraError(f"{error}, or use --lens none") from None
+        names = Exif("", body, "")
+    if body is not None:
+        names = dataclasses.replace(names, maker="", camera=body)
+    if lens.endswith(".xml"):
+        return lens_profile(names, *size, focal_mm=length, database=Path(lens))
+    return lens_profile(names, *size, lens=None if lens == "auto" else lens, focal_mm=length)
 
 
 def _camera_file(path: Path) -> Camera:
@@ -170,96 +161,42 @@ LARGEST = 0.5
 """Largest pitch in m of a printed grid or board; beyond it somebody wrote m for mm."""
 
 
-@dataclasses.dataclass(frozen=True)
-class PlaneOptions:
-    """The options' texts.
+def _pitch(text: str) -> tuple[float, float]:
+    """Return the pitch in m and its standard error as a share of it, `PITCH_ERROR` where none is given."""
+    pitch, error = texts.with_error(text, texts.length)
+    if not pitch > 0.0:
+        raise SetupError(f"--grid-pitch must be a positive length, not {text}")
+    if pitch > LARGEST:
+        raise SetupError(f"--grid-pitch {text} is not a plausible grid pitch; write mm for millimetres")
+    if not 0.0 <= error < pitch:
+        raise SetupError(f"the error in --grid-pitch {text} must not be negative, and below the pitch")
+    return pitch, error / pitch if "+-" in text.replace("±", "+-") else PITCH_ERROR
 
-    Attributes:
-        target: What lies in the plane: ``grid``, ``chessboard`` or ``charuco``.
-        grid_pitch: Distance of the grid's lines, or side of a board's square.
-        pattern: Inner corners of the board.
-        dictionary: OpenCV's name of the ChArUco markers.
-        marker_share: Side of such a marker over that of a square.
-        points: Known points instead of a target.
-        scale: Pixels per length instead of a target; None without.
-        origin: Pixel near the origin; None for the middle.
+
+def _plane(given: dict[str, Any], picture: NDArray[np.uint8], camera: Camera, pitch: float) -> Plane:
+    """Return the plane in a photograph (h, w, 3) that the options ask for.
+
+    Raises:
+        GridError, PlaneError, SetupError, UnitError: It is not to be found, or not asked for as it can be.
     """
-
-    target: str
-    grid_pitch: str
-    pattern: str
-    dictionary: str
-    marker_share: str
-    points: tuple[str, ...]
-    scale: str | None
-    origin: str | None
-
-    @property
-    def shows_grid(self) -> bool:
-        """Whether the photograph shows the printed grid."""
-        return self.target == "grid" and self.scale is None and not self.points
-
-    @property
-    def known(self) -> str | None:
-        """Name of the points to which the plane is fitted, in the plural; None for a scale."""
-        if self.scale is not None:
-            return None
-        return "known points" if self.points else "crossings" if self.target == "grid" else "corners"
-
-    def pitch(self) -> float:
-        """Return the pitch in m.
-
-        Raises:
-            SetupError, UnitError: It is none.
-        """
-        return self._pitch()[0]
-
-    def pitch_error(self) -> float:
-        """Return the standard error of the pitch as a share of it: as given, else `PITCH_ERROR`; 0 where no pitch is used.
-
-        Raises:
-            SetupError, UnitError: It is none.
-        """
-        if self.points or self.scale is not None:
-            return 0.0
-        pitch, error = self._pitch()
-        return error / pitch if "+-" in self.grid_pitch.replace("±", "+-") else PITCH_ERROR
-
-    def _pitch(self) -> tuple[float, float]:
-        pitch, error = texts.with_error(self.grid_pitch, texts.length)
-        if not pitch > 0.0:
-            raise SetupError(f"--grid-pitch must be a positive length, not {self.grid_pitch}")
-        if pitch > LARGEST:
-            raise SetupError(f"--grid-pitch {self.grid_pitch} is not a plausible grid pitch; write mm for millimetres")
-        if not 0.0 <= error < pitch:
-            raise SetupError(f"the error in --grid-pitch {self.grid_pitch} must not be negative, and below the pitch")
-        return pitch, error
-
-    def plane(self, picture: NDArray[np.uint8], camera: Camera) -> Plane:
-        """Return the plane in a photograph (h, w, 3).
-
-        Raises:
-            GridError, PlaneError, SetupError, UnitError: It is not to be found, or not asked for as it can be.
-        """
-        pitch = self.pitch()
-        place = None if self.origin is None else texts.numbers(self.origin, 2, "--origin")
-        origin = (place[0], place[1]) if place else None
-        if self.scale is not None:
-            if self.points:
-                raise SetupError("give --point or --scale, not both")
-            return plane_of_scale(camera, *texts.with_error(self.scale, texts.per_metre), origin)
-        if self.points:
-            px, metres = zip(*map(texts.known_point, self.points), strict=True)
-            return plane_of_points(camera, np.array(px), np.array(metres))
-        if self.target == "grid":
-            return find_grid(picture, camera, pitch, origin).plane(camera)
-        columns, rows = texts.pattern(self.pattern)
-        if self.target == "chessboard":
-            board = find_chessboard(picture, (columns, rows), camera)
-        else:
-            squares = (columns + 1, rows + 1)
-            board = find_charuco(picture, squares, number(self.marker_share), self.dictionary, camera)
-        return counted_from(board, camera, pitch, origin).plane(camera)
+    place = None if given["origin"] is None else texts.numbers(given["origin"], 2, "--origin")
+    origin = (place[0], place[1]) if place else None
+    if given["scale"] is not None:
+        if given["points"]:
+            raise SetupError("give --point or --scale, not both")
+        return plane_of_scale(camera, *texts.with_error(given["scale"], texts.per_metre), origin)
+    if given["points"]:
+        px, metres = zip(*map(texts.known_point, given["points"]), strict=True)
+        return plane_of_points(camera, np.array(px), np.array(metres))
+    if given["target"] == "grid":
+        return find_grid(picture, camera, pitch, origin).plane(camera)
+    columns, rows = texts.pattern(given["pattern"])
+    if given["target"] == "chessboard":
+        board = find_chessboard(picture, (columns, rows), camera)
+    else:
+        squares = (columns + 1, rows + 1)
+        board = find_charuco(picture, squares, number(given["marker_share"]), given["dictionary"], camera)
+    return counted_from(board, camera, pitch, origin).plane(camera)
 
 
 @click.command()
@@ -314,13 +251,13 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
     try:
         _check_given(given)
         shown = _places(photograph, output, overlay, given["lens"])
-        screen, lens, light = _of(PlaneOptions, given), _of(LensOptions, given), _of(LightOptions, given)
         picture = read_picture(photograph)
-        pitch = screen.pitch()
-        camera = lens.camera(photograph, picture.shape[1], picture.shape[0])
-        plane = screen.plane(picture, camera)
-        made = light.setup(camera, plane, pitch if screen.shows_grid else None)
-        made = dataclasses.replace(made, pitch_error=screen.pitch_error())
+        pitch, pitch_error = _pitch(given["grid_pitch"])
+        camera = lens_camera(photograph, picture.shape[1::-1], given["lens"], given["body"], given["focal"])
+        plane = _plane(given, picture, camera, pitch)
+        printed = not given["points"] and given["scale"] is None
+        made = _setup(given, camera, plane, pitch if printed and given["target"] == "grid" else None)
+        made = dataclasses.replace(made, pitch_error=pitch_error if printed else 0.0)
     except GridError as error:
         stop(f"{photograph}: {error}")
     except (CameraError, OwnFolderError, PlaneError, SetupError, UnitError) as error:
@@ -331,45 +268,23 @@ def setup(photograph: Path, output: Path, overlay: Path | None, **given: Any) ->
         status = status_of(error) if isinstance(error, OSError) else UNUSABLE
         stop(f"the picture of the plane {shown} cannot be written: {reason(error)}", status)
     write_text(output, made.to_toml())
-    _report(made, screen.known, f"written to {output} and {shown}")
+    _report(made, given, f"written to {output} and {shown}")
 
 
-@dataclasses.dataclass(frozen=True)
-class LightOptions:
-    """Texts of the options about the shadow.
+def _setup(given: dict[str, Any], camera: Camera, plane: Plane, grid_pitch: float | None) -> Setup:
+    """Return the setup with what the options say of light, regions and the undeformed surface; the pitch is in m.
 
-    Attributes:
-        lamp_distance: From the lamp to the object; None for parallel light.
-        screen_distance: From the object to the screen; None for parallel light.
-        roi: Region of interest; None for all of the picture.
-        masks: Regions in which no edge is looked for.
-        zero: Two pixels on the undeformed surface; None where a photograph shows it.
+    Raises:
+        SetupError, UnitError: A text that is not what it should be.
     """
-
-    lamp_distance: str | None
-    screen_distance: str | None
-    roi: str | None
-    masks: tuple[str, ...]
-    zero: str | None
-
-    def setup(self, camera: Camera, plane: Plane, grid_pitch: float | None) -> Setup:
-        """Return the setup with this camera, plane and pitch of the grid in m.
-
-        Raises:
-            SetupError, UnitError: A text that is not what it should be.
-        """
-        size = texts.magnification(self.lamp_distance, self.screen_distance)
-        roi = None if self.roi is None else texts.numbers(self.roi, 4, "--roi")
-        masks = tuple(texts.numbers(mask, 4, "--mask") for mask in self.masks)
-        made = Setup(camera, plane, *size, roi=roi, masks=masks, grid_pitch=grid_pitch)  # type: ignore[arg-type]
-        if self.zero is None:
-            return made
-        ends = [texts.numbers(part, 2, "--zero") for part in self.zero.split("=")]
-        return dataclasses.replace(made, zero=made.to_metres(ends))
-
-
-def _of[Options](kind: type[Options], given: dict[str, Any]) -> Options:
-    return kind(**{field.name: given[field.name] for field in dataclasses.fields(kind)})  # type: ignore[arg-type]
+    size = texts.magnification(given["lamp_distance"], given["screen_distance"])
+    roi = None if given["roi"] is None else texts.numbers(given["roi"], 4, "--roi")
+    masks = tuple(texts.numbers(mask, 4, "--mask") for mask in given["masks"])
+    made = Setup(camera, plane, *size, roi=roi, masks=masks, grid_pitch=grid_pitch)  # type: ignore[arg-type]
+    if given["zero"] is None:
+        return made
+    ends = [texts.numbers(part, 2, "--zero") for part in given["zero"].split("=")]
+    return dataclasses.replace(made, zero=made.to_metres(ends))
 
 
 def _check_given(given: dict[str, Any]) -> None:
@@ -415,7 +330,7 @@ def _places(photograph: Path, output: Path, overlay: Path | None, lens: str) -> 
     return overlay
 
 
-def _report(made: Setup, kind: str | None, written: str) -> None:
+def _report(made: Setup, given: dict[str, Any], written: str) -> None:
     camera, plane = made.camera, made.plane
     raw = frame_points(camera.width, camera.height)
     raw = raw[np.isfinite(made.to_metres(raw)).all(axis=1)]
@@ -428,8 +343,9 @@ def _report(made: Setup, kind: str | None, written: str) -> None:
         say(
             f"The pitch, and so all lengths, have an assumed error of {made.pitch_error:.2%}; give another with --grid-pitch"
         )
-    if kind is None:
+    if given["scale"] is not None:
         say("The plane follows from the given scale and a perpendicular view; the picture does not verify it")
     else:
+        kind = "known points" if given["points"] else "crossings" if given["target"] == "grid" else "corners"
         say(f"{len(plane.points)} {kind}, residual to the plane {plane.residual * 1e6:.2f} um (rms)")
     say(f"Standard error of positions in the picture: {error * 1e6:.2g} um (rms); {written}")

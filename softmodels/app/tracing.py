@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 from scipy.optimize import minimize_scalar
 
-from measurement.cli.setup import LensOptions
+from measurement.cli.setup import lens_camera
 from measurement.cli.shared import length, with_error
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
@@ -78,7 +78,7 @@ def preview(file: str) -> Preview:
 def plane(file: str, pitch: str, lens: str) -> Plane:
     """Find the screen's plane in a photograph of its grid."""
     pixels = read_pixels(Path(file))
-    camera = LensOptions(lens, None, None).camera(Path(file), pixels.shape[1], pixels.shape[0])
+    camera = lens_camera(Path(file), pixels.shape[1::-1], lens, None, None)
     size, error = with_error(pitch, length)
     made = setup_from_grid(file, size, camera, pitch_error=error / size if error else PITCH_ERROR)
     return Plane(made.to_toml(), made.camera.distort(made.plane.points), float(made.plane.residual))

@@ -31,7 +31,8 @@ from softmodels.common.processes import say
 from softmodels.common.units import pascal_per_cm
 from softmodels.fitting.curves.memory import spectrum
 from softmodels.fitting.outlines.device import DeviceModel
-from softmodels.fitting.outlines.simulated import half_outline, readings_of
+from softmodels.fitting.outlines.residuals import readings_of
+from softmodels.fitting.outlines.silhouette import half_outline
 from softmodels.fitting.problem import LawChoice
 from softmodels.materials.laws import Material
 from softmodels.materials.specimens import nominal_stress, stress_in_time

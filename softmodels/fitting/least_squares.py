@@ -24,21 +24,10 @@ LOSSES = ("linear", "soft_l1")
 ERRORS = ("stated", "unknown")
 SAME_DEVIANCE = 1e-4
 """Starts whose deviances differ by less than this (plus the same fraction) ended in the same minimum."""
+TOLERANCE = 1e-10
+"""At which a start ends: relative, on the sum of squares, on the parameters and on the gradient."""
 FAR = 0.1
 """Newton step in standard errors above which a fit has not converged."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Stopping:
-    """Stopping criteria of a fit.
-
-    Attributes:
-        tolerance: Relative, on the sum of squares, on the parameters and on the gradient.
-        evaluations: Per start at most.
-    """
-
-    tolerance: float = 1e-10
-    evaluations: int = 300
 
 
 def fit_parameters(
@@ -49,7 +38,7 @@ def fit_parameters(
     starts: int | Sequence[Mapping[str, float]] = 1,
     errors: str = "stated",
     label: str = "",
-    stopping: Stopping = Stopping(),
+    evaluations: int = 300,
 ) -> LeastSquaresFit:
     """Find the parameters that best fit all sources jointly.
 
@@ -63,7 +52,7 @@ def fit_parameters(
         errors: ``"stated"``: the sources' errors are believed unless the scatter is larger. ``"unknown"``: only their
             ratios are; their size follows from the scatter.
         label: What is fitted, for reports.
-        stopping: When a start ends.
+        evaluations: Per start at most.
 
     Raises:
         FitError: The task is impossible, or no start could be evaluated.
@@ -77,7 +66,7 @@ def fit_parameters(
             first = problem.residuals(x)
             if not np.isfinite(first).all():
                 raise CannotEvaluate("the model has no finite value there")
-            found = problem.solve(x, stopping.tolerance, stopping.evaluations)
+            found = problem.solve(x, TOLERANCE, evaluations)
         except CannotEvaluate as error:
             runs.append(StartResult(problem.values(x), math.inf, str(error)))
             continue

@@ -41,6 +41,19 @@ if TYPE_CHECKING:
 
 WITHIN = 1.959964
 """Half of the 95 % band of a normal error, in standard errors."""
+COLUMNS = [
+    "material",
+    "data",
+    "values",
+    "rms",
+    "unit",
+    "chi2_per_value",
+    "chi2_measurement",
+    "chi2_material",
+    "coverage_95",
+    "worst",
+]
+"""Of the table of scores."""
 BAND = 0.95
 """Tolerance relative to its errors for identical materials."""
 
@@ -88,8 +101,7 @@ class Score(Shown):
             ("chi squared per value", f"{self.chi2:.3g}"),
             *(
                 [("of it explained by the material's errors", f"{self.chi2_material:.3g}")]
-                if math.isfinite(self.chi2_material)
-                else []
+                * math.isfinite(self.chi2_material)
             ),
             ("within the 95 % band", f"{100 * self.coverage:.3g} %"),
             ("furthest off", self.worst),
@@ -243,20 +255,7 @@ def write_scores(path: Path, scores: Sequence[Score]) -> None:
     """Write every number as CSV, one row per material and measurement."""
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
-        rows.writerow(
-            [
-                "material",
-                "data",
-                "values",
-                "rms",
-                "unit",
-                "chi2_per_value",
-                "chi2_measurement",
-                "chi2_material",
-                "coverage_95",
-                "worst",
-            ]
-        )
+        rows.writerow(COLUMNS)
         for one in scores:
             material = f"{one.chi2_material:.9g}" if math.isfinite(one.chi2_material) else ""
             chi2 = [f"{one.chi2:.9g}", f"{one.chi2_measurement:.9g}", material]

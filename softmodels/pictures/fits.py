@@ -22,7 +22,7 @@ from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import predicted
 from softmodels.fitting.outlines.residuals import MatchedPhotograph
 from softmodels.fitting.outlines.shapes import Shape
-from softmodels.fitting.outlines.simulated import half_outline
+from softmodels.fitting.outlines.silhouette import half_outline
 from softmodels.fitting.result import unseen
 from softmodels.fitting.tables import correlation_rows, residual_rows
 from softmodels.materials.specimens import MODE_NAMES

@@ -33,7 +33,6 @@ from softmodels.fitting.outlines.residuals import (
     PRESSURE_SCALE_ERROR,
     SCALE_ERROR,
     ZERO_ERROR,
-    Bench,
     Height,
     HeightResiduals,
     OutlineResiduals,
@@ -41,7 +40,7 @@ from softmodels.fitting.outlines.residuals import (
     least_squares_of_heights,
 )
 from softmodels.fitting.outlines.shapes import prepare
-from softmodels.fitting.problem import FitError, LawChoice
+from softmodels.fitting.problem import BENCH, FitError, LawChoice
 from softmodels.materials.stability import judge
 from softmodels.mechanics.mpi import start
 from tests.support.simulated import SimulatedCamera, simulated_outlines
@@ -170,7 +169,7 @@ def verdict(inflation, series: Sequence[Outline]) -> tuple[bool, str, FittedLaw 
     known = expected("ecoflex-00-30")
     try:
         shapes, _ = prepare(series, inflation.system.body.actuator, inflation.silhouette.width)
-        trial = try_outlines([OutlineResiduals(inflation, shapes)], Bench(), changes=HOLD)
+        trial = try_outlines([OutlineResiduals(inflation, shapes)], BENCH, changes=HOLD)
     except FitError as error:
         return False, str(error), None
     material = inflation.material(trial.fit.values)

@@ -22,15 +22,7 @@ from softmodels.fitting.curves.residuals import StressError, residuals_of
 from softmodels.fitting.outlines.creeping import CreepingResiduals, Timetable
 from softmodels.fitting.outlines.device import MeasuredDevice
 from softmodels.fitting.outlines.fit import fit, fit_law_to_outlines, hold_notes
-from softmodels.fitting.outlines.residuals import (
-    LEAK_ERROR,
-    SCALE_ERROR,
-    ZERO_ERROR,
-    Bench,
-    fits_badly,
-    misfits,
-    nuisances,
-)
+from softmodels.fitting.outlines.residuals import LEAK_ERROR, SCALE_ERROR, ZERO_ERROR, fits_badly, misfits, nuisances
 from softmodels.fitting.outlines.shapes import prepare
 from softmodels.fitting.problem import BENCH, Extra, FitOptions, LawChoice
 from softmodels.materials.laws import Yeoh
@@ -76,7 +68,7 @@ def test_derivatives_are_exact(loads, model, creeping, comm):
     weights = model.spectrum.parameters({"share_10s": 0.12, "share_100s": 0.08})
     parameters = [
         *model.choice.parameters({"c1": 13e3, "c2": 500.0, "c3": 20.0}), *weights,
-        *nuisances(source, Bench((*BENCH, "poisson"))), *source.hidden_parameters([]),
+        *nuisances(source, (*BENCH, "poisson")), *source.hidden_parameters([]),
     ]  # fmt: skip
     values = {p.name: p.start for p in parameters} | {"scale": 0.001, "leak": 0.01, "poisson": 0.48, "centre": 1.2e-4}
     sizes = {p.name: 0.02 * p.scale for p in parameters if p.name not in ("membrane", "centre")}

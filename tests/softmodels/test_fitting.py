@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import t as student
 
 from softmodels.fitting.comparison import compare
-from softmodels.fitting.least_squares import Stopping, fit_parameters, profile
+from softmodels.fitting.least_squares import fit_parameters, profile
 from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Prior, autocorrelation_time
 from softmodels.fitting.result import singular_values, unseen
 
@@ -171,7 +171,7 @@ def test_no_convergence_is_told():
     found = fit_parameters(
         [Curve(power, ("a", "b"), power(2.0, 3.0)[0], 1e-3)],
         free("a", "b", start=0.1),
-        stopping=Stopping(evaluations=2),
+        evaluations=2,
     )
     assert not found.converged and "did not converge within 2 evaluations" in found.troubles[0]
 

@@ -18,7 +18,6 @@ from softmodels.fitting.outlines.residuals import (
     LEAK_ERROR,
     SCALE_ERROR,
     ZERO_ERROR,
-    Bench,
     Height,
     HeightResiduals,
     OutlineResiduals,
@@ -82,7 +81,7 @@ def test_derivatives_are_exact(components, height_datum, inflation):
     begin, plain = starts(device, *measured)
     parameters = [
         *device.choice.parameters(begin[0]),
-        *nuisances(source, Bench(free)),
+        *nuisances(source, free),
         *source.hidden_parameters(plain.volumes),
     ]
     values = {p.name: p.start for p in parameters} | {
@@ -177,7 +176,7 @@ def test_poisson_near_a_half_is_not_seen(inflation):
     outlines = simulated_outlines(device, HARDENING, PRESSURES, SimulatedCamera(), rng=np.random.default_rng(4))
     source = source_of(device, outlines)
     fixed = {"c3": {"start": 100.0, "fixed": True}, "poisson": {"lower": 0.47, "upper": 0.5}}
-    found = fit_law_to_outlines(source, bench=Bench((*BENCH, "membrane", "poisson")), changes=fixed)
+    found = fit_law_to_outlines(source, free=(*BENCH, "membrane", "poisson"), changes=fixed)
     low, high = profile(found, "poisson", 5).interval
     assert low == 0.47 and high == 0.5
 

@@ -22,8 +22,7 @@ from softmodels.fitting.outlines.residuals import (
     residuals_by_source,
 )
 from softmodels.fitting.outlines.shapes import Shape
-from softmodels.fitting.outlines.silhouette import shadow_of
-from softmodels.fitting.outlines.simulated import half_outline
+from softmodels.fitting.outlines.silhouette import half_outline, shadow_of
 from softmodels.fitting.problem import Parameter, UnsoundError
 from softmodels.fitting.result import Judgement, LeastSquaresFit
 from softmodels.runs.grid import QuadraticCurve

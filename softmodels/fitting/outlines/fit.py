@@ -45,8 +45,6 @@ from softmodels.fitting.outlines.checks import (
 from softmodels.fitting.outlines.creeping import CreepingResiduals
 from softmodels.fitting.outlines.device import DeviceModel, MeasuredDevice
 from softmodels.fitting.outlines.residuals import (
-    DEFAULT_BENCH,
-    Bench,
     Height,
     HeightResiduals,
     OutlineResiduals,
@@ -59,6 +57,7 @@ from softmodels.fitting.outlines.residuals import (
 )
 from softmodels.fitting.outlines.shapes import OutlineFitError, kept, prepare, read_outlines
 from softmodels.fitting.problem import (
+    BENCH,
     DEFAULTS,
     NOTHING_ELSE,
     CannotEvaluate,
@@ -94,7 +93,7 @@ STARTING_SHARE = 0.1
 
 def fit_law_to_outlines(
     *sources: OutlineResiduals,
-    bench: Bench = DEFAULT_BENCH,
+    free: Sequence[str] = BENCH,
     extra: Extra = NOTHING_ELSE,
     changes: Changes = MappingProxyType({}),
     loss: str = "linear",
@@ -104,7 +103,7 @@ def fit_law_to_outlines(
 
     Args:
         sources: Devices of one material, each with its outlines.
-        bench: What is free beside the law.
+        free: What is free beside the law, see `nuisances`.
         extra: Further sources that depend on the law's parameters, such as tensile curves.
         changes: Fields of parameters to replace; what every device has is so for all, or by its full name for one.
         loss: See `softmodels.fitting.least_squares.fit_parameters`.
@@ -116,7 +115,7 @@ def fit_law_to_outlines(
     """
     choice, spectrum = sources[0].model.choice, sources[0].model.spectrum
     weights = dict.fromkeys(spectrum.names, STARTING_SHARE) if spectrum else {}
-    known = all_nuisances(sources, bench)
+    known = all_nuisances(sources, free)
     names = {*choice.names, *weights, *(name for p in (*known, *extra.parameters) for name in (p.name, p.own_name))}
     for name in changes:
         if name not in names:
@@ -178,7 +177,7 @@ class LawTrial[Source: (OutlineResiduals, HeightResiduals)]:
 
 def try_outlines(
     sources: Sequence[OutlineResiduals],
-    bench: Bench,
+    free: Sequence[str],
     extra: Extra = NOTHING_ELSE,
     changes: Changes = MappingProxyType({}),
     loss: str = "linear",
@@ -188,7 +187,7 @@ def try_outlines(
 
     Args:
         sources: The devices under the law, each with its outlines.
-        bench: What is free beside the law.
+        free: What is free beside the law.
         extra: Further sources, such as tensile curves, and their parameters.
         changes: See `fit_law_to_outlines`.
         loss: See `fit_law_to_outlines`.
@@ -198,7 +197,7 @@ def try_outlines(
         UnsoundError: The outlines are of another device; or the fit fails, and a photograph contradicts the others.
         FitError: The fit fails.
     """
-    all_nuisances(sources, bench)  # unknown names, before anything is solved
+    all_nuisances(sources, free)  # unknown names, before anything is solved
     series = tuple(tuple(one) for one in rows or [series_of_shapes(one.model, one.shapes) for one in sources])
     if sources[0].model.spectrum is not None:  # at one pressure the heights differ with the time
         series = ((),) * len(sources)
@@ -214,7 +213,7 @@ def try_outlines(
             shapes = [shape for shape in source.shapes if shape.source not in without]
             if shapes:
                 chosen.append(type(source)(source.model, shapes, device=source.device))
-        fit = fit_law_to_outlines(*chosen, bench=bench, extra=extra, changes=changes, loss=loss, doubted=doubted)
+        fit = fit_law_to_outlines(*chosen, free=free, extra=extra, changes=changes, loss=loss, doubted=doubted)
         return chosen, fit
 
     def good(without: Sequence[str]) -> bool:
@@ -465,7 +464,7 @@ class _Task:
             f"{one.source} is used in spite of doubts: {'; '.join(one.reasons)}"
             for own in outlines for one in own if one.reasons
         ]  # fmt: skip
-        error, bench = StressError.from_text(self.options.stress_error), Bench(self.options.free)
+        error = StressError.from_text(self.options.stress_error)
         holds = [hold_of(one.history) for own in outlines for one in own if one.history and one.pressure > 0.0]
         branches = self._spectrum(holds)
         notes += hold_notes(holds) if branches is None else [branches.sentence]
@@ -480,7 +479,7 @@ class _Task:
                 devices.append(kind(model, shapes, device=device.name if len(self.devices) > 1 else ""))
             sources, extra = residuals_of(self.curves, choice, error, self.options.gauge_error, spectrum=branches)
             extra = dataclasses.replace(extra, sources=sources)
-            trial = try_outlines(devices, bench, extra, self.changes(choice), self.options.loss, rows)
+            trial = try_outlines(devices, self.options.free, extra, self.changes(choice), self.options.loss, rows)
             trials[choice.name], rows = trial, trial.rows
         notes += [pair.sentence for pair in contradictions(self.curves, self.options.gauge_error)]
         robust = ", outliers counted by their size" if self.options.robust else ""

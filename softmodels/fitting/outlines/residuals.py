@@ -284,66 +284,51 @@ LENGTH_ERROR = 0.02
 POISSON_BOUNDS = (0.3, 0.5)
 
 
-@dataclasses.dataclass(frozen=True)
-class Bench:
-    """Fitted uncertainties of device and bench; the others keep their nominal value.
+def nuisances(source: OutlineResiduals, free: Sequence[str]) -> list[Parameter]:
+    """Return the parameters of bench and device with their default priors; the centre, which outlines show by themselves, has
+    none. Those that are not free are fixed.
 
-    By default those that any bench has. Free ones have priors (`nuisances`), but for the centre, which outlines show by
-    themselves.
-
-    Attributes:
+    Args:
+        source: The device with its outlines.
         free: Names among ``pressure_offset``, ``pressure_scale``, ``leak``, ``scale``, ``zero``, ``centre``, ``poisson`` and
             the device's own variable lengths, such as ``membrane``.
-    """
-
-    free: tuple[str, ...] = BENCH
-
-
-DEFAULT_BENCH = Bench()
-
-
-def nuisances(source: OutlineResiduals, bench: Bench) -> list[Parameter]:
-    """Return the parameters of bench and device with their default priors; those that are not free are fixed.
 
     Raises:
         OutlineFitError: A name that is none of them.
     """
     model, shapes = source.model, source.shapes
     known = (*BENCH, "poisson", *model.lengths)
-    for name in bench.free:
+    for name in free:
         if name not in known:
             raise OutlineFitError(f"no bench or device parameter is called {name!r}; {known_are(name, known)}")
     reading = min(shape.pressure_error for shape in shapes)
     width = model.silhouette.width
     centre = float(np.median([shape.centre for shape in shapes]))
-    tops = source.most
     scale = max(shape.scale_error for shape in shapes) or SCALE_ERROR
     level = max(ZERO_ERROR, *(shape.level_error for shape in shapes))
-    made = {
-        "pressure_offset": Parameter("pressure_offset", "Pa", 0.0, -tops, tops, Prior(0.0, reading)),
-        "pressure_scale": Parameter("pressure_scale", "", 0.0, -0.5, 0.5, Prior(0.0, PRESSURE_SCALE_ERROR)),
-        "leak": Parameter("leak", "", 0.0, -0.5, 0.5, Prior(0.0, LEAK_ERROR)),
-        "scale": Parameter("scale", "", 0.0, -0.2, 0.2, Prior(0.0, scale)),
-        "zero": Parameter("zero", "m", 0.0, -width, width, Prior(0.0, level)),
-        "centre": Parameter("centre", "m", centre, centre - width, centre + width),
-        "poisson": Parameter("poisson", "", model.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
-        **{
-            name: Parameter(name, "m", value, 0.7 * value, 1.3 * value, Prior(value, LENGTH_ERROR * value))
+    made = [
+        Parameter("pressure_offset", "Pa", 0.0, -source.most, source.most, Prior(0.0, reading)),
+        Parameter("pressure_scale", "", 0.0, -0.5, 0.5, Prior(0.0, PRESSURE_SCALE_ERROR)),
+        Parameter("leak", "", 0.0, -0.5, 0.5, Prior(0.0, LEAK_ERROR)),
+        Parameter("scale", "", 0.0, -0.2, 0.2, Prior(0.0, scale)),
+        Parameter("zero", "m", 0.0, -width, width, Prior(0.0, level)),
+        Parameter("centre", "m", centre, centre - width, centre + width),
+        Parameter("poisson", "", model.choice.poisson, *POISSON_BOUNDS, answers=POISSON_BOUNDS[1:]),
+        *(
+            Parameter(name, "m", value, 0.7 * value, 1.3 * value, Prior(value, LENGTH_ERROR * value))
             for name, value in model.lengths.items()
-        },
-    }
+        ),
+    ]
     return [
         dataclasses.replace(
-            p,
-            name=source.named(name),
-            fixed=name not in bench.free,
-            device="" if source.named(name) == name else source.device,
+            p, name=source.named(p.name), fixed=p.name not in free,
+            device="" if source.named(p.name) == p.name else source.device,
         )
-        for name, p in made.items()
-    ]
+        for p in made
+    ]  # fmt: skip
 
 
-def all_nuisances(sources: Sequence[OutlineResiduals], bench: Bench) -> list[Parameter]:
+def all_nuisances(sources: Sequence[OutlineResiduals], free: Sequence[str]) -> list[Parameter]:
     """Return the parameters of all devices of a fit; a free one is free for every device, or by its full name for one.
 
     Raises:
@@ -351,16 +336,25 @@ def all_nuisances(sources: Sequence[OutlineResiduals], bench: Bench) -> list[Par
     """
     found: dict[str, Parameter] = {}
     known = [(*BENCH, "poisson", *source.model.lengths) for source in sources]
-    for name in bench.free:
+    for name in free:
         if not any(
             name in (own, source.named(own)) for source, names in zip(sources, known, strict=True) for own in names
         ):
-            nuisances(sources[0], Bench((name,)))
+            nuisances(sources[0], (name,))
     for source, names in zip(sources, known, strict=True):
-        free = tuple(name for name in names if {name, source.named(name)} & set(bench.free))
-        for p in nuisances(source, Bench(free)):
+        for p in nuisances(source, [name for name in names if {name, source.named(name)} & set(free)]):
             found.setdefault(p.name, p)
     return list(found.values())
+
+
+def readings_of(pressures: Array, bench: Mapping[str, float]) -> Array:
+    """Return the column's readings at true pressures, with the bench's offset, scale and leak; see above."""
+    offset, scale, leak = (bench.get(name, 0.0) for name in ("pressure_offset", "pressure_scale", "leak"))
+    most = (pressures.max() + offset) / (1 - scale - leak)
+    if leak == 0.0:
+        return (pressures + offset) / (1 - scale)
+    a, b, c = leak / most, -(1 - scale), pressures + offset
+    return (-b - np.sqrt(b * b - 4 * a * c)) / (2 * a)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
