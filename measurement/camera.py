@@ -196,11 +196,9 @@ class Camera:
             )
         except KeyError as error:
             raise CameraError(f"the camera's table has no field {error}; recreate it with calibrate or setup") from None
-        except TypeError as error:
-            raise CameraError(f"the camera's table cannot be read: {error}") from None
-        except ValueError as error:
-            if isinstance(error, CameraError):
-                raise
+        except CameraError:
+            raise
+        except (TypeError, ValueError) as error:
             raise CameraError(f"the camera's table cannot be read: {error}") from None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -469,22 +469,14 @@ class Setup:
 
     def to_toml(self) -> str:
         """Return the setup as TOML; `from_toml` gives exactly the same numbers back."""
-        table: dict[str, Any] = {
-            "version": VERSION,
-            "magnification": float(self.magnification),
-            "magnification_error": float(self.magnification_error),
-            "pitch_error": float(self.pitch_error),
-        }
-        if self.grid_pitch is not None:
-            table["grid_pitch"] = float(self.grid_pitch)
-        for name in ("zero", "roi", "shadow_colour"):
-            if getattr(self, name) is not None:
-                table[name] = np.asarray(getattr(self, name), dtype=float).tolist()
-        if self.masks:
-            table["masks"] = [list(map(float, mask)) for mask in self.masks]
+        table: dict[str, Any] = {"version": VERSION}
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if value is not None and field.name not in ("camera", "plane") and np.size(value):
+                table[field.name] = np.asarray(value, dtype=float).tolist()
         table["camera"] = self.camera.as_table()
         table["plane"] = {
-            field.name: np.asarray(getattr(self.plane, field.name)).tolist() for field in dataclasses.fields(Plane)
+            name: np.asarray(value).tolist() for name, value in vars(self.plane).items() if name in _PLANE
         }
         return HEADER + tomli_w.dumps(table)
 
@@ -496,22 +488,23 @@ class Setup:
             SetupError: No TOML, or a field that is missing, unknown or not what it should be.
         """
         try:
-            return cls._from_toml(parse_toml(text))
+            return cls._from_table(parse_toml(text))
         except TomlError as error:
             raise SetupError(f"the setup {error}") from None
 
     @classmethod
-    def _from_toml(cls, table: Mapping[str, Any]) -> Setup:
+    def from_file(cls, path: Path | str) -> Setup:
+        """Read a setup file.
+
+        Raises:
+            SetupError: The file cannot be read or holds no setup; the message names it.
+        """
         try:
-            return cls._from_table(table)
-        except KeyError as error:
-            raise SetupError(f"the setup has no field {error}; recreate it with python -m measurement setup") from None
-        except CameraError as error:
-            raise SetupError(f"the setup's camera cannot be used: {error}") from None
-        except SetupError:
-            raise
-        except (TypeError, ValueError, AttributeError, IndexError) as error:
-            raise SetupError(f"the setup cannot be read: {error}") from None
+            return cls._from_table(read_toml(Path(path)))
+        except TomlError as error:
+            raise SetupError(f"{path} {error}") from None
+        except SetupError as error:
+            raise SetupError(f"{path}: {error}") from None
 
     @classmethod
     def _from_table(cls, table: Mapping[str, Any]) -> Setup:
@@ -524,42 +517,18 @@ class Setup:
         for name in table:
             if name not in known:
                 raise SetupError(f"the setup has an unknown field {name!r}; {known_are(name, sorted(known))}")
-        roi, colour, masks = table.get("roi"), table.get("shadow_colour"), table.get("masks", [])
-        if any(len(one) != 4 for one in (*masks, *([] if roi is None else [roi]))):
-            raise SetupError("the setup's roi needs four numbers, and so does each of its masks")
-        if colour is not None and len(colour) != 3:
-            raise SetupError("the setup's shadow_colour needs three numbers")
-        return cls(
-            camera=Camera.from_table(table["camera"]),
-            plane=_plane(table["plane"]),
-            magnification=_float(table.get("magnification", 1.0)),
-            magnification_error=_float(table.get("magnification_error", 0.0)),
-            pitch_error=_float(table.get("pitch_error", 0.0)),
-            zero=None if table.get("zero") is None else numbers(table["zero"]),
-            roi=None if roi is None else _region(roi),
-            masks=tuple(map(_region, masks)),
-            grid_pitch=None if table.get("grid_pitch") is None else _float(table["grid_pitch"]),
-            shadow_colour=None if colour is None else (_float(colour[0]), _float(colour[1]), _float(colour[2])),
-        )
-
-    @classmethod
-    def from_file(cls, path: Path | str) -> Setup:
-        """Read a setup file.
-
-        Raises:
-            SetupError: The file cannot be read or holds no setup; the message names it.
-        """
         try:
-            return cls._from_toml(read_toml(Path(path)))
-        except TomlError as error:
-            raise SetupError(f"{path} {error}") from None
-        except SetupError as error:
-            raise SetupError(f"{path}: {error}") from None
-
-
-def _region(values: Any) -> tuple[float, float, float, float]:
-    x0, y0, x1, y1 = map(_float, values)
-    return x0, y0, x1, y1
+            needed = {"camera": Camera.from_table(table["camera"]), "plane": _plane(table["plane"])}
+            others = known & table.keys() - {"version", *needed}
+            return cls(**needed, **{name: _READ.get(name, _float)(table[name]) for name in others})  # type: ignore[arg-type]
+        except KeyError as error:
+            raise SetupError(f"the setup has no field {error}; recreate it with python -m measurement setup") from None
+        except CameraError as error:
+            raise SetupError(f"the setup's camera cannot be used: {error}") from None
+        except SetupError:
+            raise
+        except (TypeError, ValueError, AttributeError, IndexError) as error:
+            raise SetupError(f"the setup cannot be read: {error}") from None
 
 
 def _float(value: Any) -> float:
@@ -567,9 +536,29 @@ def _float(value: Any) -> float:
     return value if isinstance(value, float) else number(value)
 
 
+def _region(values: Any) -> tuple[float, float, float, float]:
+    if len(values) != 4:
+        raise SetupError("the setup's roi needs four numbers, and so does each of its masks")
+    x0, y0, x1, y1 = map(_float, values)
+    return x0, y0, x1, y1
+
+
+def _colour(values: Any) -> tuple[float, ...]:
+    if len(values) != 3:
+        raise SetupError("the setup's shadow_colour needs three numbers")
+    return tuple(map(_float, values))
+
+
+_READ: dict[str, Callable[[Any], Any]] = {
+    "zero": numbers, "roi": _region, "masks": lambda masks: tuple(map(_region, masks)), "shadow_colour": _colour,
+}  # fmt: skip
+"""How fields of a setup's file are read that are no single numbers."""
+_PLANE = {"homography": (3, 3), "covariance": (9, 9), "residual": (), "points": (-1, 2), "targets": (-1, 2)}
+"""Shapes of a plane's fields in the file."""
+
+
 def _plane(table: Mapping[str, Any]) -> Plane:
-    shapes = {"homography": (3, 3), "covariance": (9, 9), "points": (-1, 2), "targets": (-1, 2)}
-    arrays = {name: numbers(table[name]).reshape(shape) for name, shape in shapes.items()}
+    arrays = {name: numbers(table[name]).reshape(shape) for name, shape in _PLANE.items() if shape}
     residual = _float(table["residual"])
     if not (all(np.isfinite(array).all() for array in arrays.values()) and math.isfinite(residual)):
         raise SetupError("the setup's plane holds numbers that are not finite")

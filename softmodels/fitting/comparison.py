@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,14 +15,12 @@ from softmodels.common.cards import Shown, Table
 from softmodels.common.errors import call, known_are, spoken
 from softmodels.common.units import brief, with_prefix
 from softmodels.fitting.curves.curve import TensileCurve
-from softmodels.fitting.curves.residuals import largest_strain, stretches_of
-from softmodels.fitting.least_squares import Profile
+from softmodels.fitting.least_squares import NOTHING, Judgement, LeastSquaresFit, Profile, objections
 from softmodels.fitting.problem import FitError, LawChoice, all_laws, loss_of
-from softmodels.fitting.result import NOTHING, Judgement, LeastSquaresFit, objections
 from softmodels.materials.laws import Material
 from softmodels.materials.silicones import PRODUCTS, named, product_of, silicone_called
 from softmodels.materials.specimens import respond, secant_modulus
-from softmodels.materials.stability import Verdict, judge
+from softmodels.materials.stability import Verdict
 
 if TYPE_CHECKING:
     from softmodels.case.materials import MaterialErrors
@@ -105,9 +103,15 @@ def compare(fits: Sequence[LeastSquaresFit], judged: Sequence[LeastSquaresFit] |
         ValueError: They are not of the same measurements.
     """
     _check(fits)
-    misfits, values = _on_curves(judged) if judged else _on_residuals(fits)
+    even = [True] * len(fits)
+    if judged:
+        sums = [sum(_means(fit).values()) / len(fit.summaries) for fit in judged]
+        values, closest = CURVE_VALUES * len(judged[0].summaries), min(sums)
+        misfits = [values * one / max(closest, 1.0) for one in sums]
+        even = [one <= EQUAL**2 * max(closest, SAME**2) for one in sums]
+    else:
+        misfits, values = _on_residuals(fits)
     ratios = _ratios(fits)
-    even = _equal(judged) if judged else [True] * len(fits)
     made = []
     for fit, misfit, ratio, equal in zip(fits, misfits, ratios, even, strict=True):
         m = len(fit.free) + 1
@@ -128,25 +132,6 @@ def _check(fits: Sequence[LeastSquaresFit]) -> None:
             raise ValueError("only fits of the same measurements, with the same loss and errors, can be compared")
 
 
-def _on_curves(judged: Sequence[LeastSquaresFit]) -> tuple[list[float], float]:
-    """Return the misfit of each law relative to that of the closest one, and the number of values."""
-    sums = _mean_squares(judged)
-    values = CURVE_VALUES * len(judged[0].summaries)
-    worth = max(min(sums), 1.0)
-    return [values * one / worth for one in sums], values
-
-
-def _equal(judged: Sequence[LeastSquaresFit]) -> list[bool]:
-    """Return whether each law's misfit equals that of the closest one within the common error."""
-    sums = _mean_squares(judged)
-    return [one <= EQUAL**2 * max(min(sums), SAME**2) for one in sums]
-
-
-def _mean_squares(judged: Sequence[LeastSquaresFit]) -> list[float]:
-    """Return the mean square misfit of each law in common errors, all curves weighted equally."""
-    return [sum(_means(fit).values()) / len(fit.summaries) for fit in judged]
-
-
 def _means(fit: LeastSquaresFit) -> dict[str, float]:
     """Return the mean over each curve of the loss of its squared residuals; the priors' share goes to the first.
 
@@ -164,7 +149,7 @@ def _means(fit: LeastSquaresFit) -> dict[str, float]:
 
 
 def _on_residuals(fits: Sequence[LeastSquaresFit]) -> tuple[list[float], float]:
-    """Return the same for fits whose residuals have stated errors."""
+    """Return the misfit of each law relative to the closest one's and the number of values, for stated errors."""
     closest = min(fits, key=lambda fit: fit.deviance)
     worth = max(closest.dispersion * closest.count / closest.independent, 1e-300)
     if closest.loss != "linear":
@@ -472,26 +457,6 @@ def separate_file(separate: SeparateFits, curve: TensileCurve) -> str:
     """Return the name of the material file of a curve's separate fit."""
     number = next(i for i, other in enumerate(separate.curves, 1) if other is curve)
     return f"fitted-curve{number}.toml"
-
-
-def fit_separately(
-    curves: Sequence[TensileCurve], gauge_error: float, fit_one: Callable[[TensileCurve], FittedLaw]
-) -> SeparateFits | None:
-    """Return the curves that contradict each other, fitted separately; None if there are none.
-
-    Args:
-        curves: Measured curves.
-        gauge_error: See `contradictions`.
-        fit_one: Fits the chosen law to one curve.
-    """
-    pairs = tuple(contradictions(curves, gauge_error))
-    return SeparateFits(pairs, tuple(curves), tuple(map(fit_one, curves))) if pairs else None
-
-
-def fitted_alone(choice: LawChoice, fit: LeastSquaresFit, curve: TensileCurve) -> FittedLaw:
-    """Return the separate fit of a curve as a material with its stability."""
-    material = choice.material(fit.values, stretches_of([curve]))
-    return FittedLaw(choice, fit, material, judge(material, largest_strain([curve])), {})
 
 
 # ----------------------------------------------------------------------------------------------------------------------

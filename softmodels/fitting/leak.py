@@ -19,9 +19,8 @@ from softmodels.common.arrays import Array
 from softmodels.common.cards import Shown, Table
 from softmodels.common.names import checked, one_of
 from softmodels.common.units import brief
-from softmodels.fitting.least_squares import fit_parameters, profile, settled
+from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters, profile, settled
 from softmodels.fitting.problem import FitError, Parameter
-from softmodels.fitting.result import LeastSquaresFit
 from softmodels.path.air_flow import Reservoir
 from softmodels.path.supply import GASES
 

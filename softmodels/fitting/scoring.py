@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -326,6 +326,8 @@ def score(
         score_curve(name, one, curve, error, uncertain.get(name)) for curve in ready for name, one in known.items()
     ]
     if device is not None:
+        from softmodels.fitting.outlines.fit import outlines_of
+
         scores += against_outlines(known, device, outlines_of(given, untrusted), start(), uncertain)
     places = {data: place for place, data in enumerate(dict.fromkeys(one.data for one in scores))}
     return sorted(scores, key=lambda one: (places[one.data], one.chi2))
@@ -342,16 +344,6 @@ def error_of(text: str) -> StressError:
     if text == "constant":
         raise TensileError("a score needs absolute errors: write 2%+0.5kPa, or auto")
     return StressError.from_text(text)
-
-
-def outlines_of(given: Iterable[Outline | Path | str], untrusted: bool) -> list[Outline]:
-    """Return the outlines, those of files after the others."""
-    from softmodels.fitting.outlines.shapes import read_outlines
-
-    given = list(given)
-    files = [Path(one) for one in given if not isinstance(one, Outline)]
-    found = [one for one in given if isinstance(one, Outline)]
-    return [*found, *(read_outlines(files, untrusted) if files else [])]
 
 
 def against_outlines(

@@ -20,7 +20,7 @@ from softmodels.common.units import with_prefix
 from softmodels.fitting.comparison import FitReport, FittedLaw, parameter_rows
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import predicted
-from softmodels.fitting.result import singular_values, unseen
+from softmodels.fitting.least_squares import singular_values, unseen
 
 
 def correlation_rows(law: FittedLaw) -> list[list[str]]:

@@ -20,10 +20,10 @@ from softmodels.common.units import pascal_per_cm, with_prefix
 from softmodels.fitting.comparison import FitReport, FittedLaw, parameter_rows
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import predicted
+from softmodels.fitting.least_squares import unseen
 from softmodels.fitting.outlines.residuals import MatchedPhotograph
 from softmodels.fitting.outlines.shapes import Shape
 from softmodels.fitting.outlines.silhouette import half_outline
-from softmodels.fitting.result import unseen
 from softmodels.fitting.tables import correlation_rows, residual_rows
 from softmodels.materials.specimens import MODE_NAMES
 from softmodels.pictures.curves import drawing

@@ -333,8 +333,7 @@ def test_a_law_at_the_edge_of_what_it_can_be_is_judged(tmp_path):
     """Mooney-Rivlin on a curve that only hardens ends at a shear modulus of nothing: a sentence, no traceback."""
     from softmodels.fitting.curves.curve import TensileCurve
     from softmodels.fitting.curves.residuals import StressError, residuals_of
-    from softmodels.fitting.least_squares import fit_parameters
-    from softmodels.fitting.result import objections
+    from softmodels.fitting.least_squares import fit_parameters, objections
 
     choice = LawChoice.from_text("mooney-rivlin")
     curve = TensileCurve("edge", "uniaxial", L, respond(Yeoh(1.0, 300.0, 5.0, 0.5), L).stress)

@@ -9,9 +9,8 @@ import pytest
 from scipy.stats import t as student
 
 from softmodels.fitting.comparison import compare
-from softmodels.fitting.least_squares import fit_parameters, profile
+from softmodels.fitting.least_squares import fit_parameters, profile, singular_values, unseen
 from softmodels.fitting.problem import CannotEvaluate, FitError, Parameter, Prior, autocorrelation_time
-from softmodels.fitting.result import singular_values, unseen
 
 X = np.linspace(-1.0, 1.0, 40)
 NOISE = np.random.default_rng(3).normal(size=X.size)

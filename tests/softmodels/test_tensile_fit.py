@@ -11,9 +11,8 @@ from softmodels.case.materials import material_from
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import fit_curves, fit_law_to_curves, prepared
 from softmodels.fitting.curves.residuals import StressError, largest_strain, residuals_of
-from softmodels.fitting.least_squares import fit_parameters, profile
+from softmodels.fitting.least_squares import fit_parameters, profile, unseen
 from softmodels.fitting.problem import Extra, FitError, FitOptions, LawChoice, Parameter, Prior, all_laws
-from softmodels.fitting.result import unseen
 from softmodels.fitting.scoring import score
 from softmodels.fitting.tables import write_materials
 from softmodels.materials.laws import LAWS, NeoHookean

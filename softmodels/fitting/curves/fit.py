@@ -20,10 +20,10 @@ from softmodels.fitting.comparison import (
     Expected,
     FitReport,
     FittedLaw,
+    SeparateFits,
     compare,
+    contradictions,
     expected,
-    fit_separately,
-    fitted_alone,
     hold_against,
     stretch_of,
 )
@@ -48,7 +48,7 @@ from softmodels.fitting.curves.residuals import (
     stretches_of,
     thinned,
 )
-from softmodels.fitting.least_squares import fit_parameters, profile, settled
+from softmodels.fitting.least_squares import NOTHING, LeastSquaresFit, fit_parameters, profile, settled
 from softmodels.fitting.problem import (
     DEFAULTS,
     NOTHING_ELSE,
@@ -62,7 +62,6 @@ from softmodels.fitting.problem import (
     closed_starts,
     law_choices,
 )
-from softmodels.fitting.result import NOTHING, LeastSquaresFit
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.specimens import FLOW, SOFTENING, respond
 from softmodels.materials.stability import judge
@@ -287,13 +286,9 @@ def fit_curves(
     if not ready:
         raise FitError("there are no measurements; give a tensile curve or outlines")
     task = (_MemoryTask if options.memory else _Task)(
-        ready, law_choices(material, options.poisson), options, progress or _silent
+        ready, law_choices(material, options.poisson), options, progress or (lambda name: None)
     )
     return task.report()
-
-
-def _silent(_: str) -> None:
-    pass
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -330,11 +325,10 @@ class _Task:
 
     def _compared(self, report: FitReport, scale: float | None) -> FitReport:
         """Return the report with separate fits of curves that contradict each other."""
-        chosen = report.chosen.choice
-        separate = fit_separately(
-            self.curves, self.options.gauge_error, lambda curve: self._alone(chosen, curve, scale)
-        )
-        return dataclasses.replace(report, separate=separate)
+        if not (pairs := contradictions(self.curves, self.options.gauge_error)):
+            return report
+        own = tuple(self._alone(report.chosen.choice, curve, scale) for curve in self.curves)
+        return dataclasses.replace(report, separate=SeparateFits(tuple(pairs), tuple(self.curves), own))
 
     def _fit_all(self, loss: str = "linear", scale: float | None = None) -> list[LeastSquaresFit]:
         fits = []
@@ -395,7 +389,8 @@ class _Task:
         changes = self.options.changes_of(choice.names)
         loss = "linear" if scale is None else "soft_l1"
         fit = fit_law_to_curves(choice, sources, extra, changes=changes, errors=self.errors, loss=loss, scale=scale)
-        return fitted_alone(choice, fit, curve)
+        material = choice.material(fit.values, stretches_of([curve]))
+        return FittedLaw(choice, fit, material, judge(material, largest_strain([curve])), {})
 
 
 class _MemoryTask(_Task):

@@ -14,9 +14,8 @@ from softmodels.common.arrays import Array
 from softmodels.common.units import UnitError, brief, quantity
 from softmodels.fitting.curves.curve import TURN, TensileCurve, TensileError, corners
 from softmodels.fitting.curves.memory import SHOWN, Spectrum, branch_stresses, remembering
-from softmodels.fitting.least_squares import fit_parameters
+from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters
 from softmodels.fitting.problem import CannotEvaluate, Extra, LawChoice, Parameter, Prior
-from softmodels.fitting.result import LeastSquaresFit
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.specimens import FLOW, respond, strain_of, stress_in_time
 

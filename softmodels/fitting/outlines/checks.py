@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 from softmodels.common.units import pascal_per_cm
+from softmodels.fitting.least_squares import Judgement, LeastSquaresFit
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.residuals import (
     HeightResiduals,
@@ -24,7 +25,6 @@ from softmodels.fitting.outlines.residuals import (
 from softmodels.fitting.outlines.shapes import Shape
 from softmodels.fitting.outlines.silhouette import half_outline, shadow_of
 from softmodels.fitting.problem import Parameter, UnsoundError
-from softmodels.fitting.result import Judgement, LeastSquaresFit
 from softmodels.runs.grid import QuadraticCurve
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -265,18 +265,11 @@ def series_of(
     """
     plain = plain_path(model, heights, pressures)
     model.set_parameters(plain.values)
+    columns = (heights, pressures, pressure_errors, errors, plain.elastic / model.modulus, plain.borne)
+    numbers = np.column_stack(columns).tolist()
     rows = [
-        HeightRow(
-            source=source,
-            height=float(heights[i]),
-            pressure=float(pressures[i]),
-            pressure_error=float(pressure_errors[i]),
-            height_error=float(errors[i]),
-            unit=float(plain.elastic[i]) / model.modulus,
-            borne=float(plain.borne[i]),
-            silent=bool(plain.silent[i]),
-        )
-        for i, source in enumerate(sources)
+        HeightRow(source, *own, silent)
+        for source, own, silent in zip(sources, numbers, plain.silent.tolist(), strict=True)
     ]
     return rows, [model.curve(state) for state in plain.states]
 

@@ -32,7 +32,7 @@ from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import Curves, prepared
 from softmodels.fitting.curves.memory import SEVERAL_HOLDS, Spectrum, remembering, spectrum
 from softmodels.fitting.curves.residuals import StressError, residuals_of, stretches_of
-from softmodels.fitting.least_squares import fit_parameters, profile, settled
+from softmodels.fitting.least_squares import Judgement, LeastSquaresFit, fit_parameters, profile, settled
 from softmodels.fitting.outlines.checks import (
     HeightRow,
     by_course,
@@ -73,7 +73,6 @@ from softmodels.fitting.problem import (
     all_parameters,
     law_choices,
 )
-from softmodels.fitting.result import Judgement, LeastSquaresFit
 from softmodels.materials.stability import judge
 from softmodels.mechanics.mpi import start
 
@@ -315,13 +314,13 @@ def fit(
         tuple(prepared(several("curves", curves, TensileCurve, "a sm.TensileCurve"), history=options.memory)),
     )
     if len(pairs) == 1:
-        found = [_outlines_of(pairs[0][1], options.untrusted, options.exclude)]
+        found = [outlines_of(pairs[0][1], options.untrusted, options.exclude)]
     else:
         without = _without_by_device(options.exclude, names)
         found = [
             [
                 dataclasses.replace(one, source=f"{name}/{one.source}")
-                for one in _outlines_of(given, options.untrusted, left)
+                for one in outlines_of(given, options.untrusted, left)
             ]
             for (_, given), name, left in zip(pairs, names, without, strict=True)
         ]
@@ -348,7 +347,8 @@ def _pairs(device: object, outlines: Outlines) -> list[tuple[Device, Outlines]]:
     return [(one, given) for one, given in device]
 
 
-def _outlines_of(given: Outlines, untrusted: bool, exclude: Sequence[str]) -> list[Outline]:
+def outlines_of(given: Outlines, untrusted: bool, exclude: Sequence[str] = ()) -> list[Outline]:
+    """Return the outlines that are not excluded, those of files and folders after the others."""
     outlines = several("outlines", given, (Outline, Path, str), "an outline, or a file or folder of outlines")
     found = [outline for outline in outlines if isinstance(outline, Outline)]
     files = [Path(outline) for outline in outlines if not isinstance(outline, Outline)]

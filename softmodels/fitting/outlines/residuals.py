@@ -28,12 +28,11 @@ from softmodels.common.errors import known_are, reason
 from softmodels.common.names import keep_arrays
 from softmodels.common.tables import Line, pick, read_sheets, records
 from softmodels.common.units import WATER_DENSITY, UnitError, number
-from softmodels.fitting.least_squares import fit_parameters
+from softmodels.fitting.least_squares import LeastSquaresFit, fit_parameters
 from softmodels.fitting.outlines.device import DeviceModel
 from softmodels.fitting.outlines.shapes import FLOOR, TALLEST, OutlineFitError, Shape, kept
 from softmodels.fitting.outlines.silhouette import shadow_of
 from softmodels.fitting.problem import BENCH, CannotEvaluate, Changes, FitError, Parameter, Prior
-from softmodels.fitting.result import LeastSquaresFit
 from softmodels.mechanics.newton import NoConvergence
 from softmodels.mechanics.system import State
 from softmodels.path.continuation import LARGEST_GROWTH, trace
