@@ -265,12 +265,8 @@ def series_of(
     """
     plain = plain_path(model, heights, pressures)
     model.set_parameters(plain.values)
-    columns = (heights, pressures, pressure_errors, errors, plain.elastic / model.modulus, plain.borne)
-    numbers = np.column_stack(columns).tolist()
-    rows = [
-        HeightRow(source, *own, silent)
-        for source, own, silent in zip(sources, numbers, plain.silent.tolist(), strict=True)
-    ]
+    columns = (heights, pressures, pressure_errors, errors, plain.elastic / model.modulus, plain.borne, plain.silent)
+    rows = [HeightRow(*row) for row in zip(sources, *(column.tolist() for column in columns), strict=True)]
     return rows, [model.curve(state) for state in plain.states]
 
 
