@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import ExifTags, Image as Files
 from scipy.interpolate import RectBivariateSpline
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 from scipy.special import erf, ndtr
 
 from softmodels.common.arrays import Array
@@ -123,21 +123,15 @@ def lamp(width: int, height: int, unevenness: float) -> Image:
     return (1.0 - 0.5 * unevenness * (x[None, :] ** 2 + y[:, None] ** 2)).astype(np.float32)
 
 
-def _seen_of_gaussian(z: Array) -> Array:
-    return np.asarray(ndtr(z))
-
-
 def _seen_of_disc(z: Array) -> Array:
     # What a chord at the distance t from a disc's middle cuts off; its standard deviation is half of its radius.
     t = np.clip(0.5 * z, -1.0, 1.0)
     return np.asarray(0.5 + (t * np.sqrt(1.0 - t * t) + np.arcsin(t)) / np.pi)
 
 
-def _seen_of_square(z: Array) -> Array:
-    return np.asarray(np.clip(0.5 + z / np.sqrt(12.0), 0.0, 1.0))
-
-
-LAMPS = {"gaussian": _seen_of_gaussian, "disc": _seen_of_disc, "square": _seen_of_square}
+LAMPS: dict[str, Callable[[Array], Array]] = {
+    "gaussian": ndtr, "disc": _seen_of_disc, "square": lambda z: np.clip(0.5 + z / np.sqrt(12.0), 0.0, 1.0),
+}  # fmt: skip
 """Share of a lamp visible at distances from the shadow's edge in standard deviations of its penumbra."""
 
 
@@ -308,7 +302,7 @@ class Scene:
     sharpening_radius: float = 1.5
 
     def __post_init__(self) -> None:
-        positive = (
+        positive = [
             "width",
             "height",
             "focal_px",
@@ -317,7 +311,7 @@ class Scene:
             "line_width",
             "penumbra",
             "magnification",
-        )
+        ]
         for name in positive:
             if not getattr(self, name) > 0:
                 raise SceneError(f"{name} must be positive, not {getattr(self, name)}")
@@ -371,11 +365,7 @@ def truth_of(scene: Scene) -> Truth:
     """Return the camera and the screen's homography of a scene."""
     cx, cy = (scene.width - 1) / 2, (scene.height - 1) / 2
     matrix = np.array([[scene.focal_px, 0, cx], [0, scene.focal_px, cy], [0, 0, 1]])
-    a, b, c = (math.radians(angle) for angle in (scene.tilt, scene.pan, scene.roll))
-    tilt = np.array([[1, 0, 0], [0, math.cos(a), -math.sin(a)], [0, math.sin(a), math.cos(a)]])
-    pan = np.array([[math.cos(b), 0, math.sin(b)], [0, 1, 0], [-math.sin(b), 0, math.cos(b)]])
-    roll = np.array([[math.cos(c), -math.sin(c), 0], [math.sin(c), math.cos(c), 0], [0, 0, 1]])
-    turn = roll @ tilt @ pan
+    turn = Rotation.from_euler("ZXY", [scene.roll, scene.tilt, scene.pan], degrees=True).as_matrix()
     # Seen straight on, the camera's y runs down the screen's Z.
     across, up = turn[:, 0], -turn[:, 1]
     away = np.array([0.0, 0.0, scene.pixel_size * scene.focal_px])

@@ -9,6 +9,9 @@ import numpy.typing as npt
 
 from softmodels.common.arrays import Array
 
+DEVIATION = 1.4826
+"""Standard deviation of normally distributed values over the median of their sizes."""
+
 FAR = 2.0
 """Distance from the fit in its scatter from which a value counts less (Huber's weights)."""
 
@@ -20,7 +23,7 @@ def deviation(rest: Array) -> float:
 
 def deviations(rest: npt.NDArray[np.floating], axis: int | tuple[int, ...] | None) -> Array:
     """Return the same along some axes of an array."""
-    return np.asarray(1.4826 * np.median(np.abs(rest), axis=axis))
+    return np.asarray(DEVIATION * np.median(np.abs(rest), axis=axis))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ import functools
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import binary_dilation, binary_propagation
+from scipy.ndimage import binary_dilation, binary_propagation, median_filter
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 from skimage.measure import find_contours
@@ -39,8 +39,8 @@ from measurement.outline.profiles import (
     touched_by_thread,
 )
 from measurement.pictures import TONES, Pixels, Unmeasurable
-from measurement.robust import deviation, deviations
-from measurement.screen.look import Flatness, GridLook, View, flatness, look_at_grid, movement, pieces_of
+from measurement.robust import DEVIATION, deviation
+from measurement.screen.look import Flatness, GridLook, View, flatness, look_at_grid, movement
 from measurement.screen.setup import Setup
 from softmodels.common.arrays import Array, Mask
 
@@ -207,8 +207,7 @@ def _spoilt(variance: Array, width: Array, good: Mask) -> Mask:
 def _local_median(value: Array, window: int = 31) -> Array:
     if len(value) < window:
         return np.full_like(value, np.median(value))
-    padded = np.pad(value, window // 2, mode="reflect")
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=1)
+    return np.asarray(median_filter(value, window, mode="mirror"))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -402,9 +401,8 @@ def _stretch(edge: Edge, part: slice) -> BridgedLine:
     smooth = robust_loess(arc, offset)
     off = np.abs(offset - smooth.value)
     window = min(61, len(off) // 2 * 2 - 1)
-    padded = np.pad(off, window // 2, mode="reflect")
     # A local median of what the curve leaves is the scatter that is really there, whatever its cause.
-    local = deviations(np.lib.stride_tricks.sliding_window_view(padded, window), 1)
+    local = DEVIATION * median_filter(off, window, mode="mirror")
     gain = smooth.error / smooth.scatter
     gain = np.maximum(gain, float(np.median(gain)))  # the ends of a stretch have neighbours on one side only
     # What values between pixels lose of their scatter is in `REPEATED` already.
@@ -703,7 +701,7 @@ class Traced:
             return Flatness(np.zeros(len(self.points)))
         parts = (~(coarse.dark | self.covered), coarse.mask & ~self.covered)
         looks = [look_at_grid(self.view, look.pitch, _well_inside(part), look.line_reach) for part in parts]
-        return flatness(pieces_of(looks), self.points * self.setup.magnification)
+        return flatness(looks, self.points * self.setup.magnification)
 
     @property
     def own_error(self) -> Array:

@@ -284,53 +284,23 @@ def look_at_grid(view: View, pitch: float, is_lit: npt.NDArray[np.bool_], reach:
         reach: Half length of a profile across a line, in pitches.
     """
     across = np.linspace(-reach * pitch, reach * pitch, SAMPLES)
-    both = []
+    half, expected = SAMPLES // 2, 0
+    places, shifts, inks, offsets = [], [], [], []
     for axis in (0, 1):
         number, target = _places_on_lines(view, pitch, reach, axis)
         number, target, points = _profiles_across(view, number, target, across, is_lit, axis)
-        both.append(_family(view, number, target, points, across))
-    expected = sum(family.expected for family in both)
-    shift = np.concatenate([family.shift for family in both])
-    half = SAMPLES // 2
+        expected += len(points)
+        centre, ink, clear = _lines_in(view.sample(points).mean(axis=2), across)
+        lines = {int(line): centre[clear & (number == line)] for line in np.unique(number)}
+        places.append(target[clear])
+        shifts.append(centre[clear])
+        inks.append(0.5 * (ink[half:] + ink[: half + 1][::-1]))
+        offsets.append({line: float(np.median(found)) for line, found in lines.items() if len(found) >= 3})
+    shift = np.concatenate(shifts)
     return GridLook(
-        pitch,
-        len(shift) / expected if expected else 0.0,
-        np.concatenate([family.place for family in both]),
-        shift,
-        np.repeat([0, 1], [len(family.shift) for family in both]),
-        np.array([0.5 * (family.ink[half:] + family.ink[: half + 1][::-1]) for family in both]),
-        across[half:],
-        (both[0].offsets, both[1].offsets),
-    )
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Family:
-    """Visible part of the lines of one direction.
-
-    Attributes:
-        expected: Number of places where a line could be seen.
-        place: Those where one was seen, X and Z in m on the screen, shape (n, 2).
-        shift: Distances in m of the lines from there, shape (n,).
-        ink: Share of light that a line lets through at each sample of a profile, shape (SAMPLES,).
-        offsets: Where each line lies from where it should be in m, by its number.
-    """
-
-    expected: int
-    place: Array
-    shift: Array
-    ink: Array
-    offsets: dict[int, float]
-
-
-def _family(view: View, number: Array, target: Array, points: Array, across: Array) -> _Family:
-    """Return the lines with these numbers (n,) at places (n, 2), seen in profiles of pixels (n, SAMPLES, 2) across them."""
-    if not len(points):
-        return _Family(0, np.zeros((0, 2)), np.zeros(0), np.ones(SAMPLES), {})
-    centre, ink, clear = _lines_in(view.sample(points).mean(axis=2), across)
-    lines = {int(line): centre[clear & (number == line)] for line in np.unique(number)}
-    offsets = {line: float(np.median(found)) for line, found in lines.items() if len(found) >= 3}
-    return _Family(len(points), target[clear], centre[clear], ink, offsets)
+        pitch, len(shift) / expected if expected else 0.0, np.concatenate(places), shift,
+        np.repeat([0, 1], [len(one) for one in shifts]), np.array(inks), across[half:], (offsets[0], offsets[1]),
+    )  # fmt: skip
 
 
 def _places_on_lines(view: View, pitch: float, reach: float, axis: int) -> tuple[Array, Array]:
@@ -369,6 +339,8 @@ def _profiles_across(
 def _lines_in(value: Array, across: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     """Return the middle of the dark line in each profile (n, k), the mean profile (k,) about it, and where a line is clear."""
     size = value.shape[1]
+    if not len(value):
+        return np.zeros(0), np.ones(size), np.zeros(0, dtype=bool)
     ends = np.r_[0 : size // 6, size - size // 6 : size]
     # A straight base line through both ends takes uneven light and vignetting out.
     basis = np.column_stack([np.ones(size), across / across[-1]])
@@ -427,26 +399,9 @@ FADES = 0.5
 """Distance in pitches over which what a piece lies off fades to 1/e."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Pieces:
-    """Pieces of the printed lines.
-
-    Attributes:
-        place: Their middles in m on the screen, shape (n, 2).
-        off: Distance in m across the line from where each should be, the whole screen's movement taken out, shape (n,).
-        error: Standard error of each in m, shape (n,).
-        pitch: Distance of the lines in m.
-    """
-
-    place: Array
-    off: Array
-    error: Array
-    pitch: float
-
-
-def pieces_of(looks: list[GridLook]) -> Pieces:
-    """Return the pieces of all lines that any of the looks has seen; the first look tells the whole screen's movement."""
-    pitch = looks[0].pitch
+def _pieces_of(looks: list[GridLook]) -> tuple[Array, Array, Array]:
+    """Return the pieces of all lines that any of the looks has seen: middles (n, 2) in m on the screen, distances (n,) in m from
+    where each should be, and their standard errors (n,); the first look tells the whole screen's movement."""
     places, offs, errors = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)]
     whole = [_affine(looks[0], axis) for axis in (0, 1)]
     for look in looks:
@@ -462,11 +417,10 @@ def pieces_of(looks: list[GridLook]) -> Pieces:
         # The median of n values has pi/2 times the variance of their mean; values about their own median scatter less.
         # A shadow's faint lines are read less well than the lit screen's, so each look has an error of its own.
         error = scatter * np.sqrt(np.pi / 2.0 / PIECE) * 1.25
-        for place, off, _ in found:
-            places.append(place)
-            offs.append(off)
-            errors.append(np.full(len(off), error))
-    return Pieces(np.concatenate(places), np.concatenate(offs), np.concatenate(errors), pitch)
+        places += [place for place, _, _ in found]
+        offs += [off for _, off, _ in found]
+        errors += [np.full(len(off), error) for _, off, _ in found]
+    return np.concatenate(places), np.concatenate(offs), np.concatenate(errors)
 
 
 def _medians(look: GridLook, axis: int, shift: Array) -> tuple[Array, Array, Array]:
@@ -506,22 +460,23 @@ class Flatness:
     away: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
 
 
-def flatness(pieces: Pieces, points: Array) -> Flatness:
-    """Return what the screen's own shape does to an edge at these points (n, 2) in m on the screen."""
-    if not len(pieces.off):
+def flatness(looks: list[GridLook], points: Array) -> Flatness:
+    """Return what the screen's own shape does to an edge at these points (n, 2) in m on the screen, by looks at its grid in the
+    light and in the shadow; the first tells the whole screen's movement."""
+    pitch, (place, off, noise) = looks[0].pitch, _pieces_of(looks)
+    if not len(off):
         return Flatness(np.zeros(len(points)))
     # What the pieces have in common beyond their noise is the screen's own; far from all of them a point has more of it.
-    best = pieces.error <= pieces.error.min()
-    common2 = deviation(pieces.off[best]) ** 2 - float(pieces.error.min()) ** 2
-    far = cKDTree(pieces.place).query(points)[0] / (FADES * pieces.pitch)
+    common2 = deviation(off[noise <= noise.min()]) ** 2 - float(noise.min()) ** 2
+    far = cKDTree(place).query(points)[0] / (FADES * pitch)
     error = np.sqrt(max(0.0, common2)) * np.minimum(1.0, far)
-    near, _ = cKDTree(points).query(pieces.place, distance_upper_bound=NEAR * pieces.pitch)
+    near, _ = cKDTree(points).query(place, distance_upper_bound=NEAR * pitch)
     beside = np.isfinite(near)
-    beyond = np.abs(pieces.off) * (np.abs(pieces.off) > NOISES * pieces.error)
+    beyond = np.abs(off) * (np.abs(off) > NOISES * noise)
     for number in np.flatnonzero(beyond > 0.0):
-        far = np.linalg.norm(points - pieces.place[number], axis=1) / (FADES * pieces.pitch)
+        far = np.linalg.norm(points - place[number], axis=1) / (FADES * pitch)
         error = np.maximum(error, beyond[number] * np.exp(-far))
-    return Flatness(error, beyond[beside], pieces.error[beside], near[beside])
+    return Flatness(error, beyond[beside], noise[beside], near[beside])
 
 
 def _affine(look: GridLook, axis: int) -> Array | None:

@@ -545,24 +545,12 @@ class Common:
         """The values over the height; None where too few outlines tell it."""
         if self.known.sum() < MIN_RAISED_OUTLINES:
             return None
-        return _common(self.heights[self.known], self.values[self.known], self.usual)
-
-
-def _common(heights: Array, values: Array, usual: float) -> np.polynomial.Polynomial:
-    """Return the values (n,) over height (n,): a line, or a parabola where there are points enough, that none of them draws
-    away.
-
-    Args:
-        heights: Heights in m.
-        values: What follows them.
-        usual: How far a value may lie off the course before it counts less.
-    """
-    scale = float(heights.max())
-    terms = np.vander(heights / scale, 3 if len(heights) >= CURVED else 2, increasing=True)
-    fit = least_squares(
-        lambda c: (terms @ c - values) / usual,
-        np.zeros(terms.shape[1]),
-        loss="soft_l1",
-        jac=lambda c: terms / usual,
-    )
-    return np.polynomial.Polynomial(fit.x / scale ** np.arange(terms.shape[1]))
+        heights, values = self.heights[self.known], self.values[self.known]
+        scale = float(heights.max())
+        # A line, or a parabola where there are points enough, that none of them draws away.
+        terms = np.vander(heights / scale, 3 if len(heights) >= CURVED else 2, increasing=True)
+        fit = least_squares(
+            lambda c: (terms @ c - values) / self.usual, np.zeros(terms.shape[1]), loss="soft_l1",
+            jac=lambda c: terms / self.usual,
+        )  # fmt: skip
+        return np.polynomial.Polynomial(fit.x / scale ** np.arange(terms.shape[1]))

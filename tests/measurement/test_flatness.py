@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from measurement.screen.look import GridLook, flatness, pieces_of
+from measurement.screen.look import GridLook, flatness
+from measurement.series.checks import flat
 
 PITCH, NOISE = 9e-3, 4e-6
 EDGE = np.column_stack([np.linspace(-0.01, 0.01, 50), np.full(50, 1e-3)])
@@ -27,33 +28,34 @@ def look(bulge=0.0, dust=0, noise=NOISE, seed=0):
     return GridLook(PITCH, 1.0, place, shift, axis, bare, np.linspace(0.0, 1.0, 3), ({}, {}))
 
 
-def found(pieces, points):
-    flat = flatness(pieces, points)
-    return flat.error, next(flat(SimpleNamespace(traced=SimpleNamespace(flatness=flat))), None)
+def found(looks, points):
+    seen = flatness(looks, points)
+    return seen.error, next(flat(SimpleNamespace(traced=SimpleNamespace(flatness=seen))), None)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_flat_screen_and_dust_are_no_bulge(seed):
-    error, doubt = found(pieces_of([look(dust=6, seed=seed)]), EDGE)
+    error, doubt = found([look(dust=6, seed=seed)], EDGE)
     assert doubt is None
     assert np.median(error) < 3e-6
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_bulge_beside_the_edge_is_stated_and_doubted(seed):
-    error, doubt = found(pieces_of([look(bulge=100e-6, seed=seed)]), EDGE)
+    error, doubt = found([look(bulge=100e-6, seed=seed)], EDGE)
     assert "the screen bulges" in doubt.verdict
     assert error.max() > 25e-6
     assert np.argmax(error) == pytest.approx(30, abs=10)
 
 
 def test_a_bulge_far_from_the_edge_is_not_its_matter():
-    error, doubt = found(pieces_of([look(bulge=100e-6)]), EDGE - np.array([0.0, 30e-3]))
+    error, doubt = found([look(bulge=100e-6)], EDGE - np.array([0.0, 30e-3]))
     assert doubt is None
     assert error.max() < 10e-6
 
 
 def test_faint_lines_in_the_shadow_have_an_error_of_their_own():
-    pieces = pieces_of([look(), look(noise=30e-6, seed=1)])
-    assert pieces.error.max() > 5.0 * pieces.error.min()
-    assert found(pieces, EDGE)[1] is None
+    looks = [look(), look(noise=30e-6, seed=1)]
+    noise = flatness(looks, EDGE).noise
+    assert noise.max() > 5.0 * noise.min()
+    assert found(looks, EDGE)[1] is None

@@ -86,7 +86,7 @@ def judged(light):
 
 
 def test_exposure():
-    assert exposure(picture(hill())) is None
+    assert judged(picture(hill())) is None
     for light, reason in ((0.01 * picture(hill()), "underexposed"), (2.0 * picture(hill()), "overexposed")):
         doubt = judged(np.clip(light, 0.0, 1.0))
         assert doubt.rejects and reason in doubt.verdict
