@@ -400,8 +400,8 @@ FADES = 0.5
 
 
 def _pieces_of(looks: list[GridLook]) -> tuple[Array, Array, Array]:
-    """Return the pieces of all lines that any of the looks has seen: middles (n, 2) in m on the screen, distances (n,) in m from
-    where each should be, and their standard errors (n,); the first look tells the whole screen's movement."""
+    """Return the pieces of all lines that any of the looks has seen: middles (n, 2) in m on the screen, distances (n,) from
+    where each should be in m, and their standard errors (n,); the first look tells the whole screen's movement."""
     places, offs, errors = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)]
     whole = [_affine(looks[0], axis) for axis in (0, 1)]
     for look in looks:
