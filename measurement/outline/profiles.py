@@ -9,7 +9,6 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import map_coordinates
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 from scipy.stats import chi2
@@ -344,9 +343,9 @@ class Ink:
         """Return the places (..., 2) on the screen in m that pixels (..., 2) show."""
         x0, y0, x1, y1 = self.roi
         flat = points.reshape(-1, 2)
-        at = np.clip((flat - [x0, y0]) / [x1 - 1 - x0, y1 - 1 - y0] * float(CELLS), 0.0, float(CELLS)).T[::-1]
-        found = [map_coordinates(self.table[..., axis], at, order=1, mode="nearest") for axis in (0, 1)]
-        return np.stack(found, axis=-1).reshape(points.shape)
+        return _bilinear(self.table, (flat - [x0, y0]) / [x1 - 1 - x0, y1 - 1 - y0] * float(CELLS)).reshape(
+            points.shape
+        )
 
     def drawn(self, points: Array, z: Array, width: Array) -> Array:
         """Return what the ink leaves in profiles across an edge after the light was divided by what it lets through.
@@ -378,6 +377,17 @@ class Ink:
             correlation = line.blur * ahead[near, axis] / (slope**2 * width[near])
             rest[near] += line.covariance(off[near], z[near], correlation[:, None])
         return rest / self(points)
+
+
+def _bilinear(table: Array, at: Array) -> Array:
+    at = np.clip(at, 0.0, float(CELLS))
+    cell = np.minimum(at.astype(np.int64), CELLS - 1)
+    u, v = (at - cell).T
+    i, j = cell[:, 1], cell[:, 0]
+    return (
+        table[i, j] * ((1 - u) * (1 - v))[:, None] + table[i, j + 1] * (u * (1 - v))[:, None]
+        + table[i + 1, j] * ((1 - u) * v)[:, None] + table[i + 1, j + 1] * (u * v)[:, None]
+    )  # fmt: skip
 
 
 HALF = 30
