@@ -263,39 +263,29 @@ def measure_all(
     Returns:
         One result per photograph, in the list's order.
     """
-    names = _names(photographs)
-    listed = Run(rows=photographs)
-    same = {
-        photo.file: str(doubt)
-        for k, photo in enumerate(photographs)
-        for doubt in answers(LIST, Evidence(run=listed, number=k))
-    }
-    results = {
-        name: Result(photo, Refusal(same[photo.file], photo.file), name)
-        for photo, name in zip(photographs, names, strict=True)
-        if photo.file in same
-    }
-    for result in results.values():
+    names, listed = _names(photographs), Run(rows=photographs)
+    results: dict[str, Result] = {}
+    work = []
+
+    def take(result: Result) -> None:
+        results[result.name] = result
         done(result)
-    work = [
-        (photo, name, setup, zero, tone, pictures)
-        for photo, name in zip(photographs, names, strict=True)
-        if name not in results
-    ]
+
+    for k, (photo, name) in enumerate(zip(photographs, names, strict=True)):
+        if refused := [str(doubt) for doubt in answers(LIST, Evidence(run=listed, number=k))]:
+            take(Result(photo, Refusal(refused[-1], photo.file), name))
+        else:
+            work.append((photo, name, setup, zero, tone, pictures))
     if jobs <= 1 or len(work) <= 1:
         for task in work:
-            result = _measure_one(*task)
-            results[result.name] = result
-            done(result)
+            take(_measure_one(*task))
     else:
         # Fresh processes: a fork would copy the threads' locks of OpenCV and of the terminal's progress bar.
         context = multiprocessing.get_context("spawn")
         known = {stage: checks.loaded for stage, checks in CHECKS.items()}
         with concurrent.futures.ProcessPoolExecutor(min(jobs, len(work)), context, _alone, (known,)) as pool:
             for future in concurrent.futures.as_completed([pool.submit(_measure_one, *task) for task in work]):
-                result = future.result()
-                results[result.name] = result
-                done(result)
+                take(future.result())
     before = [results[name] for name in names]
     after = judged(before)
     for k, result in enumerate(after):
