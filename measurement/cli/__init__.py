@@ -1,5 +1,153 @@
-"""The commands of ``python -m measurement``.
+"""The commands of ``python -m measurement``: how they end, texts of their options as numbers, the progress bar.
 
 - `setup`: the commands ``calibrate`` and ``setup``. `photos`: the commands ``photos`` and ``demo``.
-- `shared`: exit statuses, texts of options as numbers, the progress bar.
 """
+
+from __future__ import annotations
+
+import contextlib
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NoReturn
+
+from measurement.screen.setup import SetupError, magnification as factor_of
+from softmodels.common.commands import FAILED, UNUSABLE, bounded, status_of, trouble
+from softmodels.common.errors import reason
+from softmodels.common.files import replaced_whole
+from softmodels.common.processes import say
+from softmodels.common.units import LONGEST, UnitError, brief, number, quantity
+
+DONE, SOME_REFUSED = 0, 3
+"""Beside `FAILED` (nothing could be measured) and `UNUSABLE` (bad input): some photographs are left out."""
+
+__all__ = ["DONE", "FAILED", "SOME_REFUSED", "UNUSABLE", "check_place", "stop", "write_text"]
+
+
+def stop(sentence: str, status: int = UNUSABLE) -> NoReturn:
+    """End the program with a sentence on standard error."""
+    say(f"Error: {bounded(sentence)}", err=True)
+    sys.exit(status)
+
+
+def check_place(path: Path) -> None:
+    """Stop before the work begins if a file cannot be written there."""
+    if why := trouble(path.parent):
+        stop(f"{path} cannot be written: {why}")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write all of a file or nothing, whatever happens in between; stop where it cannot be written."""
+    try:
+        with replaced_whole(path) as aside:
+            aside.write_text(text, encoding="utf-8")
+    except OSError as error:
+        stop(f"{path} cannot be written: {reason(error)}", status_of(error))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Texts of the commands' options as numbers.
+#
+# Each function raises `SetupError` or `UnitError` for a text that is none.
+
+
+def magnification(lamp: str | None, screen: str | None) -> tuple[float, float]:
+    """Return the magnification of the shadow and its standard error, from the texts of both distances."""
+    if lamp is None and screen is None:
+        return 1.0, 0.0
+    if lamp is None or screen is None:
+        raise SetupError("give both --lamp-distance and --screen-distance, or neither")
+    (far, far_error), (near, near_error) = (with_error(text, length) for text in (lamp, screen))
+    return factor_of(far, near, far_error, near_error)
+
+
+def with_error(text: str, read: Callable[[str], float]) -> tuple[float, float]:
+    """Return a value and its standard error from a text like "2m+-5cm", each read by itself; the error is 0 where none is
+    given."""
+    value, _, error = text.replace("±", "+-").partition("+-")
+    return read(value), read(error) if error else 0.0
+
+
+def known_point(text: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return a pixel and its place in m, from "100,200=9mm,18mm"."""
+    pixel, _, place = text.partition("=")
+    parts = place.split(",")
+    if len(parts) != 2:
+        more = "; separate numbers by commas, and write decimals with a point" if len(parts) > 2 else ""
+        raise SetupError(f"{brief(text)} is not a known point; write it like 100,200=9mm,18mm{more}")
+    return numbers(pixel, 2, "--point"), tuple(length(part) for part in parts)
+
+
+def numbers(text: str, count: int, option: str) -> tuple[float, ...]:
+    """So many plain numbers between commas."""
+    try:
+        values = tuple(number(part) for part in text.split(","))
+    except UnitError:
+        values = ()
+    if len(values) != count or not all(abs(value) < 1e9 for value in values):
+        more = "; write decimals with a point" if len(values) > count else ""
+        raise SetupError(f"{option} needs {count} numbers between commas, not {brief(text)}{more}")
+    return values
+
+
+def pattern(text: str) -> tuple[int, int]:
+    """Return the inner corners in a row and in a column, from "9x6"."""
+    found = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text.strip())
+    if not found:
+        raise SetupError(f"{brief(text)} is not a pattern; write the inner corners like 9x6")
+    return int(found[1]), int(found[2])
+
+
+def length(text: str) -> float:
+    """Return a length in m."""
+    return quantity(text, "m")
+
+
+def per_metre(text: str) -> float:
+    """Return the pixels per metre from "75px/mm"."""
+    # A pixel is a count here; Pint's own pixel is a unit of its own.
+    found = len(text) <= LONGEST and re.fullmatch(r"\s*([^a-z]+?)\s*(?:px|pixels?)?\s*/\s*(\w+)\s*", text)
+    try:
+        return quantity(f"{found[1]} {found[2]}^-1" if found else text, "1/m")
+    except UnitError as error:
+        why = f" ({error})" if "decimal comma" in str(error) else ""
+        raise SetupError(
+            f"{brief(text.strip())} is not a scale{why}; write pixels per length like 75px/mm or 75000px/m"
+        ) from None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The bar that commands of the measurement show on a terminal while they work.
+
+
+@contextlib.contextmanager
+def bar(words: str, total: int, quiet: bool) -> Iterator[Callable[[], None]]:
+    """Show a bar with the time taken and left, on a terminal only; gone at the end of the block.
+
+    Args:
+        words: What is done.
+        total: Number of its steps.
+        quiet: Show nothing.
+
+    Yields:
+        A function to call at each step.
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    console = Console(stderr=True, quiet=quiet)
+    parts = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"),
+        TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*parts, console=console, disable=quiet or not console.is_terminal, transient=True) as shown:
+        task = shown.add_task(words, total=total)
+        yield lambda: shown.advance(task)

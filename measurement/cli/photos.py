@@ -10,7 +10,7 @@ from typing import Any
 import click
 import numpy as np
 
-from measurement.cli.shared import DONE, SOME_REFUSED, bar, length, stop, with_error
+from measurement.cli import DONE, SOME_REFUSED, bar, length, stop, with_error
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
 from measurement.pictures import TONES, Unmeasurable, read_pixels

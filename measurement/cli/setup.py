@@ -12,9 +12,9 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from measurement import cli as texts
 from measurement.camera import Camera, CameraError, Exif, frame_points, lens_profile, read_exif
-from measurement.cli import shared as texts
-from measurement.cli.shared import DONE, SOME_REFUSED, bar, check_place, stop, write_text
+from measurement.cli import DONE, SOME_REFUSED, bar, check_place, stop, write_text
 from measurement.screen.calibration import (
     STEPS,
     Calibration,

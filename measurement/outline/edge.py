@@ -268,15 +268,13 @@ def robust_loess(place: Array, value: Array, span: int = SPAN) -> Smoothed:
         raise ValueError("smoothing with local quadratics needs at least 5 points and a span of at least 5")
     if (np.diff(place) < 0.0).any():
         raise ValueError("smoothing needs its places in rising order")
-    fitted, error, scatter = np.empty_like(value), np.empty_like(value), np.empty_like(value)
+    pieces = []
     for start in range(0, len(place), CHUNK):
         stop = min(start + CHUNK, len(place))
         first, last = max(0, start - span), min(len(place), stop + span)
         piece = _smooth_piece(place[first:last], value[first:last], span)
-        inner = slice(start - first, stop - first)
-        fitted[start:stop], error[start:stop] = piece.value[inner], piece.error[inner]
-        scatter[start:stop] = piece.scatter[inner]
-    return Smoothed(fitted, error, scatter)
+        pieces.append(np.array([piece.value, piece.error, piece.scatter])[:, start - first : stop - first])
+    return Smoothed(*np.concatenate(pieces, axis=1))
 
 
 def _smooth_piece(place: Array, value: Array, span: int) -> Smoothed:

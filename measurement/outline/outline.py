@@ -99,24 +99,28 @@ class Outline:
         object.__setattr__(self, "bridged", bridged)
         if self.x.ndim != 1 or len(self.x) == 0 or self.x.shape != self.z.shape or self.x.shape != self.error.shape:
             raise OutlineError(f"{self.source}: an outline needs as many x as z and errors, and at least one")
-        if self.bridged.shape != self.x.shape:
-            raise OutlineError(f"{self.source}: an outline needs to know of each point whether it was measured")
-        if not all(np.isfinite(values).all() for values in (self.x, self.z, self.error)):
-            raise OutlineError(f"{self.source}: a point of the outline is not finite")
-        if not (self.error > 0.0).all():
-            raise OutlineError(f"{self.source}: a standard error is not positive")
-        if (np.diff(self.x) < 0.0).any():
-            raise OutlineError(f"{self.source}: the points are not sorted along x")
-        if not math.isfinite(self.pressure) or not (math.isfinite(self.pressure_error) and self.pressure_error >= 0.0):
-            raise OutlineError(
-                f"{self.source}: the pressure or its standard error is not finite, or the error is negative"
-            )
-        if not all(math.isfinite(value) and value >= 0.0 for value in (self.scale_error, self.level_error)):
-            raise OutlineError(f"{self.source}: an error of the scale or the level is not finite, or negative")
-        if not np.isfinite(self.history).all() or any(b[0] < a[0] for a, b in itertools.pairwise(self.history)):
-            raise OutlineError(f"{self.source}: the times of its pressures run backwards, or a number is not finite")
-        if self.trusted == bool(self.reasons):
-            raise OutlineError(f"{self.source}: an outline must have reasons if and only if it is untrusted")
+        shared = (self.scale_error, self.level_error)
+        for wrong, why in (
+            (self.bridged.shape != self.x.shape, "an outline needs to know of each point whether it was measured"),
+            (not np.isfinite([self.x, self.z, self.error]).all(), "a point of the outline is not finite"),
+            (not (self.error > 0.0).all(), "a standard error is not positive"),
+            ((np.diff(self.x) < 0.0).any(), "the points are not sorted along x"),
+            (
+                not math.isfinite(self.pressure) or not 0.0 <= self.pressure_error < math.inf,
+                "the pressure or its standard error is not finite, or the error is negative",
+            ),
+            (
+                not all(0.0 <= value < math.inf for value in shared),
+                "an error of the scale or the level is not finite, or negative",
+            ),
+            (
+                not np.isfinite(self.history).all() or any(b[0] < a[0] for a, b in itertools.pairwise(self.history)),
+                "the times of its pressures run backwards, or a number is not finite",
+            ),
+            (self.trusted == bool(self.reasons), "an outline must have reasons if and only if it is untrusted"),
+        ):
+            if wrong:
+                raise OutlineError(f"{self.source}: {why}")
 
     @property
     def trust(self) -> str:

@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image
 from scipy.optimize import minimize_scalar
 
+from measurement.cli import length, with_error
 from measurement.cli.setup import lens_camera
-from measurement.cli.shared import length, with_error
 from measurement.outline.outline import Outline
 from measurement.outline.zero import ZeroLine
 from measurement.pictures import read_pixels

@@ -12,7 +12,7 @@ import softmodels as sm
 from geometries import HollowDisk
 from geometries.imported import faces, point
 from measurement.__main__ import main as measure
-from measurement.cli.shared import per_metre
+from measurement.cli import per_metre
 from measurement.screen.setup import SetupError
 from softmodels.__main__ import softmodels
 from softmodels.case.case import Case, case_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -156,12 +156,19 @@ def _telling(rows: Sequence[HeightRow]) -> list[HeightRow]:
 
 def _spread(rows: Sequence[HeightRow]) -> float:
     """Return the rms distance of all rows from their curve, in errors."""
-    terms = _terms(len(rows))
-    A = _basis(np.array([row.height for row in rows]), max(row.height for row in rows), terms)
-    error = np.array([_error(row, terms) for row in rows])
-    y = np.log([row.elastic / row.unit for row in rows])
-    course, *_ = np.linalg.lstsq(A / error[:, None], y / error, rcond=None)
-    return float(np.sqrt(np.mean(((y - A @ course) / error) ** 2)))
+    A, y, error = _system(rows, max(row.height for row in rows), _terms(len(rows)))
+    return float(np.sqrt(np.mean(((y - A @ _course(A, y, error)) / error) ** 2)))
+
+
+def _system(rows: Sequence[HeightRow], width: float, terms: int) -> tuple[Array, Array, Array]:
+    """Return basis (n, terms), logarithms of the apparent moduli, inf where there is none, and their errors (n,)."""
+    A = _basis(np.array([row.height for row in rows]), width, terms)
+    y = np.array([math.log(row.elastic / row.unit) if row.elastic > 0.0 else math.inf for row in rows])
+    return A, y, np.array([_error(row, terms) for row in rows])
+
+
+def _course(A: Array, y: Array, error: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(A / error[:, None], y / error, rcond=None)[0])
 
 
 def expected_modulus(rows: Sequence[HeightRow], inside: npt.NDArray[np.bool_], height: float) -> float:
@@ -172,11 +179,8 @@ def expected_modulus(rows: Sequence[HeightRow], inside: npt.NDArray[np.bool_], h
     low, high = (pick(row.height for row in kept) for pick in (min, max))
     if not low <= height <= high:  # no further than linear extrapolation
         terms = min(terms, 2)
-    A = _basis(np.array([row.height for row in kept]), width, terms)
-    error = np.array([_error(row, terms) for row in kept])
-    y = np.log([row.elastic / row.unit for row in kept])
-    found, *_ = np.linalg.lstsq(A / error[:, None], y / error, rcond=None)
-    return math.exp(float((_basis(np.array([height]), width, terms) @ found)[0]))
+    course = _course(*_system(kept, width, terms))
+    return math.exp(float((_basis(np.array([height]), width, terms) @ course)[0]))
 
 
 def _terms(count: int) -> int:
@@ -200,9 +204,7 @@ def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
     if len(sane) <= count / 2 or len(sane) < terms:
         return None
     width = max(row.height for row in rows)
-    A = _basis(np.array([row.height for row in rows]), width, terms)
-    error = np.array([_error(row, terms) for row in rows])
-    y = np.array([math.log(row.elastic / row.unit) if row.elastic > 0.0 else math.inf for row in rows])
+    A, y, error = _system(rows, width, terms)
     best: tuple[float, npt.NDArray[np.bool_]] | None = None
     for chosen in _subsets(sane, terms):
         pick = list(chosen)
@@ -221,8 +223,7 @@ def _inside(rows: Sequence[HeightRow]) -> npt.NDArray[np.bool_] | None:
     inside = best[1]
     for _ in range(3):  # from interpolation of a few points to least squares of all consistent ones
         pick = np.flatnonzero(inside).tolist()
-        course, *_ = np.linalg.lstsq(A[pick] / error[pick][:, None], y[pick] / error[pick], rcond=None)
-        inside = np.abs(y - A @ course) / error < OUTSIDE
+        inside = np.abs(y - A @ _course(A[pick], y[pick], error[pick])) / error < OUTSIDE
         if inside.sum() <= terms:
             return None
     return inside
@@ -355,39 +356,30 @@ WORDS: dict[str, tuple[Callable[[float], str], str]] = {
 
 def corrections(fit: LeastSquaresFit) -> list[str]:
     """Return a sentence on each correction that is larger than expected."""
-    said = []
-    for p, away in _away(fit):
-        value = fit.values[p.name]
-        if abs(away) > REPORTED or (p.unit == "" and abs(value) > PLAIN):
-            says, advice = WORDS[p.own_name]
-            of = f"{p.device}: " if p.device else ""
-            said.append(
-                f"{of}corrected: the fit assumes {says(value)} ({abs(away):.1f} times the expected error); {advice}"
-            )
-    return said
+    return [
+        f"{of}corrected: the fit assumes {says} ({abs(away):.1f} times the expected error); {advice}"
+        for p, away, of, says, advice in _away(fit)
+        if abs(away) > REPORTED or (p.unit == "" and abs(fit.values[p.name]) > PLAIN)
+    ]
 
 
 def unbelievable(fit: LeastSquaresFit) -> list[str]:
     """Return a sentence on each implausible correction of the pressures."""
-    said = []
-    for p, away in _away(fit):
-        if p.own_name not in ("scale", "zero") and abs(away) > BELIEVED:
-            says, advice = WORDS[p.own_name]
-            of = f"{p.device}: " if p.device else ""
-            said.append(
-                f"{of}to fit the outlines, the fit assumes {says(fit.values[p.name])} {abs(away):.0f} times "
-                f"the plausible value: pressures and outlines contradict each other; {advice}, or fix it (--fix {p.name})"
-            )
-    return said
-
-
-def _away(fit: LeastSquaresFit) -> list[tuple[Parameter, float]]:
-    """Return the corrections with how many standard errors of their prior they are."""
     return [
-        (p, (fit.values[p.name] - p.prior.mean) / p.prior.error)
-        for p in fit.free
-        if p.own_name in WORDS and p.prior and math.isfinite(fit.values[p.name])
+        f"{of}to fit the outlines, the fit assumes {says} {abs(away):.0f} times "
+        f"the plausible value: pressures and outlines contradict each other; {advice}, or fix it (--fix {p.name})"
+        for p, away, of, says, advice in _away(fit)
+        if p.own_name not in ("scale", "zero") and abs(away) > BELIEVED
     ]
+
+
+def _away(fit: LeastSquaresFit) -> Iterator[tuple[Parameter, float, str, str, str]]:
+    """Yield the corrections, with how many standard errors of their prior they are, whose they are, what they say, and the
+    advice."""
+    for p in fit.free:
+        if p.own_name in WORDS and p.prior and math.isfinite(value := fit.values[p.name]):
+            says, advice = WORDS[p.own_name]
+            yield p, (value - p.prior.mean) / p.prior.error, f"{p.device}: " if p.device else "", says(value), advice
 
 
 # ----------------------------------------------------------------------------------------------------------------------
