@@ -45,31 +45,21 @@ RAW = "it is a camera's raw file; develop it to a 16-bit TIFF, without lens corr
 
 VIDEO = "it is a video; save single pictures of it as PNG, at the measured pressures, and list those"
 
-_SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
-    (0, b"%PDF", "it is a PDF document; save the photograph in it as a picture (pdfimages does), and list that"),
-    (0, b"%!PS", "it is a PostScript document, not a photograph"),
-    (0, b"FUJIFILMCCD-RAW", RAW),
-    (0, b"IIRO", RAW),
-    (0, b"IIRS", RAW),
-    (0, b"MMOR", RAW),
-    (0, b"IIU\0", RAW),
-    (0, b"FOVb", RAW),
-    (0, b"\0MRM", RAW),
-    (8, b"CR\x02", RAW),
-    (6, b"HEAPCCDR", RAW),
-    (4, b"ftypcrx", RAW),
-    (0, b"\x1a\x45\xdf\xa3", VIDEO),
-    (0, b"FLV", VIDEO),
-    (0, b"\0\0\1\xba", VIDEO),
-    (0, b"\0\0\1\xb3", VIDEO),
-    (0, b"\x30\x26\xb2\x75", VIDEO),
-    (8, b"AVI ", VIDEO),
-    (0, b"PK\3\4", "it is a ZIP archive or an office document; take the photograph out of it, and list that"),
-    (0, b"\xff\x0a", "it is a JPEG XL picture, which cannot be read; save it as PNG or TIFF"),
-    (4, b"JXL ", "it is a JPEG XL picture, which cannot be read; save it as PNG or TIFF"),
-    (0, b"version https://git-lfs", "it is a Git LFS pointer instead of the picture; fetch it with git lfs pull"),
-)
-"""Offset, bytes and what such a file is, as the reason for its refusal."""
+_SIGNATURES: dict[str, tuple[tuple[int, bytes], ...]] = {
+    "it is a PDF document; save the photograph in it as a picture (pdfimages does), and list that": ((0, b"%PDF"),),
+    "it is a PostScript document, not a photograph": ((0, b"%!PS"),),
+    RAW: (
+        (0, b"FUJIFILMCCD-RAW"), (0, b"IIRO"), (0, b"IIRS"), (0, b"MMOR"), (0, b"IIU\0"), (0, b"FOVb"), (0, b"\0MRM"),
+        (8, b"CR\x02"), (6, b"HEAPCCDR"), (4, b"ftypcrx"),
+    ),
+    VIDEO: (
+        (0, b"\x1a\x45\xdf\xa3"), (0, b"FLV"), (0, b"\0\0\1\xba"), (0, b"\0\0\1\xb3"), (0, b"\x30\x26\xb2\x75"), (8, b"AVI "),
+    ),
+    "it is a ZIP archive or an office document; take the photograph out of it, and list that": ((0, b"PK\3\4"),),
+    "it is a JPEG XL picture, which cannot be read; save it as PNG or TIFF": ((0, b"\xff\x0a"), (4, b"JXL ")),
+    "it is a Git LFS pointer instead of the picture; fetch it with git lfs pull": ((0, b"version https://git-lfs"),),
+}  # fmt: skip
+"""What a file is, as the reason for its refusal, and the bytes at an offset that tell it."""
 
 _STILLS = frozenset(b"heic heix heim heis hevc hevx mif1 msf1 miaf avif avis jp2".split())
 """Brands of ISO base media files that are pictures; every other brand is a video or sound."""
@@ -87,8 +77,8 @@ def foreign_kind(path: Path) -> str | None:
         return f"the file is empty; use {READABLE}"
     if path.suffix.lower() in RAW_ENDINGS:
         return RAW
-    for offset, mark, what in _SIGNATURES:
-        if head[offset : offset + len(mark)] == mark:
+    for what, marks in _SIGNATURES.items():
+        if any(head[offset:].startswith(mark) for offset, mark in marks):
             return what
     if head[4:8] == b"ftyp" and head[8:12].strip() not in _STILLS:
         return VIDEO

@@ -108,6 +108,11 @@ class LeastSquaresFit:
         """Measured residuals, without the priors'."""
         return len(self.rows.groups)
 
+    @property
+    def inside(self) -> list[int]:
+        """Places of the free parameters that did not end at a bound."""
+        return [i for i, p in enumerate(self.free) if p.name not in self.at_bounds]
+
     @functools.cached_property
     def at_bounds(self) -> dict[str, float]:
         """Free parameters that ended at a bound, and which bound."""
@@ -161,7 +166,7 @@ class LeastSquaresFit:
 
         Infinite where the data see nothing, and nan for parameters at a bound, whose neighbours' are as if it were fixed.
         """
-        inside = [i for i, p in enumerate(self.free) if p.name not in self.at_bounds]
+        inside = self.inside
         full = np.full((len(self.free), len(self.free)), np.nan)
         if inside:
             full[np.ix_(inside, inside)] = self._sandwich(self.jacobian[:, inside])
@@ -214,7 +219,7 @@ class LeastSquaresFit:
     @functools.cached_property
     def newton_step(self) -> float:
         """Length of one more Gauss-Newton step, in standard errors; 0 at a minimum."""
-        inside = [i for i, p in enumerate(self.free) if p.name not in self.at_bounds]
+        inside = self.inside
         if not inside:
             return 0.0
         J = self.jacobian[:, inside]
@@ -711,7 +716,7 @@ def _worth(result: LeastSquaresFit, name: str) -> float:
     error = result.reach(name) / result.quantile
     if not (math.isfinite(error) and error > 0.0):
         return result.dispersion * slope * result.count / result.independent
-    inside = [i for i, q in enumerate(result.free) if q.name not in result.at_bounds]
+    inside = result.inside
     J = result.jacobian[:, inside]
     size = np.linalg.norm(J, axis=0)
     bread, _ = result.information(J / size)

@@ -72,7 +72,6 @@ class Score(Shown):
         unit: Pa or m.
         chi2: Chi squared per value (per degree of freedom where the bench is fitted along): 1 where the law is off by no
             more than the measurement's error.
-        chi2_measurement: The part of ``chi2`` that the measurement's errors explain: 1, or less where ``chi2`` has less left.
         chi2_material: The part that goes away when the material moves within the 95 % region of its errors (the covariance of
             its fit), to where it follows the measurement best; nan where they are not known. What is left of ``chi2`` neither
             explains: the law, the geometry, the mesh, another cast.
@@ -88,7 +87,6 @@ class Score(Shown):
     chi2: float
     coverage: float
     worst: str
-    chi2_measurement: float = math.nan
     chi2_material: float = math.nan
 
     def _line(self) -> str:
@@ -107,9 +105,10 @@ class Score(Shown):
             ("furthest off", self.worst),
         ]
 
-    def __post_init__(self) -> None:
-        left = self.chi2 - (self.chi2_material if math.isfinite(self.chi2_material) else 0.0)
-        object.__setattr__(self, "chi2_measurement", min(left, 1.0))
+    @property
+    def chi2_measurement(self) -> float:
+        """The part of ``chi2`` that the measurement's errors explain: 1, or less where ``chi2`` has less left."""
+        return min(self.chi2 - (self.chi2_material if math.isfinite(self.chi2_material) else 0.0), 1.0)
 
 
 def _explained(residuals: Array, slopes: Array, free: Array, errors: MaterialErrors) -> float:

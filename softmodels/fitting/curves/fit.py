@@ -344,14 +344,8 @@ class _Task:
         return fits
 
     def _on_yardstick(self, fits: Sequence[LeastSquaresFit]) -> list[LeastSquaresFit] | None:
-        """Return the laws fitted for the comparison; None for a single
-        law."""
-        if len(fits) < 2:
-            return None
-        return [
-            on_yardstick(fit, residuals_of(self.curves, choice, self.error, self.options.gauge_error)[0])
-            for fit, choice in zip(fits, self.choices, strict=True)
-        ]
+        """Return the laws fitted for the comparison; None for a single law."""
+        return [on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
 
     def _laws(self, fits: Sequence[LeastSquaresFit], comparison: Comparison, known: Expected) -> tuple[FittedLaw, ...]:
         strain, laws = largest_strain(self.curves), []
@@ -441,9 +435,6 @@ class _MemoryTask(_Task):
                     fit = softer
             fits.append(fit)
         return fits
-
-    def _on_yardstick(self, fits: Sequence[LeastSquaresFit]) -> list[LeastSquaresFit] | None:
-        return [on_yardstick(fit, fit.problem.sources) for fit in fits] if len(fits) > 1 else None  # type: ignore[arg-type]
 
     def _material(self, choice: LawChoice, fit: LeastSquaresFit) -> Material:
         return remembering(super()._material(choice, fit), self.spectrum, fit.values)
