@@ -26,7 +26,17 @@ from softmodels.common.folders import ResultFolder
 from softmodels.common.pages import Fact, Page, Provenance, Table
 from softmodels.common.processes import say
 from softmodels.common.units import UnitError, brief, exact_text, number, quantity, with_prefix
-from softmodels.fitting.comparison import FitReport, separate_file
+from softmodels.fitting.comparison import (
+    FitReport,
+    as_json,
+    as_text,
+    material_toml,
+    name_of,
+    retire,
+    separate_file,
+    write_curves,
+    write_materials,
+)
 from softmodels.fitting.curves.curve import EQUILIBRIUM, Specimen, TensileCurve, TensileError, read_curve
 from softmodels.fitting.curves.fit import fit_curves, prepared
 from softmodels.fitting.curves.residuals import StressError
@@ -48,7 +58,6 @@ from softmodels.fitting.problem import (
     law_choices,
 )
 from softmodels.fitting.scoring import Score, against_outlines, error_of, score_curve, write_scores
-from softmodels.fitting.tables import as_json, as_text, material_toml, name_of, retire, write_curves, write_materials
 from softmodels.materials.laws import Material, MaterialError
 from softmodels.materials.silicones import (
     PRODUCTS,

@@ -17,14 +17,13 @@ from softmodels.common.arrays import Array
 from softmodels.common.pages import Bullets, Charts, Fact, Page, Part, Provenance, Table, Text
 from softmodels.common.processes import plain
 from softmodels.common.units import pascal_per_cm, with_prefix
-from softmodels.fitting.comparison import FitReport, FittedLaw, parameter_rows
+from softmodels.fitting.comparison import FitReport, FittedLaw, correlation_rows, parameter_rows, residual_rows
 from softmodels.fitting.curves.curve import TensileCurve
 from softmodels.fitting.curves.residuals import predicted
 from softmodels.fitting.least_squares import unseen
 from softmodels.fitting.outlines.residuals import MatchedPhotograph
 from softmodels.fitting.outlines.shapes import Shape
 from softmodels.fitting.outlines.silhouette import half_outline
-from softmodels.fitting.tables import correlation_rows, residual_rows
 from softmodels.materials.specimens import MODE_NAMES
 from softmodels.pictures.curves import drawing
 from softmodels.pictures.style import DPI, FAINT, INK, LINE_COLOURS, STYLE, WARNING, WIDTH

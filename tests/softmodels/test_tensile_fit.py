@@ -8,13 +8,13 @@ import pytest
 from geometries import HollowDisk
 from softmodels.case.case import Case
 from softmodels.case.materials import material_from
+from softmodels.fitting.comparison import write_materials
 from softmodels.fitting.curves.curve import TensileCurve, TensileError
 from softmodels.fitting.curves.fit import fit_curves, fit_law_to_curves, prepared
 from softmodels.fitting.curves.residuals import StressError, largest_strain, residuals_of
 from softmodels.fitting.least_squares import fit_parameters, profile, unseen
 from softmodels.fitting.problem import Extra, FitError, FitOptions, LawChoice, Parameter, Prior, all_laws
 from softmodels.fitting.scoring import score
-from softmodels.fitting.tables import write_materials
 from softmodels.materials.laws import LAWS, NeoHookean
 from softmodels.materials.specimens import MODE_NAMES, respond
 from softmodels.runs.fields import Row
