@@ -464,13 +464,36 @@ def step_stiffness(
         I1 = step_invariant(C, H, b) + shift
         g = spring_stiffness(I1, spring)
         half, third = g * half, g * third + sum(w * (a - 1) / 6 * (I1 / 3) ** (a - 2) for w, a in spring)
+    less, more = [half * entry for entry in B], [third * entry for entry in B]
+    return [[more[p] * B[q] - _crossed(less, B, p, q) for q in range(p + 1)] for p in range(len(PLACES))]
 
-    def entry(p: int, q: int) -> Expression:
-        (i, j), (k, m) = PLACES[p], PLACES[q]
-        crossed = _entry(B, i, k) * _entry(B, j, m) + _entry(B, i, m) * _entry(B, j, k)
-        return third * (B[p] * B[q]) - half * crossed
 
-    return [[entry(p, q) for q in range(p + 1)] for p in range(len(PLACES))]
+def _crossed(A: Six, B: Six, p: int, q: int) -> Expression:
+    """Return A_ik B_jl + A_il B_jk of the entries p = (i, j) and q = (k, l)."""
+    (i, j), (k, m) = PLACES[p], PLACES[q]
+    return _entry(A, i, k) * _entry(B, j, m) + _entry(A, i, m) * _entry(B, j, k)
+
+
+def isochoric(C: Six, stress: Six, stiffness: Sequence[Six]) -> tuple[list[Expression], list[list[Expression]]]:
+    """Return the first and second derivative of W(Cbar) by C, times J^(2/3) and J^(4/3): in Cbar alone.
+
+    Args:
+        C: Cbar.
+        stress, stiffness: Derivatives by Cbar, as of `step_stress` and `step_stiffness`.
+    """
+    inverse, t = cofactors(C), contracted(stress, C)
+    slope = [s - t / 3 * i for s, i in zip(stress, inverse, strict=True)]
+    along = [contracted([stiffness[max(p, q)][min(p, q)] for q in range(len(PLACES))], C) for p in range(len(PLACES))]
+    less = (contracted(along, C) - t) / 18
+    u = [(a + s) / 3 - less * i for a, s, i in zip(along, slope, inverse, strict=True)]
+    sixth = [t / 6 * i for i in inverse]
+    return slope, [
+        [
+            entry - (u[p] * inverse[q] + inverse[p] * u[q]) + _crossed(sixth, inverse, p, q)
+            for q, entry in enumerate(row)
+        ]
+        for p, row in enumerate(stiffness)
+    ]
 
 
 def fluidity(C: Six, Cv: Six, flow: FlowValues, of: Functions) -> Expression:

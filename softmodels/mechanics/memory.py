@@ -205,29 +205,29 @@ class History:
     def _creeping(self) -> tuple[Expr, Expr]:
         """Return what the branches add to ``density``, and to ``curved`` beside that.
 
-        The first is linear in Cbar, the second quadratic in its change from itself, which is zero: derivatives of Cbar then
-        multiply the sums of the branches' stresses and stiffnesses. Those of each branch's energy take five times as long.
+        The first is linear in C, the second quadratic in its change from itself, which is zero: derivatives of C then multiply
+        the sums of the branches' stresses and stiffnesses. Those of each branch's energy take five times as long.
         """
         import ufl
 
         none = ufl.as_ufl(0.0)
-        F, J, moved = self._fixed.F, self._fixed.J, self.strain.F - self._fixed.F
-        C = J ** (-2 / 3) * self._fixed.C
-        turned = J ** (-2 / 3) * F.T * moved
-        change = six(turned + turned.T - 2 / 3 * ufl.inner(ufl.cofac(F), moved) / J * C)
+        scale = self._fixed.J ** (-2 / 3)
+        C = six(scale * self._fixed.C)
         stress, stiffness = [none] * SIX, [[none] * (p + 1) for p in range(SIX)]
         for k in range(len(self.flows)):
             G, begun = self.moduli[k], self._begun_of(k)
-            stress = [s + G * one for s, one in zip(stress, memory.step_stress(six(C), *begun), strict=True)]
-            of_branch = memory.step_stiffness(six(C), *begun)
+            stress = [s + G * one for s, one in zip(stress, memory.step_stress(C, *begun), strict=True)]
+            of_branch = memory.step_stiffness(C, *begun)
             stiffness = [
                 [s + G * one for s, one in zip(*rows, strict=True)] for rows in zip(stiffness, of_branch, strict=True)
             ]
-        quadratic = none
+        stress, stiffness = memory.isochoric(C, stress, stiffness)
+        turned = scale * self._fixed.F.T * (self.strain.F - self._fixed.F)
+        change, quadratic = six(turned + turned.T), none
         for p, row in enumerate(stiffness):
             counts = [COUNTS[p] * COUNTS[q] / (2 if p == q else 1) for q in range(p + 1)]
             quadratic += change[p] * sum(n * s * c for n, s, c in zip(counts, row, change, strict=False))
-        return self.strain.J ** (-2 / 3) * memory.contracted(stress, six(self.strain.C)), quadratic
+        return scale * memory.contracted(stress, six(self.strain.C)), quadratic
 
     def _stored(self, strain: Strain) -> Expr:
         """Return the energy of a state where a step begins and ends, above that which softening has spent."""

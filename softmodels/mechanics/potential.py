@@ -125,7 +125,7 @@ class Potential:
         self.energies += added
         self.free_energies = [*self.stored(free), *added] if self.histories else self.energies
         sloped = [*self.stored(densities), *added] if self.histories else self.energies
-        self.internal = [ufl.derivative(energy, self.w, self._test) for energy in sloped]
+        self.internal = [self.let_move(ufl.derivative(energy, self.w, self._test)) for energy in sloped]
         self.forces = [*self.internal, *([-pressures] if self.volumes else [])]
         # The stress of sheets and fibres predicted from another state, only in Newton's matrix; see `predict_stress`.
         self._known, self._move = (fem.Function(self.space) for _ in range(2))
@@ -163,10 +163,11 @@ class Potential:
         from softmodels.mechanics.memory import History
 
         self.step, self.before = fem.Constant(self.body.mesh, 0.0), fem.Function(self.space)
+        self._fixed = fem.Function(self.space, self.w.x)
         self._looked_at: npt.NDArray[np.float64] | None = (
             None  # the state that `memory_error` has last looked at in this step
         )
-        before, fixed = (self._vector_part(w) for w in (self.before, fem.Function(self.space, self.w.x)))
+        before, fixed = (self._vector_part(w) for w in (self.before, self._fixed))
         return [History(self.body, region, self.displacement, before, fixed, self.step) for region in found]
 
     def density(self, law: Material, parameters: types.SimpleNamespace, bulk: Expr, shape: Expr | None = None) -> Expr:
@@ -195,10 +196,17 @@ class Potential:
         if self.histories:
             curved = [ufl.derivative(energy, self.w, self._test) for energy in self.energies]
             forces = [*curved, *forces[len(curved) :]]
-        found = [ufl.derivative(force, self.w, trial) for force in forces]
+        found = [self.let_move(ufl.derivative(force, self.w, trial)) for force in forces]
         for number, predicted in self.predicted_tangents(trial).items():
             found[number] = predicted
         return found
+
+    def let_move[T: (ufl.Form, Expr)](self, of: T) -> T:
+        """Return a form or expression with w in place of what its derivatives took for a constant: kernels compute it once
+        then."""
+        from ufl.algorithms import expand_derivatives, replace
+
+        return replace(expand_derivatives(of), {self._fixed: self.w}) if self.histories else of
 
     def predicted_tangents(self, trial: Expr) -> dict[int, ufl.Form]:
         """Return those of `tangent` that are not second derivatives of their energies, by index."""

@@ -1,0 +1,84 @@
+"""Cost of a memory with three branches on the default disk: CPU time of a step beside that of an elastic one, and bytes.
+
+    OMP_NUM_THREADS=1 uv run python tests/benchmarks/memory_cost.py [--repeat 5] [--profile wedge]
+
+Both silicones take the same twelve steps of a ramp, warm, in turn; the best of several is compared. The cycle is `--pressure-cm
+0:25 --rate 5cm/s --hold 10s` on the section in a hundred steps. `--profile` prints where the time of the branches goes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import cProfile
+import tempfile
+import time
+from pathlib import Path
+
+from geometries import HollowDisk
+from softmodels.common.units import pascal_per_cm
+from softmodels.materials.laws import Material, Yeoh
+from softmodels.mechanics.body import Body
+from softmodels.mechanics.mpi import start
+from softmodels.mechanics.solver import Solver
+from softmodels.mechanics.system import System
+from softmodels.path.program import from_tables
+from softmodels.path.schedule import Settings, follow
+
+LAW = Yeoh(14e3, 60.0)
+BRANCHES = ((0.2, 1.0), (0.1, 10.0), (0.05, 100.0))
+STEPS = 12
+"""Fewest steps of a stage, which both silicones take at a tolerance that both meet."""
+
+
+def cpu(solver: Solver, tables: dict[str, object], tolerance: float = 1.0) -> tuple[float, int]:
+    """Return the CPU time in s of a path in time and its number of steps."""
+    program = from_tables(tables)
+    began = time.process_time()
+    points = list(follow(solver, program, Settings(pascal_per_cm(), tolerance=tolerance)))
+    return time.process_time() - began, len(points) - 1
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--profile", choices=("axisymmetric", "wedge"))
+    args = parser.parse_args()
+    comm = start()
+    remembering = LAW.with_memory(branches=BRANCHES)
+    ramp = {"cavity1": {"pressure_cm": [25.0]}, "time_s": [5.0]}
+    print("| section | unknowns | elastic step, ms | three branches, ms | ratio | history, bytes an unknown |")
+    print("|---|---|---|---|---|---|")
+    for section in ("axisymmetric", "wedge"):
+        disk = HollowDisk(section=section)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "disk.msh"
+            disk.write(path)
+            body = Body.from_file(disk, path, comm)
+
+        def solver(law: Material, body: Body = body) -> Solver:
+            return Solver(System(body, law, creeping=True))
+
+        elastic, branches = solver(LAW), solver(remembering)
+        if args.profile == section:
+            cpu(branches, ramp)
+            with cProfile.Profile(time.process_time) as profile:
+                cpu(branches, ramp)
+            profile.print_stats("tottime")
+        if args.profile:
+            continue
+        best = [min(cpu(one, ramp)[0] for _ in range(args.repeat + 1)) / STEPS for one in (elastic, branches)]
+        (history,) = branches.system.potential.histories
+        held = (history.values.x.array.nbytes + history.begun.x.array.nbytes) / branches.system.dofs
+        print(
+            f"| {section} | {branches.system.dofs} | {best[0] * 1e3:.1f} | {best[1] * 1e3:.1f} | {best[1] / best[0]:.2f} | "
+            f"{held:.0f} |"
+        )
+        if section == "axisymmetric":
+            cycle = {"cavity1": {"pressure_cm": [25.0, 25.0, 0.0]}, "time_s": [5.0, 15.0, 20.0]}
+            for tolerance in (5e-5, 5e-6):
+                taken, steps = cpu(branches, cycle, tolerance)
+                print(f"a cycle of {steps} steps on the section (tolerance {tolerance:g}): {taken:.2f} s")
+
+
+if __name__ == "__main__":
+    main()
